@@ -1,0 +1,64 @@
+"""Every error that `auditor` raises on purpose.
+
+    AuditorError
+    ├── RecordingError       a recording that cannot be read at all
+    ├── DecodingError        one message that cannot be decoded: counted as damaged, never ends a recording
+    ├── RigError             no rig could be found, or a rig that does not fit its recording
+    ├── ThresholdsError      no thresholds, or thresholds of another rig kind, matcher or setting
+    ├── StoreError           a store that cannot be read or written
+    ├── QueryError           a query that does not exist, lacks a parameter, or is not allowed
+    └── SettingError         an option whose value makes no sense
+
+Each carries what happened, where, and what to do about it, and prints as one line.
+"""
+
+
+class AuditorError(Exception):
+    """What went wrong, where it went wrong, and what the user can do: `where: what; remedy`."""
+
+    def __init__(self, what: str, *, where: object = "", remedy: str = "") -> None:
+        self.what = what
+        self.where = str(where)
+        self.remedy = remedy
+        super().__init__(what, self.where, remedy)
+
+    def __str__(self) -> str:
+        prefix = f"{self.where}: " if self.where else ""
+        suffix = f"; {self.remedy}" if self.remedy else ""
+        return f"{prefix}{self.what}{suffix}"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Errors cross process borders; keyword-only arguments need their own pickling.
+        return (_rebuild, (type(self), self.what, self.where, self.remedy))
+
+
+def _rebuild(kind: type[AuditorError], what: str, where: str, remedy: str) -> AuditorError:
+    return kind(what, where=where, remedy=remedy)
+
+
+class RecordingError(AuditorError):
+    """A recording that cannot be read at all."""
+
+
+class DecodingError(AuditorError):
+    """One message that cannot be decoded; it is counted as damaged and the recording goes on."""
+
+
+class RigError(AuditorError):
+    """No rig in a recording, or a rig that does not fit it."""
+
+
+class ThresholdsError(AuditorError):
+    """No thresholds, or thresholds that were calibrated for something else."""
+
+
+class StoreError(AuditorError):
+    """A store that cannot be read or written."""
+
+
+class QueryError(AuditorError):
+    """A query that does not exist, lacks a parameter or is not allowed."""
+
+
+class SettingError(AuditorError):
+    """An option whose value makes no sense."""

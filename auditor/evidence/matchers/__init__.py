@@ -1,0 +1,1 @@
+"""Stereo matchers: two rectified images become a disparity map."""

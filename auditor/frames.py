@@ -1,0 +1,93 @@
+"""What recordings hold: messages, and the frames that synchronising makes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """One record of a topic: its bytes as recorded, not decoded."""
+
+    topic: str
+    schema: str
+    encoding: str
+    log_time_ns: int
+    data: bytes | memoryview
+
+
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """The data of one camera: `pixels` is (H, W) grey or (H, W, 3) BGR, uint8."""
+
+    sensor: int
+    stamp_ns: int
+    pixels: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """The data of the LiDAR: `xyz_m` is (N, 3) float32, finite, in metres in the LiDAR frame."""
+
+    stamp_ns: int
+    xyz_m: NDArray[np.float32]
+
+
+class SensorState(StrEnum):
+    """What a frame holds of one sensor."""
+
+    PRESENT = "present"
+    MISSING = "missing"
+    DAMAGED = "damaged"
+
+
+@dataclass(frozen=True)
+class Presence:
+    """State of one sensor in one frame; `skew_ns` is its stamp, less its learnt offset, minus the frame's stamp."""
+
+    state: SensorState
+    skew_ns: int | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """D: one synchronised set of all sensors' data. `presence` has an entry for each sensor of the rig."""
+
+    number: int
+    stamp_ns: int
+    presence: Mapping[int, Presence]
+    cloud: PointCloud | None
+    images: Mapping[int, CameraImage]
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A frame that could not be put together: a value with its reason, not an exception."""
+
+    number: int
+    stamp_ns: int
+    reason: str
+    sensor: int | None = None
+
+
+@dataclass(frozen=True)
+class TopicBalance:
+    """Where the messages of one topic went: read = used + unused + damaged + the skipped of every reason."""
+
+    topic: str
+    schema: str
+    sensor: int | None
+    read: int = 0
+    used: int = 0
+    unused: int = 0
+    damaged: int = 0
+    skipped: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def adds_up(self) -> bool:
+        """True where no message is unaccounted for."""
+        return self.read == self.used + self.unused + self.damaged + sum(self.skipped.values())

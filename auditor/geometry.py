@@ -1,0 +1,73 @@
+"""Rigid motions and projections.
+
+A rigid motion is a (4, 4) float64 matrix named `dst_SE3_src`: it takes homogeneous points of the src frame, in
+metres, into the dst frame. A projection is the full (3, 4) matrix P of a rectified camera: it takes homogeneous points
+of the rig frame, in metres, to homogeneous pixels.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+
+
+def compose(*motions: Matrix) -> Matrix:
+    """Chain motions: `compose(a_SE3_b, b_SE3_c)` is a_SE3_c. Each is (4, 4)."""
+    result = np.eye(4)
+    for motion in motions:
+        result = result @ motion
+    return result
+
+
+def invert(dst_SE3_src: Matrix) -> Matrix:
+    """The (4, 4) motion src_SE3_dst."""
+    rotation, translation = dst_SE3_src[:3, :3], dst_SE3_src[:3, 3]
+    return motion(rotation.T, -rotation.T @ translation)
+
+
+def motion(rotation: Matrix, translation_m: Matrix) -> Matrix:
+    """A (4, 4) motion from a (3, 3) rotation and a translation of 3 metres."""
+    result = np.eye(4)
+    result[:3, :3] = rotation
+    result[:3, 3] = translation_m
+    return result
+
+
+def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Matrix:
+    """The (3, 3) rotation of a quaternion, which need not be of unit length. Raises ValueError for a zero one."""
+    norm = float(np.sqrt(x * x + y * y + z * z + w * w))
+    if not np.isfinite(norm) or norm == 0.0:
+        raise ValueError("a quaternion of length zero is no rotation")
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_from_rotation(rotation: Matrix) -> tuple[float, float, float, float]:
+    """The unit quaternion (x, y, z, w), w >= 0, of a (3, 3) rotation."""
+    # The eigenvector of the largest eigenvalue of Bar-Itzhack's matrix is exact for a true rotation and the nearest
+    # quaternion for one with rounding in it.
+    r = rotation
+    k = np.array(
+        [
+            [r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
+            [r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
+            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], r[0, 0] + r[1, 1] + r[2, 2]],
+        ]
+    )
+    vector = np.linalg.eigh(k)[1][:, 3]
+    if vector[3] < 0:
+        vector = -vector
+    x, y, z, w = (float(value) for value in vector)
+    return x, y, z, w
+
+
+def camera_centre(projection: Matrix) -> Matrix:
+    """The (3,) optical centre in metres, in the frame that the full (3, 4) matrix P projects from."""
+    return np.asarray(-np.linalg.solve(projection[:, :3], projection[:, 3]), dtype=np.float64)

@@ -1,0 +1,1 @@
+"""PROVE: synthetic drives and attacks."""

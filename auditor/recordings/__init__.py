@@ -1,0 +1,1 @@
+"""READ: a file becomes messages, and messages become frames."""

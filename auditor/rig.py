@@ -1,0 +1,249 @@
+"""The sensors of a vehicle and their geometry.
+
+S_0 is the LiDAR (absent in a LiDAR-less rig, whose number 0 stays empty); S_1..S_n are the cameras from right to left.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.geometry import Matrix, camera_centre
+
+LIDAR = 0
+KIND_TOLERANCE_SHARE = 0.02
+KIND_TOLERANCE_M = 0.005
+
+
+class Triple(NamedTuple):
+    """Sensors i < j < k whose disparity maps are compared in the view of the reference camera k."""
+
+    i: int
+    j: int
+    k: int
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One camera S_number.
+
+    `projection` is the full (3, 4) matrix P: points of the rig frame in metres to pixels of the rectified image.
+    """
+
+    number: int
+    name: str
+    topic: str
+    width_px: int
+    height_px: int
+    projection: Matrix
+    rectified: bool = True
+
+    @property
+    def focal_px(self) -> float:
+        """Horizontal focal length in pixels."""
+        return float(self.projection[0, 0])
+
+    @cached_property
+    def centre_m(self) -> Matrix:
+        """Optical centre, (3,) metres in the rig frame."""
+        return camera_centre(self.projection)
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame."""
+
+    name: str
+    topic: str
+    rig_SE3_lidar: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left.
+
+    Raises RigError where the cameras are not numbered 1..n in that order.
+    """
+
+    lidar: Lidar | None
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        if [camera.number for camera in self.cameras] != list(range(1, len(self.cameras) + 1)):
+            raise RigError("cameras must be numbered 1..n", where="rig")
+        positions = [float(camera.centre_m[0]) for camera in self.cameras]
+        if any(right <= left for right, left in pairwise(positions)):
+            order = ", ".join(f"{c.name} at x = {x:+.3f} m" for c, x in zip(self.cameras, positions, strict=True))
+            raise RigError(f"cameras must be ordered from right to left, but are {order}", where="rig")
+
+    @property
+    def n(self) -> int:
+        """Number of cameras."""
+        return len(self.cameras)
+
+    @property
+    def sensors(self) -> tuple[int, ...]:
+        """Numbers of all sensors, ascending."""
+        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + 1))
+
+    @property
+    def max_attacked(self) -> int:
+        """How many attacked sensors can be identified at once: N - 3 (the paper's n - 2, where N = n + 1)."""
+        return max(len(self.sensors) - 3, 0)
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        """Reference cameras, leftmost first."""
+        return tuple(dict.fromkeys(triple.k for triple in self.triples))
+
+    @cached_property
+    def triples(self) -> tuple[Triple, ...]:
+        """All triples that are measured, in the store's fixed order."""
+        return triples_of(self.n, lidar=self.lidar is not None)
+
+    def camera(self, number: int) -> Camera:
+        """Camera S_number, number in 1..n."""
+        return self.cameras[number - 1]
+
+    def name(self, sensor: int) -> str:
+        """The recording's own name of a sensor."""
+        if sensor == LIDAR:
+            return self.lidar.name if self.lidar else ""
+        return self.camera(sensor).name
+
+    def topic(self, sensor: int) -> str:
+        """The topic that carries a sensor's data."""
+        if sensor == LIDAR:
+            return self.lidar.topic if self.lidar else ""
+        return self.camera(sensor).topic
+
+    def baseline_m(self, i: int, k: int) -> float:
+        """Distance b_{i,k} in metres, positive, between cameras i < k along the reference's image rows."""
+        return float(self.camera(i).centre_m[0] - self.camera(k).centre_m[0])
+
+    @cached_property
+    def kind(self) -> "RigKind":
+        """What this rig shares with the other vehicles of its model."""
+        return RigKind(
+            lidar=self.lidar is not None,
+            sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
+            focals_px=tuple(camera.focal_px for camera in self.cameras),
+            baselines_m=tuple(self.baseline_m(i, i + 1) for i in range(1, self.n)),
+        )
+
+    @cached_property
+    def rig_id(self) -> str:
+        """sha256 (hex) of the rig's canonical description."""
+        text = json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def to_dict(self) -> dict[str, Any]:
+        """A plain description that `from_dict` reads back; every number survives exactly."""
+        lidar = None
+        if self.lidar:
+            lidar = {
+                "name": self.lidar.name,
+                "topic": self.lidar.topic,
+                "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
+            }
+        return {
+            "lidar": lidar,
+            "cameras": [
+                {
+                    "number": camera.number,
+                    "name": camera.name,
+                    "topic": camera.topic,
+                    "width_px": camera.width_px,
+                    "height_px": camera.height_px,
+                    "rectified": camera.rectified,
+                    "projection": camera.projection.tolist(),
+                }
+                for camera in self.cameras
+            ],
+        }
+
+    @classmethod
+    def from_dict(cls, description: dict[str, Any]) -> "Rig":
+        """Read what `to_dict` wrote. Raises RigError that names a missing or ill-shaped field."""
+        try:
+            lidar = description.get("lidar")
+            return cls(
+                lidar=Lidar(
+                    name=str(lidar["name"]),
+                    topic=str(lidar["topic"]),
+                    rig_SE3_lidar=_matrix(lidar["rig_SE3_lidar"], (4, 4), "rig_SE3_lidar"),
+                )
+                if lidar
+                else None,
+                cameras=tuple(
+                    Camera(
+                        number=int(camera["number"]),
+                        name=str(camera["name"]),
+                        topic=str(camera["topic"]),
+                        width_px=int(camera["width_px"]),
+                        height_px=int(camera["height_px"]),
+                        rectified=bool(camera["rectified"]),
+                        projection=_matrix(camera["projection"], (3, 4), "projection"),
+                    )
+                    for camera in description["cameras"]
+                ),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise RigError(f"the rig description is incomplete or ill-formed ({error})", where="rig") from error
+
+
+@dataclass(frozen=True)
+class RigKind:
+    """What two vehicles of one model share: sensors and order, image sizes, focal lengths and baselines.
+
+    `baselines_m` are those of neighbouring cameras, right to left.
+    """
+
+    lidar: bool
+    sizes_px: tuple[tuple[int, int], ...]
+    focals_px: tuple[float, ...]
+    baselines_m: tuple[float, ...]
+
+    def matches(self, other: "RigKind") -> bool:
+        """True where sensors and sizes are equal and lengths agree within 2 % or 5 mm."""
+        return (
+            self.lidar == other.lidar
+            and self.sizes_px == other.sizes_px
+            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
+            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
+        )
+
+    def __str__(self) -> str:
+        sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
+        focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
+        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
+        return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
+
+
+def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
+    """All triples of a rig with n cameras, in fixed order: k = n downwards, then i < j < k.
+
+    References are cameras with two lower-numbered sensors at least; with a LiDAR k = 2 is one only where n = 2, since
+    Algorithm 2 never descends below k = 3.
+    """
+    lowest = 0 if lidar else 1
+    last_reference = 2 if lidar and n == 2 else 3
+    return tuple(
+        Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
+    )
+
+
+def _close(a: float, b: float, tolerance: float) -> bool:
+    return abs(a - b) <= max(tolerance, KIND_TOLERANCE_SHARE * max(abs(a), abs(b)))
+
+
+def _matrix(value: object, shape: tuple[int, int], name: str) -> Matrix:
+    matrix = np.asarray(value, dtype=np.float64)
+    if matrix.shape != shape or not np.isfinite(matrix).all():
+        raise ValueError(f"{name} must be {shape[0]} x {shape[1]} finite numbers")
+    return matrix

@@ -1,0 +1,1 @@
+"""KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
