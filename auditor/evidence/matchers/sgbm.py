@@ -1,0 +1,62 @@
+"""Semi-global matching with OpenCV: dense, since pixels without a match are where an attack hides."""
+
+import json
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.reduction import halve
+
+_BLOCK = 5
+_RANGE_PX = 128
+_NO_LEFT_RIGHT_CHECK = 1 << 20  # OpenCV reads 0, its default, as one pixel
+
+
+@dataclass(frozen=True)
+class SgbmMatcher:
+    """SGBM_3WAY without any filter that would leave pixels out (uniqueness, left-right check, speckles).
+
+    At half resolution (step 2) a pair takes a tenth of the time of full-resolution SGBM and detects no worse.
+    """
+
+    step: int = 2
+    range_px: int = _RANGE_PX
+    colour: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name on the command line and in the store."""
+        return "sgbm" if self.step == 2 else "sgbm-full"
+
+    @property
+    def settings(self) -> str:
+        """Canonical JSON of everything that changes a disparity."""
+        values = {"block": _BLOCK, "mode": "3way", "range_px": self.range_px, "step": self.step}
+        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+
+    def match(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Disparities (ceil(H / step), ceil(W / step)) of two (H, W) grey images, in full-resolution pixels."""
+        if self.step == 2:
+            left, right = halve(left), halve(right)
+        # Without the border SGBM gives no disparity in the leftmost `reach` columns of the left image.
+        reach = self.range_px // self.step
+        matcher = cv2.StereoSGBM.create(
+            minDisparity=0,
+            numDisparities=reach,
+            blockSize=_BLOCK,
+            P1=8 * _BLOCK * _BLOCK,
+            P2=32 * _BLOCK * _BLOCK,
+            disp12MaxDiff=_NO_LEFT_RIGHT_CHECK,
+            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+        )
+        # In sixteenths of a pixel, negative where there is no match.
+        fixed = matcher.compute(_bordered(left, reach), _bordered(right, reach))[:, reach:]
+        disparity = fixed.astype(np.float32) * np.float32(self.step / 16)
+        disparity[fixed < 0] = np.nan
+        return disparity
+
+
+def _bordered(image: NDArray[np.uint8], reach: int) -> cv2.typing.MatLike:
+    return cv2.copyMakeBorder(image, 0, 0, reach, 0, cv2.BORDER_REPLICATE)

@@ -1,0 +1,56 @@
+"""DM_{i,k}: the disparity map that a witness camera gives in the view of a reference camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.matchers.interface import Matcher
+
+_TEXTURE_STEP = 2
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class StereoMap:
+    """DM_{i,k}, dense, one value a pixel of the matcher's grid.
+
+    `disparity_px` (h, w) in full-resolution pixels at baseline b_{i,k}, NaN unknown. `valid` (h, w): a disparity was
+    found and its match lies inside the witness's image. `textured` (h, w): the reference has texture there, or the
+    witness does at the match. Grid pixels are `step` full-resolution ones wide; disparities end at `range_px`.
+    """
+
+    disparity_px: NDArray[np.float32]
+    valid: Mask
+    textured: Mask
+    step: int
+    range_px: int
+
+
+def stereo_map(
+    matcher: Matcher,
+    reference: NDArray[np.uint8],
+    witness: NDArray[np.uint8],
+    reference_texture: Mask,
+    witness_texture: Mask,
+) -> StereoMap:
+    """Match two images, (H, W) grey or (H, W, 3) BGR; their texture masks are at half resolution."""
+    disparity = matcher.match(reference, witness)
+    height, width = disparity.shape
+    step = matcher.step
+    u = np.arange(width, dtype=np.float32)
+    match = u - disparity / np.float32(step)
+    valid = match >= 0  # False where the disparity is NaN
+    column = np.where(valid, match, 0).astype(np.intp)
+    texture = np.take_along_axis(_on_grid(witness_texture, step, height, width), column, axis=1)
+    texture |= _on_grid(reference_texture, step, height, width)
+    return StereoMap(disparity, valid, texture, step, matcher.range_px)
+
+
+def _on_grid(texture: Mask, step: int, height: int, width: int) -> Mask:
+    """A half-resolution mask on the matcher's (height, width) grid."""
+    repeat = _TEXTURE_STEP // step
+    if repeat > 1:
+        texture = texture.repeat(repeat, axis=0).repeat(repeat, axis=1)
+    return texture[:height, :width]
