@@ -1,0 +1,212 @@
+import time
+from decimal import Decimal
+from itertools import product
+
+import numpy as np
+import pytest
+
+from auditor.errors import ThresholdsError
+from auditor.identification.codewords import allowed_attack_sets, codeword, explaining_sets
+from auditor.identification.states import state_vector, without
+from auditor.identification.verdicts import judge, judge_frames
+from auditor.results import Statistic, Thresholds, VerdictKind
+from auditor.rig import Triple, triples_of
+
+N3 = triples_of(3, lidar=True)
+N4 = triples_of(4, lidar=True)
+FOUR = (0, 1, 2, 3)
+FIVE = (0, 1, 2, 3, 4)
+
+
+def thresholds_for(triples, theta=0.2):
+    return Thresholds(
+        calibration_id="ab12",
+        statistic=Statistic.GATED,
+        r=Decimal(0),
+        theta=dict.fromkeys(triples, theta),
+        samples=dict.fromkeys(triples, 20),
+        resolvable=True,
+    )
+
+
+def test_all_zeros_are_clean():
+    verdict = judge("000", N3, FOUR)
+    assert (verdict.kind, verdict.attacked, verdict.named, verdict.reason) == (VerdictKind.CLEAN, (), (), "")
+
+
+@pytest.mark.parametrize(("e", "sensor"), [("110", 0), ("101", 1), ("011", 2), ("111", 3)])
+def test_each_single_attack_on_four_sensors_is_attributed(e, sensor):
+    verdict = judge(e, N3, FOUR)
+    assert (verdict.kind, verdict.attacked, verdict.named) == (VerdictKind.ATTACKED, (sensor,), (sensor,))
+
+
+@pytest.mark.parametrize(("e", "named"), [("100", (1,)), ("010", (2,)), ("001", ())])
+def test_an_e_that_no_allowed_attack_explains_is_unidentified_but_keeps_the_name(e, named):
+    verdict = judge(e, N3, FOUR)
+    assert (verdict.kind, verdict.attacked, verdict.named) == (VerdictKind.UNIDENTIFIED, (), named)
+    assert "explains" in verdict.reason
+
+
+def test_two_attacked_of_five_are_attributed_over_both_references():
+    for attacked in allowed_attack_sets(FIVE)[1:]:
+        verdict = judge(codeword(attacked, N4), N4, FIVE)
+        assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, attacked)
+
+
+def test_a_second_reference_that_contradicts_the_first_is_unidentified():
+    # Over S_4 alone this e says that S_0 is attacked; the triples of S_3 say that nobody is.
+    verdict = judge("111000" + "000", N4, FIVE)
+    assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, (0,))
+
+
+def test_algorithm_2_hears_the_leftmost_reference_only_where_that_has_zeros():
+    verdict = judge("000000" + "110", N4, FIVE)
+    assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, ())
+
+
+def test_every_pattern_is_attributed_exactly_where_its_only_explanation_is_algorithm_2_s():
+    for states in product("01-", repeat=3):
+        e = "".join(states)
+        system = sorted({sensor for triple, state in zip(N3, e, strict=True) if state != "-" for sensor in triple})
+        verdict = judge(e, N3, FOUR)
+        if e == "---":
+            assert verdict.kind is VerdictKind.NOT_AUDITABLE
+        elif "1" not in e:
+            assert verdict.kind is VerdictKind.CLEAN
+        elif verdict.kind is VerdictKind.ATTACKED:
+            assert explaining_sets(e, N3, system) == (verdict.attacked,)
+        else:
+            assert verdict.kind is VerdictKind.UNIDENTIFIED
+            assert verdict.attacked == ()
+
+
+def test_two_cameras_and_a_lidar_detect_but_never_name():
+    triples = triples_of(2, lidar=True)
+    assert triples == (Triple(0, 1, 2),)
+    assert judge("0", triples, (0, 1, 2)).kind is VerdictKind.CLEAN
+    verdict = judge("1", triples, (0, 1, 2))
+    assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, None)
+    assert "one of 3 sensors" in verdict.reason
+
+
+def test_three_cameras_without_a_lidar_detect_but_never_name():
+    verdict = judge("1", triples_of(3, lidar=False), (1, 2, 3))
+    assert (verdict.kind, verdict.named, verdict.out_of_system) == (VerdictKind.UNIDENTIFIED, None, ())
+
+
+def test_four_cameras_without_a_lidar_attribute_one_attack():
+    triples = triples_of(4, lidar=False)
+    for attacked in allowed_attack_sets((1, 2, 3, 4))[1:]:
+        assert judge(codeword(attacked, triples), triples, (1, 2, 3, 4)).attacked == attacked
+
+
+def test_a_missing_sensor_is_taken_out_of_the_system_first():
+    attacked = (2,)
+    e = without(codeword(attacked, N4), N4, frozenset({1}))
+    verdict = judge(e, N4, FIVE, frozenset({1}))
+    assert (verdict.kind, verdict.attacked, verdict.out_of_system) == (VerdictKind.ATTACKED, (2,), (1,))
+    assert verdict.reason == "judged without S_1"
+
+
+def test_elements_of_a_missing_sensor_are_not_believed():
+    assert judge("110", N3, FOUR, frozenset({1})).e == "-1-"
+
+
+def test_a_missing_leftmost_camera_leaves_the_next_reference():
+    e = without(codeword((0,), N4), N4, frozenset({4}))
+    assert e == "------110"
+    assert judge(e, N4, FIVE, frozenset({4})).attacked == (0,)
+
+
+def test_with_a_sensor_missing_of_four_an_attack_has_no_name():
+    verdict = judge("1--", N3, FOUR, frozenset({2}))
+    assert (verdict.kind, verdict.named, verdict.out_of_system) == (VerdictKind.UNIDENTIFIED, None, (2,))
+
+
+def test_a_clean_frame_without_a_sensor_says_so():
+    verdict = judge("0--", N3, FOUR, frozenset({2}))
+    assert (verdict.kind, verdict.out_of_system, verdict.reason) == (VerdictKind.CLEAN, (2,), "judged without S_2")
+
+
+def test_a_blind_sensor_is_out_of_the_system_though_it_is_there():
+    assert judge("-0-", N3, FOUR).out_of_system == (1,)
+
+
+def test_an_unmeasured_element_that_leaves_a_sensor_open_is_unidentified():
+    verdict = judge("11-", N3, FOUR)
+    assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, None)
+    assert "undetermined" in verdict.reason
+
+
+def test_too_few_valid_pixels_everywhere_are_not_auditable():
+    verdict = judge("---", N3, FOUR)
+    assert (verdict.kind, verdict.out_of_system) == (VerdictKind.NOT_AUDITABLE, FOUR)
+    assert "valid pixels" in verdict.reason
+
+
+def test_a_missing_reference_of_four_is_not_auditable_and_named():
+    verdict = judge("---", N3, FOUR, frozenset({3}))
+    assert verdict.kind is VerdictKind.NOT_AUDITABLE
+    assert "S_3 missing" in verdict.reason
+
+
+def test_a_rig_of_two_sensors_is_not_auditable_and_told_why():
+    verdict = judge("", (), (0, 1))
+    assert verdict.kind is VerdictKind.NOT_AUDITABLE
+    assert "the rig has 2" in verdict.reason
+
+
+def test_frames_are_judged_as_one_by_one():
+    random = np.random.default_rng(7)
+    errors = random.uniform(0.0, 0.5, (400, len(N4)))
+    errors[random.uniform(size=errors.shape) < 0.1] = np.nan
+    missing = [frozenset({int(random.integers(5))} if random.uniform() < 0.3 else set()) for _ in errors]
+    thresholds = thresholds_for(N4)
+    for row, absent, verdict in zip(errors, missing, judge_frames(errors, thresholds, N4, FIVE, missing), strict=True):
+        e = without(state_vector(row.tolist(), thresholds, N4), N4, absent)
+        measured = [abs(E - 0.2) for E, state in zip(row, e, strict=True) if state != "-"]
+        assert verdict == judge(e, N4, FIVE, absent, min(measured) if measured else None)
+
+
+def test_the_margin_is_the_smallest_distance_from_theta():
+    (verdict,) = judge_frames(np.array([[0.5, 0.25, np.nan]]), thresholds_for(N3), N3, FOUR, [frozenset()])
+    assert verdict.e == "11-"
+    assert verdict.margin == pytest.approx(0.05)
+
+
+def test_a_frame_with_nothing_measured_has_no_margin():
+    (verdict,) = judge_frames(np.full((1, 3), np.nan), thresholds_for(N3), N3, FOUR, [frozenset()])
+    assert (verdict.kind, verdict.margin) == (VerdictKind.NOT_AUDITABLE, None)
+
+
+def test_judging_leaves_the_disparity_errors_as_they_are():
+    errors = np.full((1, 3), 0.1)
+    judge_frames(errors, thresholds_for(N3), N3, FOUR, [frozenset({1})])
+    assert np.array_equal(errors, np.full((1, 3), 0.1))
+
+
+def test_no_frames_give_no_verdicts():
+    assert judge_frames(np.empty((0, 3)), thresholds_for(N3), N3, FOUR, []) == []
+
+
+def test_a_rig_without_triples_gets_not_auditable_frames():
+    (verdict,) = judge_frames(np.empty((1, 0)), thresholds_for(()), (), (0, 1), [frozenset()])
+    assert (verdict.kind, verdict.e) == (VerdictKind.NOT_AUDITABLE, "")
+
+
+def test_a_triple_without_theta_is_not_measured():
+    (verdict,) = judge_frames(np.full((1, 3), 0.1), thresholds_for(N3[:1]), N3, FOUR, [frozenset()])
+    assert (verdict.e, verdict.out_of_system) == ("0--", (2,))
+
+
+def test_thresholds_without_any_of_the_rigs_triples_are_refused():
+    with pytest.raises(ThresholdsError, match="no theta for any triple"):
+        judge_frames(np.full((1, 3), 0.1), thresholds_for((Triple(3, 4, 5),)), N3, FOUR, [frozenset()])
+
+
+def test_a_night_of_frames_is_judged_in_seconds():
+    errors = np.random.default_rng(1).uniform(0.0, 0.4, (20_000, len(N4)))
+    started = time.process_time()
+    verdicts = judge_frames(errors, thresholds_for(N4), N4, FIVE, [frozenset()] * len(errors))
+    assert len(verdicts) == len(errors)
+    assert time.process_time() - started < 2.0
