@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MIN_TEXTURE = 1.5
+MIN_TEXTURE = 2.0
 """Grey levels a (half-resolution) pixel: root mean square of the horizontal Sobel gradient over 5 x 5 pixels."""
 
 _SOBEL_GAIN = 8

@@ -1,0 +1,17 @@
+"""Where the real recorded data lies, for the tests that need it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real recorded data; a test that asks for it is skipped, with the reason, where there is none."""
+    folder = os.environ.get("AUDITOR_TEST_DATA")
+    if not folder:
+        pytest.skip("AUDITOR_TEST_DATA is not set: no real recorded data")
+    path = Path(folder)
+    assert path.is_dir(), f"AUDITOR_TEST_DATA names {path}, which is no folder"
+    return path

@@ -1,0 +1,46 @@
+"""Small rigs that look at one textured plane, so that every disparity is known."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.rig import Camera, Lidar, Rig
+
+WIDTH, HEIGHT, FOCAL = 320, 120, 300.0
+
+# Camera frame (x right, y down, z forward) from a LiDAR frame (x forward, y left, z up) at the same place.
+RIG_SE3_LIDAR = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def plane_rig(positions_m: tuple[float, ...] = (0.6, 0.3, 0.0), lidar: bool = True) -> Rig:
+    """Cameras S_1.. at the given x positions, right to left."""
+    cameras = []
+    for number, x in enumerate(positions_m, start=1):
+        P = np.array([[FOCAL, 0, WIDTH / 2, -FOCAL * x], [0, FOCAL, HEIGHT / 2, 0], [0, 0, 1, 0]])
+        cameras.append(Camera(number, f"camera {number}", f"/camera_{number}", WIDTH, HEIGHT, P))
+    return Rig(Lidar("lidar", "/points", RIG_SE3_LIDAR) if lidar else None, tuple(cameras))
+
+
+def plane_images(rig: Rig, depth_m: float, seed: int = 0) -> dict[int, NDArray[np.uint8]]:
+    """What each camera sees of a textured plane facing it, whose disparities are whole pixels."""
+    texture = np.random.default_rng(seed).integers(0, 256, (HEIGHT, 3 * WIDTH)).astype(np.uint8)
+    images = {}
+    for camera in rig.cameras:
+        shift = round(FOCAL * float(camera.centre_m[0]) / depth_m)
+        images[camera.number] = np.ascontiguousarray(texture[:, WIDTH + shift : 2 * WIDTH + shift])
+    return images
+
+
+def plane_cloud(depth_m: float) -> NDArray[np.float32]:
+    """Points every second pixel of a plane at one depth, in the LiDAR frame."""
+    u, v = np.meshgrid(np.arange(0, WIDTH, 2), np.arange(0, HEIGHT, 2))
+    left, up = -(u - WIDTH / 2) / FOCAL * depth_m, -(v - HEIGHT / 2) / FOCAL * depth_m
+    return np.stack([np.full(u.shape, depth_m), left, up], axis=-1).reshape(-1, 3).astype(np.float32)
+
+
+def plane_frame(rig: Rig, depth_m: float = 9.0, without: frozenset[int] = frozenset()) -> Frame:
+    """A frame of the plane, some sensors missing."""
+    images = {n: CameraImage(n, 0, p) for n, p in plane_images(rig, depth_m).items() if n not in without}
+    states = {s: Presence(SensorState.MISSING if s in without else SensorState.PRESENT) for s in rig.sensors}
+    cloud = PointCloud(0, plane_cloud(depth_m)) if rig.lidar and 0 not in without else None
+    return Frame(0, 0, states, cloud, images)

@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from auditor.evidence.comparing import compare_cameras, inconsistent
+from auditor.evidence.stereo import StereoMap
+
+
+def stereo(disparity: list[list[float]], textured: bool = True) -> StereoMap:
+    values = np.array(disparity, dtype=np.float32)
+    return StereoMap(values, ~np.isnan(values), np.full(values.shape, textured), 2, 128)
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2", "expected"),
+    [
+        (10.0, 13.0, False),  # exactly 3 px is not more than 3 px
+        (10.0, 13.01, True),
+        (100.0, 104.9, False),  # 4.9 % of the smaller
+        (100.0, 105.1, True),
+        (105.1, 100.0, True),
+        (0.0, 3.5, True),  # a minimum of zero counts as over
+        (-1.0, 2.5, True),
+        (-1.0, 1.5, False),
+        (float("nan"), 50.0, False),
+    ],
+)
+def test_a_pixel_is_inconsistent_when_it_is_over_both_bounds_of_equation_2(
+    d1: float, d2: float, expected: bool
+) -> None:
+    assert inconsistent(np.float32([d1]), np.float32([d2])).tolist() == [expected]
+
+
+def test_maps_are_compared_at_the_smaller_baseline() -> None:
+    # 60 px at 0.6 m and 6 px at 0.06 m are the same depth; 40 px off at 0.6 m is 4 px off at 0.06 m.
+    wide, narrow = stereo([[60.0, 100.0, 60.0]]), stereo([[6.0, 6.0, 8.0]])
+    assert compare_cameras(wide, narrow, 0.6, 0.06).counts.inconsistent_px == 1
+    assert compare_cameras(narrow, wide, 0.06, 0.6).counts.inconsistent_px == 1
+
+
+def test_pixels_whose_match_is_unknown_in_either_map_do_not_count() -> None:
+    comparison = compare_cameras(stereo([[10, np.nan, 30, 10]]), stereo([[10, 10, np.nan, 20]]), 0.5, 0.5)
+    assert (comparison.counts.valid_px, comparison.counts.inconsistent_px) == (2, 1)
+
+
+def test_the_gate_opens_where_either_pair_has_texture() -> None:
+    smooth = stereo([[10, 10]], textured=False)
+    rough = StereoMap(np.float32([[20, 20]]), np.array([[True, True]]), np.array([[True, False]]), 2, 128)
+    comparison = compare_cameras(smooth, rough, 0.5, 0.5)
+    assert (comparison.counts.inconsistent_px, comparison.counts.gated_inconsistent_px) == (2, 1)
+    assert (comparison.counts.gated_valid_px, comparison.column.tolist()) == (1, [0])

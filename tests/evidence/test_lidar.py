@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from auditor.evidence.lidar import lidar_view
+from auditor.frames import PointCloud
+from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
+
+
+def cloud(*points: tuple[float, float, float]) -> PointCloud:
+    return PointCloud(0, np.array(points, dtype=np.float32).reshape(-1, 3))
+
+
+def test_disparities_at_a_witness_follow_equation_1_where_the_optical_axes_are_parallel() -> None:
+    rig = plane_rig((0.6, 0.3, 0.0))
+    view = lidar_view(PointCloud(0, plane_cloud(9.0)), rig, 3)
+    assert view.row.size == (WIDTH // 2) * (HEIGHT // 2)
+    np.testing.assert_allclose(view.disparity_px(rig, 1), FOCAL * 0.6 / 9.0, atol=1e-3)
+    np.testing.assert_allclose(view.disparity_px(rig, 2), FOCAL * 0.3 / 9.0, atol=1e-3)
+
+
+def test_of_two_points_in_one_pixel_the_nearer_is_kept() -> None:
+    view = lidar_view(cloud((20.0, 0.0, 0.0), (8.0, 0.0, 0.0), (12.0, 0.0, 0.0)), plane_rig(), 3)
+    assert view.point_m[:, 0].tolist() == [8.0]
+    assert view.returns == 3
+
+
+def test_a_point_that_a_nearer_neighbour_hides_is_dropped_and_a_distant_one_is_not() -> None:
+    near, hidden, beside = (8.0, 0.0, 0.0), (40.0, 0.4, 0.0), (40.0, 4.0, 0.0)  # 0, 3 and 30 px to the left
+    view = lidar_view(cloud(near, hidden, beside), plane_rig(), 3)
+    assert sorted(view.point_m[:, 1].tolist()) == [0.0, 4.0]
+
+
+def test_points_behind_the_camera_or_outside_its_image_are_not_in_view() -> None:
+    view = lidar_view(cloud((-8.0, 0.0, 0.0), (8.0, 30.0, 0.0), (8.0, 0.0, 30.0)), plane_rig(), 3)
+    assert (view.row.size, view.returns) == (0, 0)
+
+
+def test_an_empty_cloud_gives_an_empty_view() -> None:
+    view = lidar_view(PointCloud(0, np.empty((0, 3), np.float32)), plane_rig(), 3)
+    assert view.disparity_px(plane_rig(), 1).shape == (0,)
+
+
+def test_a_full_projection_matrix_moves_columns_that_the_simple_equation_would_not() -> None:
+    rig = plane_rig((0.6, 0.0))
+    moved = rig.cameras[0].projection.copy()
+    moved[2, 3] = -0.02  # the witness's optical centre 2 cm nearer to the scene
+    tilted = type(rig)(rig.lidar, (type(rig.cameras[0])(1, "", "", WIDTH, HEIGHT, moved), rig.cameras[1]))
+    points = cloud((10.0, -4.0, 0.0))
+    simple = lidar_view(points, rig, 2).disparity_px(rig, 1)
+    full = lidar_view(points, tilted, 2).disparity_px(tilted, 1)
+    assert full[0] == pytest.approx(
+        simple[0] - 0.02 * (FOCAL * 3.4 + WIDTH / 2 * 10) / 10 / 9.98 + WIDTH / 2 * 0.02 / 9.98, abs=0.4
+    )
+    assert abs(full[0] - simple[0]) > 0.15

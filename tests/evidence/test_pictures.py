@@ -1,0 +1,26 @@
+import cv2
+import numpy as np
+
+from auditor.evidence import Evidence, draw, measure
+from auditor.evidence.matchers.sgbm import SgbmMatcher
+from tests.evidence.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
+
+
+def test_a_picture_shows_every_camera_and_marks_what_is_inconsistent() -> None:
+    rig = plane_rig()
+    frame = plane_frame(rig)
+    frame.images[2].pixels[:, WIDTH // 2 :] = 255
+    picture = draw(measure(frame, rig, SgbmMatcher())[1])
+    assert picture is not None
+    assert picture.reference == 3
+    views = {n: cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE) for n, jpeg in picture.views.items()}
+    assert {n: view.shape for n, view in views.items()} == dict.fromkeys((1, 2, 3), (HEIGHT // 2, WIDTH // 2))
+    assert views[2][:, WIDTH // 4 + 4 :].min() > 240
+    mask = cv2.imdecode(np.frombuffer(picture.mask, np.uint8), cv2.IMREAD_UNCHANGED)
+    marked = mask[:, :, 3] > 0
+    assert marked[:, 3 * WIDTH // 8 :].mean() > 0.5
+    assert marked[:, 20 : WIDTH // 8].mean() < 0.05
+
+
+def test_there_is_no_picture_where_nothing_was_measured() -> None:
+    assert draw(Evidence({}, {})) is None
