@@ -1,0 +1,37 @@
+"""Check what a wheel holds: `python tests/wheel.py FILE.whl`. Everything the program reads, and nothing recorded."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+RESOURCES = {"schemas": ".toml", "queries": ".sql", "reports": ".html"}
+RECORDED = (".mcap", ".bag", ".db3", ".bin", ".png", ".jpg", ".ppm", ".pgm", ".npz", ".tar", ".pth")
+MOST_BYTES = 2_000_000
+
+
+def faults(wheel: Path, checkout: Path) -> list[str]:
+    """What is missing from a wheel, and what does not belong there."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    found = [
+        f"missing: auditor/data/{folder}/{path.name}"
+        for folder, ending in RESOURCES.items()
+        for path in sorted((checkout / folder).glob(f"*{ending}*"))
+        if f"auditor/data/{folder}/{path.name}" not in names
+    ]
+    found += [
+        f"empty: auditor/data/{f}" for f in RESOURCES if not any(n.startswith(f"auditor/data/{f}/") for n in names)
+    ]
+    found += [f"recorded data: {name}" for name in names if name.endswith(RECORDED)]
+    found += [f"outside the package: {n}" for n in names if not n.startswith("auditor/") and ".dist-info/" not in n]
+    if "auditor/py.typed" not in names:
+        found.append("missing: auditor/py.typed")
+    if wheel.stat().st_size > MOST_BYTES:
+        found.append(f"too large: {wheel.stat().st_size} bytes")
+    return found
+
+
+if __name__ == "__main__":
+    wrong = faults(Path(sys.argv[1]), Path(__file__).resolve().parent.parent)
+    print("\n".join(wrong) or "the wheel holds what it should")
+    sys.exit(bool(wrong))
