@@ -1,1 +1,78 @@
-"""The command line: one small module a verb."""
+"""The command line: one small module a verb, imported when it is asked for."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from enum import IntEnum
+
+import click
+
+from auditor import __version__
+from auditor.errors import AuditorError
+
+VERBS = ("demo", "inspect", "convert", "attack", "calibrate", "scan", "judge", "query", "report")
+"""In the order in which a newcomer meets them; each is a module of this package with a command of its name."""
+
+
+class Exit(IntEnum):
+    """Exit codes: what a script that runs an audit needs to know."""
+
+    CLEAN = 0
+    FINDINGS = 1
+    FAILED = 2
+    INCOMPLETE = 3
+    FINDINGS_INCOMPLETE = 4
+    INTERRUPTED = 130
+
+
+class _Verbs(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's
+        if cmd_name not in VERBS:
+            return None
+        command: click.Command = importlib.import_module(f"auditor.cli.{cmd_name}").command
+        return command
+
+
+@click.group(
+    cls=_Verbs,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="Exit codes: 0 audited, nothing found; 1 findings; 2 could not run; 3 nothing found but not everything "
+    "audited; 4 findings and not everything audited; 130 interrupted.",
+)
+@click.version_option(__version__, prog_name="auditor")
+def auditor() -> None:
+    """Detect optical attacks on cameras and LiDAR in recorded drives, and identify the attacked sensors.
+
+    \b
+    auditor demo                            make a small fleet, attack it, audit it
+    auditor calibrate clean_logs/*.mcap     learn thresholds from clean recordings
+    auditor scan fleet_logs/*.mcap          audit recordings
+    auditor query incidents                 ask the store
+    auditor report                          write the incident page
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb and return its exit code; every expected failure ends in one line on stderr."""
+    try:
+        code = auditor.main(arguments, standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return Exit.FAILED
+    except click.ClickException as error:
+        error.show()
+        return Exit.FAILED
+    except AuditorError as error:
+        click.echo(f"auditor: {error}", err=True)
+        return Exit.FAILED
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("auditor: interrupted; finished recordings are kept, run the same command again to go on", err=True)
+        return Exit.INTERRUPTED
+    except BrokenPipeError:
+        # The reader (head, less) has gone; Python must not try to flush into the closed pipe at exit.
+        sys.stdout = None
+        return Exit.CLEAN
+    return code if isinstance(code, int) else Exit.CLEAN

@@ -1,0 +1,105 @@
+"""What verbs print: rows on stdout, progress and remarks on stderr."""
+
+import sys
+import unicodedata
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    import pyarrow
+
+FORMATS = ("table", "json", "csv", "parquet")
+
+format_option = click.option(
+    "--format", "form", type=click.Choice(FORMATS), default="table", show_default=True, help="How rows are printed."
+)
+
+
+def emit(table: "pyarrow.Table", form: str, title: str = "") -> None:
+    """Print rows to stdout in one of FORMATS."""
+    if form == "table":
+        print_rows(table.to_pylist(), table.column_names, title)
+        return
+    from auditor.store.export import encode  # noqa: PLC0415 - Arrow is heavy
+
+    sys.stdout.buffer.write(encode(table, form))
+    sys.stdout.buffer.flush()
+
+
+def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
+    """Print rows as a table as wide as the terminal, or as wide as they need where stdout is no terminal."""
+    from rich import box  # noqa: PLC0415
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
+    for column in columns:
+        numeric = all(isinstance(row[column], int | float | None) for row in rows)
+        table.add_column(Text(column), justify="right" if numeric and rows else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(shown(row[column])) for column in columns))
+    console = Console(file=sys.stdout, highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.measure(table).maximum, 20)
+    console.print(table)
+    if not rows:
+        console.print("(no rows)")
+
+
+def shown(value: object) -> str:
+    """A value as text for a terminal; a recording's own text cannot send control sequences through it."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(shown(item) for item in value) if value else "-"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {shown(item)}" for name, item in value.items())
+    return "".join(
+        c if c == "\n" or unicodedata.category(c)[0] != "C" else "\N{REPLACEMENT CHARACTER}" for c in str(value)
+    )
+
+
+def say(text: str) -> None:
+    """One remark on stderr."""
+    click.echo(shown(text), err=True)
+
+
+@contextmanager
+def progress(total: int, what: str) -> Iterator[tuple[Callable[[object, str, int], None], Callable[[str], None]]]:
+    """Show how far a number of recordings are: yields (frames are done, a recording is finished with this remark).
+
+    A terminal gets a bar; anything else one line for each finished recording.
+    """
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    console = Console(stderr=True, highlight=False, markup=False)
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[frames]} frames"),
+        TimeElapsedColumn(),
+    )
+    frames: dict[object, int] = {}
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=total, frames=0)
+
+        def advanced(item: object, _what: str, done: int) -> None:
+            frames[item] = done
+            bar.update(task, frames=sum(frames.values()))
+
+        def finished(remark: str) -> None:
+            bar.advance(task)
+            if remark:
+                console.print(shown(remark), soft_wrap=True)
+
+        yield advanced, finished
