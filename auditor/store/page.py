@@ -189,6 +189,11 @@ class RecordingPart:
         return self.measured + sum(self.skipped.values())
 
     @property
+    def coverage(self) -> float | None:
+        """Share of all frames that were audited; None where there are none."""
+        return self.audited / self.frames if self.frames else None
+
+    @property
     def skipped_messages(self) -> int:
         """Messages of all topics that were skipped."""
         return sum(sum(topic.skipped.values()) for topic in self.balance)
@@ -217,6 +222,11 @@ class IncidentPage:
         """All incidents, those with named sensors first, then the longest."""
         pairs = [(recording, incident) for recording in self.recordings for incident in recording.incidents]
         return tuple(sorted(pairs, key=lambda pair: (not pair[1].attacked, -pair[1].frames)))
+
+    @property
+    def recordings_by_gravity(self) -> tuple[RecordingPart, ...]:
+        """The recordings, those with the most frames raised first."""
+        return tuple(sorted(self.recordings, key=lambda recording: -recording.raised))
 
     @property
     def frames(self) -> int:

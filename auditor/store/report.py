@@ -16,6 +16,9 @@ from auditor.store.plots import LEFT_PX, RIGHT_PX
 LEAST_COVERAGE = 0.99
 """Below this share of audited frames the page says so at its top."""
 
+MOST_SECTIONS = 12
+"""Recordings that are shown in full; of more, those with the most frames raised."""
+
 THIN_SPACE = "\u2009"
 NO_BREAK_SPACE = "\u00a0"
 
@@ -25,7 +28,14 @@ def render(page: IncidentPage) -> str:
     return (
         _environment()
         .get_template("incident.html")
-        .render(page=page, title=_title(page), left=LEFT_PX, right=RIGHT_PX, least_coverage=LEAST_COVERAGE)
+        .render(
+            page=page,
+            title=_title(page),
+            left=LEFT_PX,
+            right=RIGHT_PX,
+            least_coverage=LEAST_COVERAGE,
+            most_sections=MOST_SECTIONS,
+        )
     )
 
 
