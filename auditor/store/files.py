@@ -1,0 +1,139 @@
+"""Files that are whole or not there: written beside their place and renamed into it.
+
+A file under way is called `.<name>.<random>.part`, which no reader's pattern matches, and its writer holds a lock on
+it. What a killed writer left has lost its lock: that is how it is told from one that is still being written.
+"""
+
+import fcntl
+import os
+import re
+import secrets
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from auditor.errors import StoreError
+
+ABANDONED_AFTER_S = 60.0
+"""A younger file under way may have been made so recently that its writer has not locked it yet."""
+
+_ID = re.compile(r"[0-9a-f]{8,64}")
+_PART = re.compile(r"\..+\.[0-9a-f]{16}\.part")
+
+
+def checked_id(text: str) -> str:
+    """An id, which may become part of a path. Raises StoreError for anything but 8 to 64 lower-case hex digits."""
+    if not _ID.fullmatch(text):
+        raise StoreError(f"{text!r} is no id", where="store", remedy="ids are 8 to 64 hexadecimal digits")
+    return text
+
+
+class PartFile:
+    """A file under way: `commit` puts it in the place of `target`, `discard` leaves no trace of it.
+
+    All raise StoreError where the disk is full or the folder cannot be written to.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self._target = target
+        self._part: Path | None = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
+        with self.reporting():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            self.file = open_part(self._part)
+            fcntl.flock(self.file, fcntl.LOCK_EX)
+
+    def commit(self) -> None:
+        """Make what was written durable and give it its place."""
+        assert self._part is not None, "the file has found its end"
+        with self.reporting():
+            self.file.flush()
+            os.fsync(self.file.fileno())
+            self._part.replace(self._target)
+            self._part = None
+            self.file.close()
+            _sync_folder(self._target.parent)
+
+    def discard(self) -> None:
+        """Remove what was written, unless it has been committed."""
+        if self._part is not None:
+            with suppress(OSError):  # what a full disk did not take is of no interest any more
+                self.file.close()
+            self._part.unlink(missing_ok=True)
+            self._part = None
+
+    @contextmanager
+    def reporting(self) -> Iterator[None]:
+        """Say of an OSError inside the block which file it struck and what to do."""
+        try:
+            yield
+        except OSError as error:
+            raise StoreError(
+                f"cannot be written ({error.strerror or error})",
+                where=self._target,
+                remedy="make room or choose another folder; finished files are whole, run the command again to go on",
+            ) from error
+
+
+@contextmanager
+def part_file(target: Path) -> Iterator[PartFile]:
+    """A file under way that is discarded at the end of the block unless it was committed. Raises StoreError."""
+    part = PartFile(target)
+    try:
+        yield part
+    finally:
+        part.discard()
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a small file in one go. Raises StoreError."""
+    with part_file(target) as part:
+        with part.reporting():
+            part.file.write(content)
+        part.commit()
+
+
+def open_part(path: Path) -> BinaryIO:
+    """A new file to write to."""
+    return path.open("xb")
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what killed writers left in a folder; files that somebody still writes stay."""
+    for part in folder.glob(".*.part"):
+        if is_part(part) and _is_abandoned(part):
+            part.unlink(missing_ok=True)
+
+
+def is_part(path: Path) -> bool:
+    """True for the name of a file under way."""
+    return _PART.fullmatch(path.name) is not None
+
+
+def finished(folder: Path) -> list[str]:
+    """The ids of the finished Parquet files in a folder, sorted."""
+    if not folder.is_dir():
+        return []
+    names = (entry.name.removesuffix(".parquet") for entry in os.scandir(folder) if entry.name.endswith(".parquet"))
+    return sorted(name for name in names if _ID.fullmatch(name))
+
+
+def _is_abandoned(part: Path) -> bool:
+    try:
+        if time.time() - part.stat().st_mtime < ABANDONED_AFTER_S:
+            return False
+        with part.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # gone meanwhile, locked by its writer, or not ours to judge
+        return False
+    return True
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the renaming itself survive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

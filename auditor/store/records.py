@@ -1,0 +1,139 @@
+"""What callers hand to a store and get back: one frozen dataclass a kind of row, and the ids of those that have one."""
+
+import datetime
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.frames import TopicBalance
+from auditor.results import Procedure, Statistic, Thresholds, VerdictKind
+
+_ID_DIGITS = 32
+
+
+@dataclass(frozen=True)
+class RecordingRecord:
+    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece."""
+
+    recording_id: str
+    name: str
+    path: str
+    files: tuple[str, ...] = ()
+    size_bytes: int | None = None
+    format: str | None = None
+    clock: str = "unknown"
+    from_ns: int | None = None
+    to_ns: int | None = None
+    vehicle: str | None = None
+    date: datetime.date | None = None
+    drive: str | None = None
+    damage: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class MeasurementRecord:
+    """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece."""
+
+    recording_id: str
+    rig_id: str
+    procedure: Procedure
+    balance: tuple[TopicBalance, ...]
+    versions: Mapping[str, str]
+    measured_at: datetime.datetime
+    seconds: float
+    damage: tuple[str, ...] = ()
+
+    @property
+    def measurement_id(self) -> str:
+        """The id that follows from recording, rig and procedure."""
+        return measurement_id(self.recording_id, self.rig_id, self.procedure)
+
+
+@dataclass(frozen=True)
+class StoredMeasurement:
+    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason."""
+
+    measurement_id: str
+    recording_id: str
+    rig_id: str
+    procedure: Procedure
+    frames: int
+    measured: int
+    skipped: Mapping[str, int]
+    balance: tuple[TopicBalance, ...]
+    damage: tuple[str, ...]
+    versions: Mapping[str, str]
+    measured_at: datetime.datetime
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class FrameErrors:
+    """The disparity errors of a measurement's F measured frames, skipped ticks left out.
+
+    `frames` and `stamps_ns` are (F,) int64; `E` is (F, T) float64 in the order of `rig.triples`, NaN where it was not
+    measured; `states` is (F, S) text in the order of `rig.sensors`: present, missing or damaged.
+    """
+
+    frames: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    E: NDArray[np.float64]
+    states: NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class JudgementRecord:
+    """One judging of one measurement. `judged_at` is UTC."""
+
+    measurement_id: str
+    method: str
+    thresholds: Thresholds
+    judged_at: datetime.datetime
+
+    @property
+    def judgement_id(self) -> str:
+        """The id that follows from the measurement and how it was judged."""
+        thresholds = self.thresholds
+        return content_id(
+            "judgement",
+            self.measurement_id,
+            thresholds.calibration_id,
+            self.method,
+            thresholds.statistic.value,
+            str(thresholds.r.normalize()),
+            thresholds.transferred,
+        )
+
+
+@dataclass(frozen=True)
+class StoredJudgement:
+    """A finished judgement, as the store knows it; `counts` are its frames by kind of verdict."""
+
+    judgement_id: str
+    measurement_id: str
+    calibration_id: str
+    method: str
+    statistic: Statistic
+    r: Decimal
+    resolvable: bool
+    transferred: bool
+    judged_at: datetime.datetime
+    counts: Mapping[VerdictKind, int]
+
+
+def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:
+    """Hash of what decides every count of a measurement."""
+    return content_id(
+        "measurement", recording_id, rig_id, procedure.matcher, procedure.settings, procedure.counting_version
+    )
+
+
+def content_id(*parts: object) -> str:
+    """The first 32 hex digits of the sha256 of the parts as canonical JSON."""
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:_ID_DIGITS]

@@ -1,0 +1,131 @@
+"""Records as rows of their tables, and rows as records."""
+
+import json
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from auditor.errors import StoreError
+from auditor.frames import TopicBalance
+from auditor.results import Procedure, Statistic, Verdict, VerdictKind
+from auditor.rig import Rig
+from auditor.store.calibrations import rig_kind_fields
+from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement
+from auditor.store.tables import Row
+
+_DIGITS_OF_R = 17
+
+
+def rig_row(rig: Rig) -> Row:
+    """The row of a rig."""
+    return {
+        "rig_id": rig.rig_id,
+        "kind": str(rig.kind),
+        "rig_kind": rig_kind_fields(rig.kind),
+        "n": rig.n,
+        "sensors": [{"sensor": s, "name": rig.name(s), "topic": rig.topic(s)} for s in rig.sensors],
+        "reference_cameras": list(rig.references),
+        "max_attacked": rig.max_attacked,
+        "description": json.dumps(rig.to_dict(), sort_keys=True, separators=(",", ":")),
+    }
+
+
+def triple_rows(rig: Rig) -> Iterator[Row]:
+    """The rows of a rig's triples, in their order."""
+    for position, triple in enumerate(rig.triples, start=1):
+        yield {
+            "rig_id": rig.rig_id,
+            "position": position,
+            **triple._asdict(),
+            "baseline_m": rig.baseline_m(triple.j, triple.k),
+        }
+
+
+def measurement_row(measurement: MeasurementRecord) -> Row:
+    """The row of a measurement, but for what its frames decide."""
+    return {
+        "measurement_id": measurement.measurement_id,
+        "recording_id": measurement.recording_id,
+        "rig_id": measurement.rig_id,
+        "matcher": measurement.procedure.matcher,
+        "settings": measurement.procedure.settings,
+        "counting_version": measurement.procedure.counting_version,
+        "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
+        "damage": list(measurement.damage),
+        "versions": dict(sorted(measurement.versions.items())),
+        "measured_at": _to_utc(measurement.measured_at),
+        "seconds": measurement.seconds,
+    }
+
+
+def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
+    """The measurement of a row."""
+    return StoredMeasurement(
+        measurement_id=row["measurement_id"],
+        recording_id=row["recording_id"],
+        rig_id=row["rig_id"],
+        procedure=Procedure(row["matcher"], row["settings"], row["counting_version"]),
+        frames=row["frames"],
+        measured=row["measured"],
+        skipped=row["skipped"],
+        balance=tuple(TopicBalance(**topic) for topic in row["balance"]),
+        damage=tuple(row["damage"]),
+        versions=row["versions"],
+        measured_at=row["measured_at"].replace(tzinfo=UTC),
+        seconds=row["seconds"],
+    )
+
+
+def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictKind, int]) -> Row:
+    """The row of a judgement. Raises StoreError where r has more digits than the table keeps."""
+    thresholds = judgement.thresholds
+    if thresholds.r != round(thresholds.r, _DIGITS_OF_R):
+        raise StoreError(f"r = {thresholds.r} has more than {_DIGITS_OF_R} decimals", where="judgement")
+    return {
+        "judgement_id": judgement.judgement_id,
+        "measurement_id": judgement.measurement_id,
+        "calibration_id": thresholds.calibration_id,
+        "method": judgement.method,
+        "statistic": thresholds.statistic.value,
+        "r": round(thresholds.r, _DIGITS_OF_R),
+        "resolvable": thresholds.resolvable,
+        "transferred": thresholds.transferred,
+        "theta": [thresholds.theta.get(triple) for triple in rig.triples],
+        "samples": [thresholds.samples.get(triple) for triple in rig.triples],
+        "judged_at": _to_utc(judgement.judged_at),
+        **{kind.value: counts.get(kind, 0) for kind in VerdictKind},
+    }
+
+
+def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
+    """The judgement of a row."""
+    same = ("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred")
+    return StoredJudgement(
+        **{name: row[name] for name in same},
+        statistic=Statistic(row["statistic"]),
+        r=row["r"].normalize(),
+        judged_at=row["judged_at"].replace(tzinfo=UTC),
+        counts={kind: row[kind.value] for kind in VerdictKind},
+    )
+
+
+def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: int, verdict: Verdict) -> Row:
+    """The row of one frame's verdict."""
+    return {
+        "judgement_id": judgement_id,
+        "measurement_id": measurement_id,
+        "frame": frame,
+        "stamp_ns": stamp_ns,
+        "e": verdict.e,
+        "kind": verdict.kind.value,
+        "attacked": list(verdict.attacked),
+        "named": None if verdict.named is None else list(verdict.named),
+        "out_of_system": list(verdict.out_of_system),
+        "margin": verdict.margin,
+        "reason": verdict.reason or None,
+    }
+
+
+def _to_utc(moment: datetime) -> datetime:
+    """The same moment as the tables keep it: UTC, which is not said again in every row."""
+    return moment.astimezone(UTC).replace(tzinfo=None)

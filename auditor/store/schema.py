@@ -1,0 +1,88 @@
+"""The tables of a store, as the files in `schemas/` describe them: one file a table."""
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import pyarrow as pa
+
+from auditor.resources import resource_folder
+from auditor.store.column_types import arrow_type
+
+SCHEMA_VERSION = 1
+"""Raised whenever a column is added. Columns are only added; a change of meaning is a new column."""
+
+TABLES = (
+    "recordings",
+    "rigs",
+    "triples",
+    "measurements",
+    "frames",
+    "calibrations",
+    "judgements",
+    "verdicts",
+    "labels",
+)
+
+_VERSION_KEY = b"schema_version"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its SQL type, its unit where it has one, and what it says in one sentence."""
+
+    name: str
+    type: str
+    sentence: str
+    unit: str = ""
+    dictionary: bool = False
+
+
+@dataclass(frozen=True)
+class TableSchema:
+    """One table: what a row is, where its files lie, and its columns in order."""
+
+    name: str
+    sentence: str
+    file: str
+    columns: tuple[Column, ...]
+
+    @cached_property
+    def arrow(self) -> pa.Schema:
+        """The Arrow schema, which carries `schema_version`."""
+        fields = [pa.field(column.name, arrow_type(column.type)) for column in self.columns]
+        return pa.schema(fields, metadata={_VERSION_KEY: str(SCHEMA_VERSION).encode()})
+
+    @cached_property
+    def dictionary_columns(self) -> list[str]:
+        """Parquet paths of the columns that repeat few values: ids and words."""
+        return [_leaf(column) for column in self.columns if column.dictionary]
+
+    @cached_property
+    def encodings(self) -> dict[str, str]:
+        """Parquet encodings by path: floats are split by byte, stamps stored as differences."""
+        by_type = {pa.float64(): "BYTE_STREAM_SPLIT", pa.int64(): "DELTA_BINARY_PACKED"}
+        chosen = {}
+        for column in self.columns:
+            value = arrow_type(column.type.removesuffix("[]"))
+            if value in by_type and (value == pa.float64() or column.unit == "ns"):
+                chosen[_leaf(column)] = by_type[value]
+        return chosen
+
+
+@cache
+def table_schema(name: str) -> TableSchema:
+    """Read the schema file of one of TABLES."""
+    description = tomllib.loads((resource_folder("schemas") / f"{name}.toml").read_text(encoding="utf-8"))
+    columns = tuple(Column(name=column, **fields) for column, fields in description["columns"].items())
+    return TableSchema(name, description["sentence"], description["file"], columns)
+
+
+def version_of(schema: pa.Schema) -> int | None:
+    """The `schema_version` that a file was written with; None where it carries none."""
+    text = (schema.metadata or {}).get(_VERSION_KEY, b"")
+    return int(text) if text.isdigit() else None
+
+
+def _leaf(column: Column) -> str:
+    return f"{column.name}.list.element" if column.type.endswith("[]") else column.name

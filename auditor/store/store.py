@@ -1,0 +1,287 @@
+"""A store: one folder of Parquet files, named by ids only, that holds what was measured and what was judged."""
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+from auditor.errors import StoreError
+from auditor.frames import Skipped
+from auditor.results import AttackLabel, Calibration, Measurement, Statistic, Verdict, VerdictKind
+from auditor.rig import Rig
+from auditor.store.calibrations import read_calibration, write_calibration
+from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.frame_rows import measured_row, read_errors, skipped_row
+from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
+from auditor.store.records import (
+    FrameErrors,
+    JudgementRecord,
+    MeasurementRecord,
+    RecordingRecord,
+    StoredJudgement,
+    StoredMeasurement,
+)
+from auditor.store.rows import (
+    judgement_row,
+    measurement_row,
+    rig_row,
+    stored_judgement,
+    stored_measurement,
+    triple_rows,
+    verdict_row,
+)
+from auditor.store.schema import SCHEMA_VERSION, TABLES
+from auditor.store.tables import TableWriter, newer_version, read_rows, write_rows, writing
+
+MARKER = "store.json"
+_FORMAT = "auditor store"
+
+
+class Store:
+    """One store. Every method raises StoreError where a file cannot be read or written, or an id is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @classmethod
+    def open(cls, path: str | Path, *, create: bool = False) -> Self:
+        """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
+
+        Raises StoreError where the folder holds something else, or a store of a newer version.
+        """
+        folder = Path(path).expanduser().resolve()
+        marker = folder / MARKER
+        if not marker.exists():
+            _check_free(folder, create=create)
+            text = json.dumps({"format": _FORMAT, "schema_version": SCHEMA_VERSION})
+            write_whole(marker, text.encode() + b"\n")
+        _check_marker(marker)
+        store = cls(folder)
+        if create:
+            store.remove_abandoned()
+        return store
+
+    def path(self, table: str, row_id: str) -> Path:
+        """Where the file of an id lies."""
+        return self.folder / table / f"{checked_id(row_id)}.parquet"
+
+    def remove_abandoned(self) -> None:
+        """Remove what killed runs left behind; what is being written stays."""
+        for folder in (self.folder, *(self.folder / table for table in TABLES), *self.folder.glob("pictures/*")):
+            remove_abandoned(folder)
+
+    # Recordings, rigs, labels
+
+    def write_recording(self, recording: RecordingRecord) -> None:
+        """Keep what is known of a recording."""
+        row = {**vars(recording), "files": list(recording.files), "damage": list(recording.damage)}
+        write_rows("recordings", self.path("recordings", recording.recording_id), [row])
+
+    def recordings(self) -> list[RecordingRecord]:
+        """All recordings, by id."""
+        return [
+            RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
+            for row in self._rows("recordings")
+        ]
+
+    def write_rig(self, rig: Rig) -> None:
+        """Keep a rig and its triples."""
+        write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
+        write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
+
+    def rig(self, rig_id: str) -> Rig:
+        """The rig of an id."""
+        row = self._row("rigs", rig_id)
+        return Rig.from_dict(json.loads(row["description"]))
+
+    def write_labels(self, recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None = None) -> None:
+        """Keep the ground truth of a recording. No labels at all say that it is known to be clean."""
+        sensors = {rig.topic(sensor): sensor for sensor in rig.sensors} if rig else {}
+        rows = [
+            {
+                "recording_id": recording_id,
+                "topic": label.topic,
+                "sensor": sensors.get(label.topic),
+                "attack": label.attack,
+                "from_ns": label.from_ns,
+                "to_ns": label.to_ns,
+                "parameters": json.dumps(label.parameters, sort_keys=True),
+            }
+            for label in labels
+        ]
+        write_rows("labels", self.path("labels", recording_id), rows)
+
+    # Measurements
+
+    @contextmanager
+    def frames_writer(self, measurement_id: str, rig: Rig) -> Iterator["FramesWriter"]:
+        """Write the frames of a measurement; without a `commit` inside the block, nothing of them stays."""
+        with writing("frames", self.path("frames", measurement_id)) as table:
+            yield FramesWriter(self, measurement_id, rig, table)
+
+    def has_measurement(self, measurement_id: str) -> bool:
+        """True where a measurement was finished."""
+        return self.path("measurements", measurement_id).is_file()
+
+    def measurements(self) -> list[StoredMeasurement]:
+        """All finished measurements, by id."""
+        return [stored_measurement(row) for row in self._rows("measurements")]
+
+    def measurement(self, measurement_id: str) -> StoredMeasurement:
+        """One finished measurement."""
+        return stored_measurement(self._row("measurements", measurement_id))
+
+    def load_errors(self, measurement_id: str, statistic: Statistic) -> FrameErrors:
+        """The disparity errors of a finished measurement."""
+        rig = self.rig(self.measurement(measurement_id).rig_id)
+        return read_errors(self.path("frames", measurement_id), rig, statistic)
+
+    # Calibrations and judgements
+
+    def write_calibration(self, calibration: Calibration) -> None:
+        """Keep a calibration."""
+        write_calibration(calibration, self.path("calibrations", calibration.calibration_id))
+
+    def calibration(self, calibration_id: str) -> Calibration:
+        """The calibration of an id. Raises ThresholdsError where there is none."""
+        return read_calibration(self.path("calibrations", calibration_id))
+
+    def calibrations(self) -> list[Calibration]:
+        """All calibrations, by id."""
+        return [self.calibration(calibration_id) for calibration_id in self.ids("calibrations")]
+
+    def write_judgement(self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]) -> None:
+        """Keep a judgement and its verdicts, each with its frame number and stamp.
+
+        The verdicts are written first, the judgement last; then it is the measurement's current one.
+        """
+        rig = self.rig(self.measurement(judgement.measurement_id).rig_id)
+        judgement_id = judgement.judgement_id
+        counts: Counter[VerdictKind] = Counter()
+        with writing("verdicts", self.path("verdicts", judgement_id)) as table:
+            for frame, stamp_ns, verdict in verdicts:
+                counts[verdict.kind] += 1
+                table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
+            table.commit()
+        write_rows("judgements", self.path("judgements", judgement_id), [judgement_row(judgement, rig, counts)])
+
+    def judgements(self, measurement_id: str | None = None) -> list[StoredJudgement]:
+        """All finished judgements, or those of one measurement, oldest first."""
+        rows = [row for row in self._rows("judgements") if measurement_id in (None, row["measurement_id"])]
+        return sorted((stored_judgement(row) for row in rows), key=lambda j: (j.judged_at, j.judgement_id))
+
+    def current_judgement(self, measurement_id: str) -> StoredJudgement | None:
+        """The latest judgement of a measurement; None where it was never judged."""
+        judgements = self.judgements(measurement_id)
+        return judgements[-1] if judgements else None
+
+    # Pictures
+
+    def write_picture(self, measurement_id: str, frame: int, jpeg: bytes, mask_png: bytes) -> None:
+        """Keep the reference image of a frame and the mask of its inconsistent pixels."""
+        write_picture(self.folder / "pictures", measurement_id, Picture(frame, jpeg, mask_png))
+
+    def picture(self, measurement_id: str, frame: int) -> Picture | None:
+        """The picture of a frame; None where none was kept."""
+        return read_picture(self.folder / "pictures", measurement_id, frame)
+
+    def pictured_frames(self, measurement_id: str) -> list[int]:
+        """The frames of a measurement whose pictures were kept, ascending."""
+        return pictured_frames(self.folder / "pictures", measurement_id)
+
+    # Files
+
+    def ids(self, table: str) -> list[str]:
+        """The ids of the finished files of a table, sorted.
+
+        Frames are finished with their measurement, verdicts with their judgement.
+        """
+        manifest = {"frames": "measurements", "verdicts": "judgements"}.get(table, table)
+        return finished(self.folder / manifest)
+
+    def _rows(self, table: str) -> Iterator[dict[str, Any]]:
+        for row_id in self.ids(table):
+            yield from read_rows(table, self.path(table, row_id))
+
+    def _row(self, table: str, row_id: str) -> dict[str, Any]:
+        rows = read_rows(table, self.path(table, row_id))
+        if len(rows) != 1:
+            raise StoreError(f"it has {len(rows)} rows in place of one", where=self.path(table, row_id))
+        return rows[0]
+
+
+class FramesWriter:
+    """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
+
+    def __init__(self, store: Store, measurement_id: str, rig: Rig, table: TableWriter) -> None:
+        self._store = store
+        self._measurement_id = measurement_id
+        self._rig = rig
+        self._table = table
+        self._measured = 0
+        self._skipped: Counter[str] = Counter()
+        self._first_stamp_ns: int | None = None
+        self._last_stamp_ns: int | None = None
+
+    def add(self, frame: Measurement | Skipped) -> None:
+        """Take a measured frame or a skipped tick. Raises StoreError where it does not fit the rig."""
+        if isinstance(frame, Skipped):
+            self._table.add(skipped_row(self._measurement_id, frame))
+            self._skipped[frame.reason] += 1
+        else:
+            self._table.add(measured_row(self._measurement_id, frame, self._rig))
+            self._measured += 1
+        stamps = [stamp for stamp in (self._first_stamp_ns, frame.stamp_ns, self._last_stamp_ns) if stamp is not None]
+        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)
+
+    def commit(self, measurement: MeasurementRecord) -> None:
+        """Put the frames in their place, then write the row that makes the measurement finished.
+
+        Raises StoreError where the record is of another measurement.
+        """
+        if measurement.measurement_id != self._measurement_id:
+            raise StoreError(
+                f"the record is of measurement {measurement.measurement_id}",
+                where=f"measurement {self._measurement_id}",
+            )
+        self._table.commit()
+        row = {
+            **measurement_row(measurement),
+            "frames": self._measured + self._skipped.total(),
+            "measured": self._measured,
+            "skipped": dict(sorted(self._skipped.items())),
+            "first_stamp_ns": self._first_stamp_ns,
+            "last_stamp_ns": self._last_stamp_ns,
+        }
+        write_rows("measurements", self._store.path("measurements", self._measurement_id), [row])
+
+
+def _check_free(folder: Path, *, create: bool) -> None:
+    """Refuse a folder that is no store, unless one may be made in it."""
+    if folder.exists() and not folder.is_dir():
+        raise StoreError("it is a file, not a store", where=folder, remedy="name a folder")
+    content = [path for path in folder.iterdir() if not is_part(path)] if folder.exists() else []
+    if content:
+        raise StoreError(
+            f"it is no store: it has no {MARKER} but holds {content[0].name!r}",
+            where=folder,
+            remedy="name a store, or an empty or new folder to make one in",
+        )
+    if not create:
+        raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")
+
+
+def _check_marker(marker: Path) -> None:
+    try:
+        content = json.loads(marker.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StoreError(f"it cannot be read ({error})", where=marker) from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise StoreError("it is no store's", where=marker, remedy="name another folder")
+    version = content.get("schema_version")
+    if not isinstance(version, int):
+        raise StoreError("it does not say its schema version", where=marker)
+    if version > SCHEMA_VERSION:
+        raise newer_version(version, marker.parent)

@@ -1,0 +1,135 @@
+"""Parquet files of the store's tables: written with their schema, read one by one."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from auditor.errors import StoreError
+from auditor.store.files import PartFile, part_file
+from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
+
+Row = Mapping[str, object]
+
+BATCH_ROWS = 256
+ROW_GROUP_BATCHES = 32
+
+
+class TableWriter:
+    """Rows leave in row groups of BATCH_ROWS x ROW_GROUP_BATCHES, so memory stays bounded however many come."""
+
+    def __init__(self, schema: TableSchema, part: PartFile) -> None:
+        self._schema = schema.arrow
+        self._part = part
+        self._rows: list[Row] = []
+        self._batches: list[pa.RecordBatch] = []
+        with part.reporting():
+            self._parquet = pq.ParquetWriter(
+                part.file,
+                schema.arrow,
+                compression="zstd",
+                compression_level=3,
+                use_dictionary=schema.dictionary_columns,
+                column_encoding=schema.encodings,
+            )
+
+    def add(self, row: Row) -> None:
+        """Take one row; keys are column names."""
+        self._rows.append(row)
+        if len(self._rows) == BATCH_ROWS:
+            self._make_batch()
+
+    def commit(self) -> None:
+        """Write what is left and the footer, and give the file its place."""
+        self._make_batch()
+        self._write_group()
+        with self._part.reporting():
+            self._parquet.close()
+        self._part.commit()
+
+    def abandon(self) -> None:
+        """Let go of the file, whatever state it is in."""
+        with suppress(OSError):  # the part file goes; what a full disk did not take is of no interest any more
+            self._parquet.close()
+
+    def _make_batch(self) -> None:
+        if self._rows:
+            self._batches.append(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
+            self._rows = []
+        if len(self._batches) == ROW_GROUP_BATCHES:
+            self._write_group()
+
+    def _write_group(self) -> None:
+        if self._batches:
+            table = pa.Table.from_batches(self._batches, schema=self._schema)
+            with self._part.reporting():
+                self._parquet.write_table(table, row_group_size=len(table))
+            self._batches = []
+
+
+@contextmanager
+def writing(table: str, path: Path) -> Iterator[TableWriter]:
+    """A file of a table under way, discarded at the end of the block unless it was committed. Raises StoreError."""
+    with part_file(path) as part:
+        writer = TableWriter(table_schema(table), part)
+        try:
+            yield writer
+        finally:
+            writer.abandon()
+
+
+def write_rows(table: str, path: Path, rows: Iterable[Row]) -> None:
+    """Write a file of a table in one go. Raises StoreError."""
+    with writing(table, path) as writer:
+        for row in rows:
+            writer.add(row)
+        writer.commit()
+
+
+def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read a file of a table; columns that it does not have yet are NULL.
+
+    Raises StoreError where it is missing, torn, or of a newer version.
+    """
+    schema = table_schema(table).arrow
+    wanted = schema if columns is None else pa.schema([schema.field(name) for name in columns])
+    try:
+        with pq.ParquetFile(path) as file:
+            _check_version(file.schema_arrow, path)
+            present = [name for name in wanted.names if name in file.schema_arrow.names]
+            stored = file.read(columns=present)
+    except FileNotFoundError as error:
+        raise StoreError("it does not exist", where=path) from error
+    except (OSError, pa.ArrowException) as error:
+        raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error
+    arrays = [
+        stored.column(field.name).cast(field.type) if field.name in present else pa.nulls(len(stored), field.type)
+        for field in wanted
+    ]
+    return pa.Table.from_arrays(arrays, schema=wanted)
+
+
+def read_rows(table: str, path: Path) -> list[dict[str, Any]]:
+    """The rows of a file of a table as dictionaries. Raises StoreError."""
+    rows: list[dict[str, Any]] = read_table(table, path).to_pylist(maps_as_pydicts="strict")
+    return rows
+
+
+def _check_version(schema: pa.Schema, path: Path) -> None:
+    version = version_of(schema)
+    if version is None:
+        raise StoreError("it was not written by auditor", where=path)
+    if version > SCHEMA_VERSION:
+        raise newer_version(version, path)
+
+
+def newer_version(version: int, where: Path) -> StoreError:
+    """What is said of a file or store that a newer auditor has written."""
+    return StoreError(
+        f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
+        where=where,
+        remedy="use the auditor that wrote it, or a newer one",
+    )
