@@ -1,6 +1,14 @@
 """SEE: a frame becomes disparity maps, and those become counts of inconsistent pixels."""
 
-from auditor.evidence.measuring import Evidence, measure
-from auditor.evidence.pictures import Picture, draw
+import cv2
 
-__all__ = ["Evidence", "Picture", "draw", "measure"]
+from auditor.evidence.measuring import Evidence, measure
+from auditor.evidence.pictures import Picture, PictureBook, draw
+
+
+def use_one_thread() -> None:
+    """Keep OpenCV to one thread: SGBM gains nothing from more, and recordings are measured side by side."""
+    cv2.setNumThreads(1)
+
+
+__all__ = ["Evidence", "Picture", "PictureBook", "draw", "measure", "use_one_thread"]

@@ -1,6 +1,6 @@
 """Small pictures of one frame, so that a report needs no recording."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.measuring import Evidence
+from auditor.results import Measurement, Statistic
 from auditor.rig import LIDAR, Triple
 
 _JPEG_QUALITY = 80
@@ -15,6 +16,9 @@ _LIDAR_COLOUR = (255, 200, 0, 255)  # BGRA: light blue, drawn as dots over the c
 _CAMERA_COLOUR = (0, 110, 255, 150)  # orange, half transparent
 _DOT_PX = 3
 _VIEW_STEP = 2
+
+_SECOND_NS = 10**9
+_MOST_PICTURES = 60
 
 
 @dataclass(frozen=True)
@@ -59,3 +63,31 @@ def _paint(
 def _encoded(form: str, pixels: NDArray[np.uint8], options: list[int]) -> bytes:
     _, data = cv2.imencode(form, pixels, options)
     return data.tobytes()
+
+
+class PictureBook:
+    """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all."""
+
+    def __init__(self) -> None:
+        self._best: dict[int, tuple[float, int, Picture]] = {}
+
+    def offer(self, measurement: Measurement, evidence: Evidence) -> None:
+        """Take a frame's picture if its disparity errors are the largest of its second, and large enough to stay."""
+        errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
+        strength = sum(E for E in errors if E is not None)
+        second = measurement.stamp_ns // _SECOND_NS
+        rival = self._best.get(second)
+        if rival is None and len(self._best) >= _MOST_PICTURES:
+            second = min(self._best, key=lambda key: self._best[key][0])
+            rival = self._best[second]
+        if rival is not None and rival[0] >= strength:
+            return
+        picture = draw(evidence)
+        if picture is not None:
+            self._best.pop(second, None)
+            self._best[measurement.stamp_ns // _SECOND_NS] = (strength, measurement.number, picture)
+
+    def pages(self) -> Iterator[tuple[int, Picture]]:
+        """The frame numbers and pictures kept, in the order of the frames."""
+        for _, number, picture in sorted(self._best.values(), key=lambda kept: kept[1]):
+            yield number, picture

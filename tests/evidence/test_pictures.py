@@ -1,8 +1,9 @@
 import cv2
 import numpy as np
 
-from auditor.evidence import Evidence, draw, measure
+from auditor.evidence import Evidence, PictureBook, draw, measure
 from auditor.evidence.matchers.sgbm import SgbmMatcher
+from auditor.results import Counts, Measurement
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
 
 
@@ -24,3 +25,16 @@ def test_a_picture_shows_every_camera_and_marks_what_is_inconsistent() -> None:
 
 def test_there_is_no_picture_where_nothing_was_measured() -> None:
     assert draw(Evidence({}, {})) is None
+
+
+def test_a_picture_book_keeps_the_strongest_frame_of_each_second_and_the_strongest_seconds(monkeypatch) -> None:
+    monkeypatch.setattr("auditor.evidence.pictures._MOST_PICTURES", 2)
+    rig = plane_rig()
+    _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
+    book = PictureBook()
+    offers = [(0, 0.1, 10), (0, 0.9, 30), (0, 0.5, 20), (1, 0.2, 40), (2, 0.3, 90), (3, 0.1, 50)]
+    for second, strength, inconsistent in offers:
+        counts = Counts(1000, 0, 1000, inconsistent * 10, 0)
+        number = round(second * 10 + strength * 10)
+        book.offer(Measurement(number, round((second + strength) * 1e9), {}, (counts,), {}), evidence)
+    assert [number for number, _ in book.pages()] == [9, 23]
