@@ -1,1 +1,27 @@
 """READ: a file becomes messages, and messages become frames."""
+
+from auditor.recordings.finding import Found, find_recordings
+from auditor.recordings.interface import Damage, Reader, Recording, Topic
+from auditor.recordings.opening import open_recording
+from auditor.recordings.rig_file import read_rig, write_rig
+from auditor.recordings.rigs import check_rig, find_rigs
+from auditor.recordings.surveying import Survey, survey
+from auditor.recordings.synchronising import FrameStream, synchronise
+
+__all__ = [
+    "Damage",
+    "Found",
+    "FrameStream",
+    "Reader",
+    "Recording",
+    "Survey",
+    "Topic",
+    "check_rig",
+    "find_recordings",
+    "find_rigs",
+    "open_recording",
+    "read_rig",
+    "survey",
+    "synchronise",
+    "write_rig",
+]

@@ -1,0 +1,27 @@
+"""A list of damage that stays short however damaged a recording is."""
+
+from auditor.recordings.interface import Damage
+
+MAX_ENTRIES = 100
+
+
+class DamageLog:
+    """Collects Damage; beyond MAX_ENTRIES it only counts."""
+
+    def __init__(self) -> None:
+        self._entries: list[Damage] = []
+        self._more = 0
+
+    def add(self, what: str, offset: int | None = None, *, file: str = "") -> None:
+        """Note one more."""
+        if len(self._entries) < MAX_ENTRIES:
+            self._entries.append(Damage(what, offset, file))
+        else:
+            self._more += 1
+
+    @property
+    def entries(self) -> tuple[Damage, ...]:
+        """What was noted, the first ones in full."""
+        if not self._more:
+            return tuple(self._entries)
+        return (*self._entries, Damage(f"and {self._more} more damaged places"))

@@ -1,0 +1,91 @@
+"""Messages -> headers, pixels, points and calibration, by schema name."""
+
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import entry_points
+
+from auditor.recordings import schemas
+from auditor.recordings.decoding import kitti
+from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
+from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
+from auditor.recordings.decoding.interface import (
+    CameraInfo,
+    CameraInfoDecoder,
+    CloudDecoder,
+    Decoder,
+    Header,
+    ImageDecoder,
+    Transform,
+    TransformsDecoder,
+)
+from auditor.recordings.decoding.ros import RosTypes
+from auditor.recordings.interface import Recording
+
+__all__ = [
+    "CameraInfo",
+    "CameraInfoDecoder",
+    "CloudDecoder",
+    "Decoder",
+    "DecoderFactory",
+    "Decoders",
+    "Header",
+    "ImageDecoder",
+    "Transform",
+    "TransformsDecoder",
+]
+
+DecoderFactory = Callable[[RosTypes], Decoder]
+"""Makes a decoder, given the ROS types of the recording (which decoders of other encodings ignore)."""
+
+_ROS = frozenset({"cdr", "ros1"})
+
+DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
+    schemas.IMAGE: (_ROS, RawImageDecoder),
+    schemas.COMPRESSED_IMAGE: (_ROS, CompressedImageDecoder),
+    schemas.POINT_CLOUD: (_ROS, PointCloudDecoder),
+    schemas.CAMERA_INFO: (_ROS, RosCameraInfoDecoder),
+    schemas.TRANSFORMS: (_ROS, RosTransformsDecoder),
+    schemas.TRANSFORMS_OLD: (_ROS, RosTransformsDecoder),
+    kitti.PICTURE: (frozenset({"png"}), lambda _: kitti.KittiPictureDecoder()),
+    kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
+    kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),
+    kitti.TRANSFORMS: (frozenset({"json"}), lambda _: kitti.KittiTransformsDecoder()),
+}
+"""Built-in decoders by schema, with the message encodings they read.
+
+The entry points group `auditor.decoders` adds to them: each is named as its schema and yields such a pair.
+"""
+
+
+@cache
+def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
+    """The built-in table and what other packages offer; built-in schemas cannot be replaced."""
+    offered = {entry.name: entry.load() for entry in entry_points(group="auditor.decoders")}
+    return offered | DECODERS
+
+
+class Decoders:
+    """The decoders of one recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.types = RosTypes(recording.definition)
+        self._made: dict[tuple[str, str], Decoder | None] = {}
+
+    def of(self, schema: str, encoding: str) -> Decoder | None:
+        """The decoder of a schema in an encoding, or None where there is none."""
+        key = (schema, encoding)
+        if key not in self._made:
+            encodings, factory = decoder_table().get(schema, (frozenset(), None))
+            self._made[key] = factory(self.types) if factory and encoding in encodings else None
+        return self._made[key]
+
+    def image(self, schema: str, encoding: str) -> ImageDecoder | None:
+        """The same, where it decodes images."""
+        decoder = self.of(schema, encoding)
+        return decoder if decoder and decoder.kind == "image" else None
+
+    def cloud(self, schema: str, encoding: str) -> CloudDecoder | None:
+        """The same, where it decodes point clouds."""
+        decoder = self.of(schema, encoding)
+        return decoder if decoder and decoder.kind == "cloud" else None

@@ -1,0 +1,85 @@
+"""sensor_msgs/PointCloud2."""
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings.decoding.interface import Header
+from auditor.recordings.decoding.ros import RosTypes, read_header
+
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""sensor_msgs/PointField's numbers."""
+
+MAX_POINTS = 10**7
+
+
+class PointCloudDecoder:
+    """Fields by name and datatype, in any order, with any padding, of either byte order."""
+
+    kind: ClassVar[Literal["cloud"]] = "cloud"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return read_header(message)
+
+    def xyz_m(self, message: Message) -> NDArray[np.float32]:
+        """The finite points, (N, 3) float32 metres."""
+        cloud = self._types.decode(message)
+        return finite(_xyz(points_of(cloud)))
+
+
+def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is generated from the recording's definition
+    """The points as a structured array, (N,), a view of the message wherever rows have no padding."""
+    dtype = _point_type(cloud)
+    width, height = cloud.width, cloud.height
+    if width * height > MAX_POINTS:
+        raise DecodingError(f"a cloud of {width} x {height} points is not accepted")
+    row_bytes = width * cloud.point_step
+    # An unorganised cloud need not say how long its only row is.
+    row_step = cloud.row_step if height > 1 else max(cloud.row_step, row_bytes)
+    if row_step < row_bytes or len(cloud.data) != height * row_step:
+        raise DecodingError(
+            f"the cloud declares {height} rows of {width} points of {cloud.point_step} bytes, "
+            f"and holds {len(cloud.data)} bytes"
+        )
+    data = cloud.data.reshape(height, row_step)[:, :row_bytes] if row_step != row_bytes else cloud.data
+    points: NDArray[np.void] = np.ascontiguousarray(data).reshape(-1).view(dtype)
+    return points
+
+
+def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The points without NaN and infinity: LiDARs write them where nothing came back."""
+    # A sum is finite only where all three are; the other way round overflow would need coordinates of 1e38 m.
+    good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
+    return xyz_m if good.all() else xyz_m[good]
+
+
+def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class is generated
+    order = ">" if cloud.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for field in cloud.fields:
+        datatype = DATATYPES.get(field.datatype)
+        if field.name not in {"x", "y", "z"} or field.name in names or datatype is None or field.count > 1:
+            continue
+        if field.offset + int(datatype[1]) > cloud.point_step:
+            raise DecodingError(f"the field {field.name!r} lies outside its point")
+        names.append(field.name)
+        formats.append(order + datatype)
+        offsets.append(field.offset)
+    if len(names) != 3 or not cloud.point_step:
+        raise DecodingError("the cloud has no fields x, y and z")
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_step})
+
+
+def _xyz(points: NDArray[np.void]) -> NDArray[np.float32]:
+    xyz_m = np.empty((len(points), 3), np.float32)
+    with np.errstate(over="ignore"):
+        for column, name in enumerate("xyz"):
+            xyz_m[:, column] = points[name]
+    return xyz_m

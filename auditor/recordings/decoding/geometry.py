@@ -1,0 +1,74 @@
+"""sensor_msgs/CameraInfo and tf2_msgs/TFMessage."""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.geometry import Matrix, motion, rotation_from_quaternion
+from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
+from auditor.recordings.decoding.ros import RosTypes, read_header
+
+
+class RosCameraInfoDecoder:
+    """sensor_msgs/CameraInfo: K, D, R, P in ROS 1 and k, d, r, p in ROS 2."""
+
+    kind: ClassVar[Literal["camera_info"]] = "camera_info"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return read_header(message)
+
+    def camera_info(self, message: Message) -> CameraInfo:
+        """The calibration. Raises DecodingError where a number is not finite."""
+        info = self._types.decode(message)
+        d, k, r, p = (getattr(info, name, None) for name in (("D", "K", "R", "P") if hasattr(info, "K") else "dkrp"))
+        if d is None or k is None or r is None or p is None:
+            raise DecodingError("the camera info lacks one of D, K, R and P", where=message.topic)
+        return CameraInfo(
+            header=read_header(message),
+            width_px=info.width,
+            height_px=info.height,
+            distortion=tuple(float(value) for value in d),
+            intrinsics=_finite(k, 3, message.topic),
+            rotation=_finite(r, 3, message.topic),
+            projection=_finite(p, 4, message.topic),
+        )
+
+
+def _finite(values: Matrix, columns: int, topic: str) -> Matrix:
+    matrix = np.array(values, dtype=np.float64)
+    if matrix.size != 3 * columns or not np.isfinite(matrix).all():
+        raise DecodingError("the camera info holds a matrix that is none", where=topic)
+    return matrix.reshape(3, columns)
+
+
+class RosTransformsDecoder:
+    """tf2_msgs/TFMessage, and tf/tfMessage of old ROS 1."""
+
+    kind: ClassVar[Literal["transforms"]] = "transforms"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def transforms(self, message: Message) -> tuple[Transform, ...]:
+        """All of the message. Raises DecodingError for a rotation that is none."""
+        transforms = []
+        for stamped in self._types.decode(message).transforms:
+            rotation, translation = stamped.transform.rotation, stamped.transform.translation
+            try:
+                matrix = motion(
+                    rotation_from_quaternion(rotation.x, rotation.y, rotation.z, rotation.w),
+                    np.array([translation.x, translation.y, translation.z]),
+                )
+            except ValueError as error:
+                raise DecodingError(str(error), where=message.topic) from error
+            if not np.isfinite(matrix).all():
+                raise DecodingError("a transform is not finite", where=message.topic)
+            parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
+            transforms.append(Transform(parent, child, matrix))
+        return tuple(transforms)

@@ -1,0 +1,148 @@
+"""sensor_msgs/Image and sensor_msgs/CompressedImage."""
+
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings.decoding.interface import Header, SizePx
+from auditor.recordings.decoding.pictures import check_size, decode_picture, look_at_picture
+from auditor.recordings.decoding.ros import RosTypes, read_header
+
+
+class Encoding(NamedTuple):
+    """How the pixels of a raw image lie in memory.
+
+    `to_grey` and `to_bgr` name OpenCV's colour conversions; None: as it is. `planar` images have their chroma rows
+    below the picture (height * 3 / 2 rows).
+    """
+
+    channels: int
+    to_grey: str | None
+    to_bgr: str | None
+    bytes_a_value: int = 1
+    planar: bool = False
+    has_colour: bool = True
+
+
+def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
+    # ROS names the order by the picture's first four pixels, as OpenCV's later names do.
+    return Encoding(1, f"COLOR_Bayer{order}2GRAY", f"COLOR_Bayer{order}2BGR", bytes_a_value)
+
+
+_GREY = Encoding(1, None, None, has_colour=False)
+_UYVY = Encoding(2, "COLOR_YUV2GRAY_UYVY", "COLOR_YUV2BGR_UYVY")
+_YUYV = Encoding(2, "COLOR_YUV2GRAY_YUY2", "COLOR_YUV2BGR_YUY2")
+
+ENCODINGS = {
+    "mono8": _GREY,
+    "8UC1": _GREY,
+    "mono16": Encoding(1, None, None, bytes_a_value=2, has_colour=False),
+    "16UC1": Encoding(1, None, None, bytes_a_value=2, has_colour=False),
+    "bgr8": Encoding(3, "COLOR_BGR2GRAY", None),
+    "8UC3": Encoding(3, "COLOR_BGR2GRAY", None),
+    "rgb8": Encoding(3, "COLOR_RGB2GRAY", "COLOR_RGB2BGR"),
+    "bgra8": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
+    "8UC4": Encoding(4, "COLOR_BGRA2GRAY", "COLOR_BGRA2BGR"),
+    "rgba8": Encoding(4, "COLOR_RGBA2GRAY", "COLOR_RGBA2BGR"),
+    "bayer_rggb8": _bayer("RGGB"),
+    "bayer_bggr8": _bayer("BGGR"),
+    "bayer_gbrg8": _bayer("GBRG"),
+    "bayer_grbg8": _bayer("GRBG"),
+    "bayer_rggb16": _bayer("RGGB", 2),
+    "bayer_bggr16": _bayer("BGGR", 2),
+    "bayer_gbrg16": _bayer("GBRG", 2),
+    "bayer_grbg16": _bayer("GRBG", 2),
+    "yuv422": _UYVY,
+    "uyvy": _UYVY,
+    "yuv422_yuy2": _YUYV,
+    "yuyv": _YUYV,
+    "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
+    "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
+}
+"""Encodings of sensor_msgs/image_encodings.hpp that are understood; 16-bit values keep their upper 8 bits."""
+
+
+class RawImageDecoder:
+    """sensor_msgs/Image."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return read_header(message)
+
+    def size_px(self, message: Message) -> SizePx:
+        """The declared width and height."""
+        image = self._types.decode(message)
+        return image.width, image.height
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder. The array is a view of the message where nothing had to be converted."""
+        image = self._types.decode(message)
+        check_size((image.width, image.height), size_px)
+        encoding = ENCODINGS.get(image.encoding)
+        if encoding is None:
+            raise DecodingError(f"the image encoding {image.encoding!r} is not understood", where=message.topic)
+        return _convert(_rows(image, encoding), encoding, colour=colour)
+
+
+def _rows(image: Any, encoding: Encoding) -> NDArray[np.uint8]:  # noqa: ANN401  # the class is generated
+    """The values as (rows, width) or (rows, width, channels) uint8."""
+    if encoding.planar and image.height % 2:
+        raise DecodingError("a planar image needs an even height")
+    rows = image.height * 3 // 2 if encoding.planar else image.height
+    row_bytes = image.width * encoding.channels * encoding.bytes_a_value
+    if image.step < row_bytes or len(image.data) != rows * image.step:
+        raise DecodingError(
+            f"the image declares {rows} rows of {image.step} bytes for {image.width} px, "
+            f"and holds {len(image.data)} bytes"
+        )
+    values = image.data.reshape(rows, image.step)[:, :row_bytes]
+    if encoding.bytes_a_value == 2:
+        high = 0 if image.is_bigendian else 1
+        values = values[:, high::2]
+    shape = (rows, image.width, encoding.channels) if encoding.channels > 1 else (rows, image.width)
+    result: NDArray[np.uint8] = np.ascontiguousarray(values).reshape(shape)
+    return result
+
+
+def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> NDArray[np.uint8]:
+    conversion = encoding.to_bgr if colour else encoding.to_grey
+    if conversion is None:
+        return values
+    try:
+        return np.asarray(cv2.cvtColor(values, getattr(cv2, conversion)), dtype=np.uint8)
+    except cv2.error as error:
+        raise DecodingError(f"the image cannot be converted ({error.err})") from error
+
+
+class CompressedImageDecoder:
+    """sensor_msgs/CompressedImage with a PNG or JPEG inside, told by its first bytes: `format` is free text."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return read_header(message)
+
+    def size_px(self, message: Message) -> SizePx:
+        """What the picture's own header declares."""
+        return look_at_picture(self.picture(message)).size_px
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder."""
+        return decode_picture(self.picture(message), colour=colour, size_px=size_px)
+
+    def picture(self, message: Message) -> memoryview:
+        """The picture file inside the message."""
+        return memoryview(self._types.decode(message).data)

@@ -1,0 +1,97 @@
+"""What a message can hold, and what a decoder of each kind offers. All raise DecodingError and nothing else."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.frames import Message
+from auditor.geometry import Matrix
+
+SizePx = tuple[int, int]
+"""Width and height."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """When the data was captured (0: the sensor did not say) and in which coordinate frame it is."""
+
+    stamp_ns: int
+    frame_id: str
+
+
+@dataclass(frozen=True, eq=False)
+class CameraInfo:
+    """The camera calibration that a recording carries (sensor_msgs/CameraInfo).
+
+    `intrinsics` K and `rotation` R are (3, 3), `projection` P is (3, 4), `distortion` D has any length.
+    """
+
+    header: Header
+    width_px: int
+    height_px: int
+    distortion: tuple[float, ...]
+    intrinsics: Matrix
+    rotation: Matrix
+    projection: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """Where the child frame lies: `parent_SE3_child` is (4, 4)."""
+
+    parent: str
+    child: str
+    parent_SE3_child: Matrix
+
+
+class ImageDecoder(Protocol):
+    """Decodes the images of one schema."""
+
+    kind: ClassVar[Literal["image"]]
+
+    def header(self, message: Message) -> Header:
+        """The header alone, cheaply."""
+
+    def size_px(self, message: Message) -> SizePx:
+        """What the message declares, without decoding its pixels."""
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """(H, W) grey, or with `colour` (H, W, 3) BGR where the image has colours; the size is checked first."""
+
+
+class CloudDecoder(Protocol):
+    """Decodes the point clouds of one schema."""
+
+    kind: ClassVar[Literal["cloud"]]
+
+    def header(self, message: Message) -> Header:
+        """The header alone, cheaply."""
+
+    def xyz_m(self, message: Message) -> NDArray[np.float32]:
+        """The finite points, (N, 3) float32 metres."""
+
+
+class CameraInfoDecoder(Protocol):
+    """Decodes the camera calibrations of one schema."""
+
+    kind: ClassVar[Literal["camera_info"]]
+
+    def header(self, message: Message) -> Header:
+        """The header alone, cheaply."""
+
+    def camera_info(self, message: Message) -> CameraInfo:
+        """The calibration."""
+
+
+class TransformsDecoder(Protocol):
+    """Decodes the transforms of one schema."""
+
+    kind: ClassVar[Literal["transforms"]]
+
+    def transforms(self, message: Message) -> tuple[Transform, ...]:
+        """All of the message."""
+
+
+Decoder = ImageDecoder | CloudDecoder | CameraInfoDecoder | TransformsDecoder

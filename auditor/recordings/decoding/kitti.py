@@ -1,0 +1,93 @@
+"""The payloads of a KITTI raw drive: picture files, scans, and calibration made into small JSON messages.
+
+Format: the KITTI raw data development kit. A scan is N x (x, y, z, reflectance), float32.
+"""
+
+import json
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings.decoding.clouds import finite
+from auditor.recordings.decoding.interface import CameraInfo, Header, SizePx, Transform
+from auditor.recordings.decoding.pictures import decode_picture, look_at_picture
+
+PICTURE = "kitti/Picture"
+SCAN = "kitti/Scan"
+CALIBRATION = "kitti/Calibration"
+TRANSFORMS = "kitti/Transforms"
+LIDAR_FRAME = "velo_link"
+POINT_BYTES = 16
+
+
+def camera_frame(topic: str) -> str:
+    """The coordinate frame of a camera's topics: `/kitti/camera_gray_left/image_rect` -> `camera_gray_left`."""
+    return topic.split("/")[2]
+
+
+class KittiPictureDecoder:
+    """PNG files; they carry no stamp of their own, the reader took it from timestamps.txt."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def header(self, message: Message) -> Header:
+        """The stamp is the message's own."""
+        return Header(message.log_time_ns, camera_frame(message.topic))
+
+    def size_px(self, message: Message) -> SizePx:
+        """What the picture's own header declares."""
+        return look_at_picture(memoryview(message.data)).size_px
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder."""
+        return decode_picture(memoryview(message.data), colour=colour, size_px=size_px)
+
+
+class KittiScanDecoder:
+    """Scans of the HDL-64E."""
+
+    kind: ClassVar[Literal["cloud"]] = "cloud"
+
+    def header(self, message: Message) -> Header:
+        """The stamp is the message's own."""
+        return Header(message.log_time_ns, LIDAR_FRAME)
+
+    def xyz_m(self, message: Message) -> NDArray[np.float32]:
+        """The finite points, (N, 3) float32 metres."""
+        if len(message.data) % POINT_BYTES:
+            raise DecodingError(f"the scan is cut: {len(message.data)} bytes are no whole points", where=message.topic)
+        points = np.frombuffer(message.data, "<f4").reshape(-1, 4)
+        return finite(np.ascontiguousarray(points[:, :3], dtype=np.float32))
+
+
+class KittiCalibrationDecoder:
+    """A camera's part of calib_cam_to_cam.txt: P_rect and S_rect; the images are rectified, so D = 0 and R = I."""
+
+    kind: ClassVar[Literal["camera_info"]] = "camera_info"
+
+    def header(self, message: Message) -> Header:
+        """The stamp is the message's own."""
+        return Header(message.log_time_ns, camera_frame(message.topic))
+
+    def camera_info(self, message: Message) -> CameraInfo:
+        """The calibration."""
+        calibration = json.loads(bytes(message.data))
+        projection = np.array(calibration["P_rect"], dtype=np.float64).reshape(3, 4)
+        width, height = (round(value) for value in calibration["S_rect"])
+        return CameraInfo(self.header(message), width, height, (), projection[:, :3], np.eye(3), projection)
+
+
+class KittiTransformsDecoder:
+    """Where the cameras and the LiDAR lie, from both calibration files."""
+
+    kind: ClassVar[Literal["transforms"]] = "transforms"
+
+    def transforms(self, message: Message) -> tuple[Transform, ...]:
+        """All of the message."""
+        return tuple(
+            Transform(entry["parent"], entry["child"], np.array(entry["parent_SE3_child"], dtype=np.float64))
+            for entry in json.loads(bytes(message.data))
+        )

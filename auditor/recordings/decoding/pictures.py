@@ -1,0 +1,122 @@
+"""PNG and JPEG files: looked at before they are decoded, and checked for being whole.
+
+Formats: PNG specification (ISO/IEC 15948), sections 5 and 11; JPEG, ITU-T T.81, annex B.
+"""
+
+import struct
+import zlib
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.recordings.decoding.interface import SizePx
+
+MAX_PIXELS = 64 * 10**6
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+JPEG_MAGIC = b"\xff\xd8"
+
+_PNG_GREY = {0, 4}
+_JPEG_SIZE = struct.Struct(">BHHB")
+_JPEG_NO_SIZE = {0xC4, 0xC8, 0xCC}
+_JPEG_WITHOUT_LENGTH = {0x01, 0xFF, *range(0xD0, 0xD8)}  # 0xFF fills
+_JPEG_END_SEARCH_BYTES = 1024
+
+
+class Picture(NamedTuple):
+    """What the header of a picture file declares."""
+
+    form: str
+    size_px: SizePx
+    grey: bool
+
+
+def look_at_picture(data: memoryview) -> Picture:
+    """Read size and colour from a PNG's or JPEG's header. Raises DecodingError."""
+    if data[:8] == PNG_MAGIC:
+        return _look_at_png(data)
+    if data[:2] == JPEG_MAGIC:
+        return _look_at_jpeg(data)
+    raise DecodingError("the compressed image is neither PNG nor JPEG")
+
+
+def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) -> NDArray[np.uint8]:
+    """Pixels of a whole PNG or JPEG file. Raises DecodingError where it is cut, damaged, or of another size."""
+    picture = look_at_picture(data)
+    check_size(picture.size_px, size_px)
+    if picture.form == "png":
+        _check_png_chunks(data)
+    elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(b"\xff\xd9") < 0:
+        # Inside the picture an 0xFF is always followed by 0: this pair is the end and nothing else.
+        raise DecodingError("the JPEG is cut: it has no end")
+    flag = cv2.IMREAD_COLOR if colour and not picture.grey else cv2.IMREAD_GRAYSCALE
+    try:
+        # A camera's own turning mark would turn the picture away from its projection matrix.
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error as error:
+        raise DecodingError(f"the image cannot be decoded ({error.err})") from error
+    if pixels is None or pixels.shape[1::-1] != picture.size_px:
+        raise DecodingError("the image cannot be decoded whole")
+    return np.asarray(pixels, dtype=np.uint8)
+
+
+def encode_picture(pixels: NDArray[np.uint8], form: str) -> bytes:
+    """A PNG (lossless) or JPEG (quality 95) file of (H, W) grey or (H, W, 3) BGR pixels."""
+    if form == "png":
+        done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    else:
+        done, data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    assert done
+    return data.tobytes()
+
+
+def check_size(found: SizePx, expected: SizePx | None) -> None:
+    """Raises DecodingError where a declared size is absurd, or not the camera's."""
+    if not 0 < found[0] * found[1] <= MAX_PIXELS:
+        raise DecodingError(f"an image of {found[0]} x {found[1]} px is not accepted")
+    if expected is not None and found != expected:
+        raise DecodingError(f"the image has {found[0]} x {found[1]} px instead of {expected[0]} x {expected[1]}")
+
+
+def _look_at_png(data: memoryview) -> Picture:
+    if len(data) < 33 or bytes(data[12:16]) != b"IHDR":
+        raise DecodingError("the PNG is cut in its header")
+    width, height, _, colour_type = struct.unpack_from(">IIBB", data, 16)
+    return Picture("png", (width, height), grey=colour_type in _PNG_GREY)
+
+
+def _check_png_chunks(data: memoryview) -> None:
+    position, kind = len(PNG_MAGIC), b""
+    while kind != b"IEND":
+        if position + 12 > len(data):
+            raise DecodingError("the PNG is cut")
+        (length,) = struct.unpack_from(">I", data, position)
+        kind = bytes(data[position + 4 : position + 8])
+        end = position + 8 + length
+        if end + 4 > len(data):
+            raise DecodingError("the PNG is cut")
+        # Decoders pass over a wrong checksum, and a flipped bit would look like an attack.
+        if zlib.crc32(data[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            raise DecodingError(f"the checksum of the PNG's {kind.decode('latin-1')!r} part is wrong")
+        position = end + 4
+
+
+def _look_at_jpeg(data: memoryview) -> Picture:
+    position = 2
+    while position + 4 <= len(data) and data[position] == 0xFF:
+        marker = data[position + 1]
+        if marker in _JPEG_WITHOUT_LENGTH:
+            position += 1 if marker == 0xFF else 2
+            continue
+        length = int.from_bytes(data[position + 2 : position + 4], "big")
+        if 0xC0 <= marker <= 0xCF and marker not in _JPEG_NO_SIZE:
+            if position + 4 + _JPEG_SIZE.size > len(data):
+                break
+            _, height, width, components = _JPEG_SIZE.unpack_from(data, position + 4)
+            return Picture("jpeg", (width, height), grey=components == 1)
+        if length < 2:
+            break
+        position += 2 + length
+    raise DecodingError("the JPEG is cut or damaged in its header")

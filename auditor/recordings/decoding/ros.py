@@ -1,0 +1,86 @@
+"""ROS messages: the header by hand, because it is needed of every message; the rest by rosbags' typestore."""
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings.decoding.interface import Header
+from auditor.recordings.interface import Definition
+
+_CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
+_ROS1_HEAD = struct.Struct("<4xIII")
+_MAX_FRAME_ID_BYTES = 1024
+_IDL_RULER = "=" * 80 + "\n"
+
+
+def read_header(message: Message) -> Header:
+    """The std_msgs/Header that a message begins with. Raises DecodingError."""
+    data = message.data
+    layout = _ROS1_HEAD if message.encoding == "ros1" else _CDR_HEAD.get(bytes(data[:2]))
+    if layout is None or len(data) < layout.size:
+        raise DecodingError("the message has no readable header", where=message.topic)
+    seconds, nanoseconds, length = layout.unpack_from(data)
+    end = layout.size + length
+    if length > _MAX_FRAME_ID_BYTES or end > len(data):
+        raise DecodingError("the message is cut in its header", where=message.topic)
+    frame_id = bytes(data[layout.size : end]).rstrip(b"\0").decode("utf-8", "replace")
+    return Header(seconds * 10**9 + nanoseconds, frame_id.lstrip("/"))
+
+
+class RosTypes:
+    """Decodes messages by the definitions found in their recording.
+
+    Where a recording carries none (older .db3 files), ROS 2's own definitions stand in.
+    """
+
+    def __init__(self, definition: Callable[[str], Definition | None]) -> None:
+        self._definition = definition
+        self._stores: dict[str, Typestore] = {}
+
+    def store(self, schema: str) -> Typestore:
+        """The typestore that knows one schema. Raises DecodingError where its definition makes no sense."""
+        # One store a schema: two definitions may disagree about a type that both embed.
+        if schema not in self._stores:
+            self._stores[schema] = _make_store(schema, self._definition(schema))
+        return self._stores[schema]
+
+    def decode(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the recording's definition
+        """The message as an object whose fields are numbers, strings, arrays or lists. Raises DecodingError."""
+        store = self.store(message.schema)
+        data = memoryview(message.data)
+        try:
+            if message.encoding == "ros1":
+                return store.deserialize_ros1(data, message.schema)
+            return store.deserialize_cdr(data, message.schema)
+        except (SerdeError, KeyError) as error:
+            raise DecodingError(f"the message does not fit its definition ({error})", where=message.topic) from error
+
+
+def _make_store(schema: str, definition: Definition | None) -> Typestore:
+    if definition is None:
+        return get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(parse_definition(schema, definition))
+        store.get_msgdef(schema)
+    except (TypesysError, KeyError, ValueError, RecursionError, AssertionError) as error:
+        raise DecodingError(f"its definition cannot be understood ({error})", where=schema) from error
+    return store
+
+
+def parse_definition(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees
+    """The types that a definition's text declares, as rosbags' typestores take them. Raises rosbags' TypesysError."""
+    if definition.encoding != "ros2idl":
+        return get_types_from_msg(definition.text, schema)
+    types: dict[str, Any] = {}
+    for part in definition.text.split(_IDL_RULER):
+        _, line_end, text = part.partition("\n") if part.startswith("IDL: ") else ("", "\n", part)
+        if line_end and text.strip():
+            types.update(get_types_from_idl(text))
+    return types

@@ -1,0 +1,142 @@
+"""Reading an MCAP file forward, record by record, within bounds (format: the MCAP specification, version 0)."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import IO, NamedTuple
+
+from auditor.recordings.damage_log import DamageLog
+from auditor.recordings.mcap_chunks import MAX_BYTES
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
+
+
+class Opcode:
+    """The records that are looked into (mcap.opcode has them as an IntEnum, which is slow to compare with)."""
+
+    FOOTER = 0x02
+    SCHEMA = 0x03
+    CHANNEL = 0x04
+    MESSAGE = 0x05
+    CHUNK = 0x06
+    ATTACHMENT = 0x09
+    METADATA = 0x0C
+    DATA_END = 0x0F
+
+
+class CutError(Exception):
+    """The file ends inside a record; caught by the reading loop."""
+
+
+class Record(NamedTuple):
+    """A record's kind, where it starts in the file, and the length of its body."""
+
+    opcode: int
+    offset: int
+    length: int
+
+
+class ForwardStream:
+    """A file read forward only. With `checksum` the CRC of everything passed is kept, skipped bytes included."""
+
+    def __init__(self, file: IO[bytes], size: int, *, checksum: bool) -> None:
+        self._file = file
+        self._checksum = checksum
+        self.size = size
+        self.offset = 0
+        self.crc = 0
+
+    def read(self, length: int) -> bytes:
+        """Exactly `length` bytes. Raises CutError."""
+        if self.offset + length > self.size:
+            raise CutError
+        data = self._file.read(length)
+        self.offset += len(data)
+        if len(data) < length:
+            raise CutError
+        if self._checksum:
+            self.crc = zlib.crc32(data, self.crc)
+        return data
+
+    def skip_to(self, offset: int) -> None:
+        """Move forward without keeping what lies between. Raises CutError."""
+        if not self._checksum:
+            if offset > self.size:
+                raise CutError
+            self._file.seek(offset)
+            self.offset = offset
+            return
+        while self.offset < offset:
+            self.read(min(offset - self.offset, 1 << 20))
+
+
+def records(stream: ForwardStream, damage: DamageLog) -> Iterator[Record]:
+    """Every top-level record up to the footer; the caller may read its body, and what it leaves is skipped.
+
+    Stops, noting the damage, where the file is cut or filled with zeros, or where a length makes no sense. Raises
+    CutError where the file became shorter while it was read.
+    """
+    stream.read(len(MAGIC))
+    start = stream.offset
+    while start < stream.size:
+        try:
+            opcode, length = HEAD.unpack(stream.read(HEAD.size))
+        except CutError:
+            break
+        end = start + HEAD.size + length
+        if opcode == 0:
+            damage.add(f"no records from here on: {stream.size - start} bytes are not read", start)
+            return
+        if end > stream.size:
+            break
+        yield Record(opcode, start, length)
+        if opcode == Opcode.FOOTER:
+            return
+        stream.skip_to(end)
+        start = end
+    damage.add("the recording is cut, or still being written: it ends without its footer", start)
+
+
+def read_body(stream: ForwardStream, record: Record, damage: DamageLog) -> bytes | None:
+    """The body of a record, or None, noting the damage, where it is larger than is accepted. Raises CutError."""
+    if record.length > MAX_BYTES:
+        damage.add(f"a record of {record.length} bytes is left out; at most {MAX_BYTES} are accepted", record.offset)
+        return None
+    return stream.read(record.length)
+
+
+class Ending(NamedTuple):
+    """What the last bytes of a whole file say: its summary section, and the CRC of the data section (0: none)."""
+
+    summary: bytes
+    data_crc: int
+
+
+def read_ending(file: IO[bytes], size: int) -> Ending | None:
+    """Look at the footer, the record before the summary and the summary; None where they are not whole.
+
+    Only names are ever taken from a summary: no message is found through it.
+    """
+    tail = len(MAGIC) + _FOOTER.size
+    if size < len(MAGIC) + _DATA_END.size + tail:
+        return None
+    file.seek(size - tail)
+    footer = file.read(tail)
+    opcode, length, summary_start, _, summary_crc = _FOOTER.unpack_from(footer)
+    if (opcode, length, footer[-len(MAGIC) :]) != (Opcode.FOOTER, _FOOTER.size - HEAD.size, MAGIC):
+        return None
+    end = size - tail
+    summary_start = summary_start or end
+    if not len(MAGIC) + _DATA_END.size <= summary_start <= end or end - summary_start > MAX_BYTES:
+        return None
+    file.seek(summary_start - _DATA_END.size)
+    opcode, length, data_crc = _DATA_END.unpack(file.read(_DATA_END.size))
+    if (opcode, length) != (Opcode.DATA_END, _DATA_END.size - HEAD.size):
+        return None
+    summary = file.read(end - summary_start)
+    if summary_crc and zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != summary_crc:
+        return None
+    return Ending(summary, data_crc)

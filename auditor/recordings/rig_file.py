@@ -1,0 +1,68 @@
+"""rig.toml: a rig that people can read and correct, with every number exact."""
+
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from auditor.errors import RigError
+from auditor.geometry import Matrix
+from auditor.rig import Rig
+
+_HEAD = """\
+# The sensors of a vehicle: S_0 is the LiDAR, S_1..S_n are the cameras from right to left.
+# projection: 3 x 4, points of the rig frame in metres to pixels of the rectified image.
+# rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
+"""
+
+
+def read_rig(path: Path) -> Rig:
+    """Read a rig file. Raises RigError where it is missing, or holds no rig."""
+    try:
+        description = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise RigError(f"the rig file cannot be read ({reason})", where=path) from error
+    try:
+        return Rig.from_dict(description)
+    except RigError as error:
+        raise RigError(error.what, where=path, remedy="compare it with one written by `auditor inspect`") from error
+
+
+def write_rig(rig: Rig, path: Path) -> None:
+    """Write a rig file that `read_rig` reads back, number by number. Raises RigError where it cannot be written."""
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text("\n".join(_lines(rig)) + "\n", "utf-8")
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise RigError(f"the rig file cannot be written ({error.strerror})", where=path) from error
+
+
+def _lines(rig: Rig) -> Iterator[str]:
+    yield _HEAD
+    if rig.lidar:
+        yield "[lidar]"
+        yield f"name = {_text(rig.lidar.name)}"
+        yield f"topic = {_text(rig.lidar.topic)}"
+        yield f"rig_SE3_lidar = {_matrix(rig.lidar.rig_SE3_lidar)}"
+    for camera in rig.cameras:
+        yield f"\n[[cameras]]  # S_{camera.number}, x = {camera.centre_m[0]:+.4f} m"
+        yield f"number = {camera.number}"
+        yield f"name = {_text(camera.name)}"
+        yield f"topic = {_text(camera.topic)}"
+        yield f"width_px = {camera.width_px}"
+        yield f"height_px = {camera.height_px}"
+        yield f"rectified = {str(camera.rectified).lower()}"
+        yield f"projection = {_matrix(camera.projection)}"
+
+
+def _text(text: str) -> str:
+    # TOML's strings are JSON's, but for the one control character that JSON leaves as it is.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _matrix(matrix: Matrix) -> str:
+    rows = ("    [" + ", ".join(repr(float(value)) for value in row) + "]," for row in matrix)
+    return "[\n" + "\n".join(rows) + "\n]"

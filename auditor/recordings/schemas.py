@@ -1,0 +1,15 @@
+"""Schema names: ROS 1 writes `sensor_msgs/Image`, ROS 2 `sensor_msgs/msg/Image`; here it is always the second."""
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORMS_OLD = "tf/msg/tfMessage"
+STRING = "std_msgs/msg/String"
+
+
+def schema_name(name: str) -> str:
+    """The name in its ROS 2 spelling; names that are not `package/Type` stay as they are."""
+    package, slash, kind = name.partition("/")
+    return f"{package}/msg/{kind}" if slash and kind and "/" not in kind else name
