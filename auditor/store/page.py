@@ -99,6 +99,7 @@ class Provenance:
     versions: Mapping[str, str]
     calibration_id: str = ""
     calibrated_on: tuple[str, ...] = ()
+    method: str = ""
     statistic: Statistic | None = None
     r: Decimal | None = None
     resolvable: bool = True

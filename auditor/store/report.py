@@ -1,26 +1,34 @@
 """The incident report: one self-contained HTML page, made from the store alone."""
 
 import math
-import os
 from decimal import Decimal
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
 
-from auditor.errors import StoreError
 from auditor.resources import resource_folder
+from auditor.store.files import write_whole
 from auditor.store.page import IncidentPage
+from auditor.store.page_loading import MOST_SECTIONS, load_page
 from auditor.store.plots import LEFT_PX, RIGHT_PX
+from auditor.store.store import Store
 
 LEAST_COVERAGE = 0.99
 """Below this share of audited frames the page says so at its top."""
 
-MOST_SECTIONS = 12
-"""Recordings that are shown in full; of more, those with the most frames raised."""
-
 THIN_SPACE = "\u2009"
 NO_BREAK_SPACE = "\u00a0"
+
+
+def render_incident_report(store: Store, *, out: Path, recording: str | None = None) -> Path:
+    """Write the page of one recording (by name, id or first digits of its id), or of the whole store; answer `out`.
+
+    Raises StoreError where the store has no such recording, nothing was measured, or the page cannot be written.
+    """
+    text = render(load_page(store, recording))
+    write_whole(out, text.encode())
+    return out
 
 
 def render(page: IncidentPage) -> str:
@@ -37,21 +45,6 @@ def render(page: IncidentPage) -> str:
             most_sections=MOST_SECTIONS,
         )
     )
-
-
-def write_whole(text: str, out: Path) -> Path:
-    """Write a file beside its place and rename it into it. Raises StoreError where that fails."""
-    beside = out.with_name(f".{out.name}.{os.getpid()}.part")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(out)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise StoreError(
-            f"the report cannot be written ({error.strerror})", where=out, remedy="choose another place"
-        ) from error
-    return out
 
 
 def _environment() -> jinja2.Environment:

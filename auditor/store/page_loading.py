@@ -1,0 +1,412 @@
+"""From the store to the incident page: no recording is needed."""
+
+import base64
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import auditor
+from auditor.errors import StoreError
+from auditor.frames import SensorState
+from auditor.results import FINDINGS, Statistic, VerdictKind
+from auditor.rig import Rig
+from auditor.store.page import (
+    Agreement,
+    Clock,
+    IncidentPage,
+    IncidentPart,
+    Provenance,
+    RecordingPart,
+    SensorLine,
+    ThresholdLine,
+    Truth,
+    View,
+)
+from auditor.store.plots import NS_PER_S, Figure, Row, Series, draw, median_period_ns
+from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
+from auditor.store.store import Store
+from auditor.store.tables import read_rows, read_table
+
+MOST_SECTIONS = 12
+"""Recordings that are shown in full; of more, those with the most frames raised."""
+
+MOST_DRAWN = 10
+"""Incidents that are drawn; of more, those with named sensors first, then the longest."""
+
+MARGIN_NS = 2 * NS_PER_S
+MARGIN_SHARE = 0.5
+"""Before and after an incident at least so much is drawn: 2 s, and half of its duration."""
+
+COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
+
+
+@dataclass(frozen=True, eq=False)
+class _Audit:
+    """One measurement of a recording with its current judgement; `verdicts` are read only where frames were raised."""
+
+    recording: RecordingRecord
+    measurement: StoredMeasurement
+    judgement: StoredJudgement | None
+    rig: Rig
+
+    @property
+    def raised(self) -> int:
+        """Frames with a finding."""
+        return sum(count for kind, count in self.judgement.counts.items() if kind in FINDINGS) if self.judgement else 0
+
+
+def load_page(store: Store, recording: str | None = None) -> IncidentPage:
+    """Everything that the page shows of one recording (by name, id or first digits of its id), or of all.
+
+    Raises StoreError where the store has no such recording, or was not measured.
+    """
+    audits = _audits(store, recording)
+    parts = {audit.measurement.measurement_id: _outline(store, audit) for audit in audits}
+    numbered = _numbered(list(parts.values()))
+    shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
+    drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
+    full = [
+        _in_full(store, audit, part, drawn) if part.provenance.measurement_id in shown else part
+        for audit, part in zip(audits, numbered, strict=True)
+    ]
+    return _page(store, full)
+
+
+def _page(store: Store, parts: Sequence[RecordingPart]) -> IncidentPage:
+    return IncidentPage(
+        made_at=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        auditor_version=auditor.__version__,
+        store=str(store.folder),
+        recordings=tuple(parts),
+    )
+
+
+def _audits(store: Store, wanted: str | None) -> list[_Audit]:
+    """The latest measurement of each rig of each wanted recording, by time of recording."""
+    recordings = {
+        recording.recording_id: recording
+        for recording in store.recordings()
+        if wanted is None or wanted == recording.name or (wanted and recording.recording_id.startswith(wanted))
+    }
+    if wanted is not None and not recordings:
+        raise StoreError(
+            f"no recording has the name or id {wanted!r}", where=store.folder, remedy="see auditor query summary"
+        )
+    latest: dict[tuple[str, str], StoredMeasurement] = {}
+    for measurement in sorted(store.measurements(), key=lambda one: one.measured_at):
+        if measurement.recording_id in recordings:
+            latest[measurement.recording_id, measurement.rig_id] = measurement
+    if not latest:
+        raise StoreError("nothing was measured", where=store.folder, remedy="run auditor scan first")
+    audits = [
+        _Audit(
+            recordings[measurement.recording_id],
+            measurement,
+            store.current_judgement(measurement.measurement_id),
+            store.rig(measurement.rig_id),
+        )
+        for measurement in latest.values()
+    ]
+    return sorted(audits, key=lambda audit: (audit.recording.from_ns or 0, audit.recording.name))
+
+
+def _outline(store: Store, audit: _Audit) -> RecordingPart:
+    """What the tables at the top of the page need."""
+    stamps = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns"])["stamp_ns"]
+    stamps_ns = stamps.to_numpy()
+    origin_ns, to_ns = (int(stamps_ns.min()), int(stamps_ns.max())) if len(stamps_ns) else (0, 0)
+    counts = audit.judgement.counts if audit.judgement else {}
+    recording = audit.recording
+    return RecordingPart(
+        recording_id=recording.recording_id,
+        name=recording.name,
+        vehicle=recording.vehicle,
+        date=str(recording.date) if recording.date else None,
+        drive=recording.drive,
+        damage=tuple(dict.fromkeys((*recording.damage, *audit.measurement.damage))),
+        clock=Clock(origin_ns, utc=recording.clock == "utc"),
+        measured=audit.measurement.measured,
+        to_ns=to_ns,
+        verdicts={kind: counts[kind] for kind in VerdictKind if counts.get(kind)},
+        skipped=audit.measurement.skipped,
+        sensors=_sensor_lines(audit.rig),
+        triples=audit.rig.triples,
+        balance=audit.measurement.balance,
+        provenance=_provenance(store, audit),
+        incidents=_incidents(store, audit) if audit.raised else (),
+    )
+
+
+def _numbered(parts: Sequence[RecordingPart]) -> list[RecordingPart]:
+    """Number the incidents through the whole page, from 1."""
+    numbered, before = [], 0
+    for part in parts:
+        incidents = tuple(replace(one, number=before + place) for place, one in enumerate(part.incidents, start=1))
+        before += len(incidents)
+        numbered.append(replace(part, incidents=incidents))
+    return numbered
+
+
+def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
+    return tuple(SensorLine(sensor, rig.name(sensor), rig.topic(sensor)) for sensor in rig.sensors)
+
+
+def _provenance(store: Store, audit: _Audit) -> Provenance:
+    measurement, judgement = audit.measurement, audit.judgement
+    measured = Provenance(
+        measurement_id=measurement.measurement_id,
+        rig_id=measurement.rig_id,
+        rig_kind=str(audit.rig.kind),
+        matcher=measurement.procedure.matcher,
+        settings=_mapping(measurement.procedure.settings),
+        counting_version=measurement.procedure.counting_version,
+        versions=measurement.versions,
+    )
+    if judgement is None:
+        return measured
+    (row,) = read_rows("judgements", store.path("judgements", judgement.judgement_id))
+    kept = judgement.calibration_id in store.ids("calibrations")
+    return replace(
+        measured,
+        calibration_id=judgement.calibration_id,
+        calibrated_on=store.calibration(judgement.calibration_id).recordings if kept else (),
+        method=judgement.method,
+        statistic=judgement.statistic,
+        r=judgement.r,
+        resolvable=judgement.resolvable,
+        transferred=judgement.transferred,
+        thresholds=tuple(
+            ThresholdLine(triple, theta, samples or 0)
+            for triple, theta, samples in zip(audit.rig.triples, row["theta"], row["samples"], strict=True)
+        ),
+    )
+
+
+def _incidents(store: Store, audit: _Audit) -> tuple[IncidentPart, ...]:
+    """Runs of frames with the same finding and the same attacked sensors."""
+    verdicts = _verdicts(store, audit)
+    period_ns = median_period_ns([verdict["stamp_ns"] for verdict in verdicts])
+    incidents = []
+    for (kind, attacked), run in groupby(verdicts, key=lambda verdict: (verdict["kind"], tuple(verdict["attacked"]))):
+        frames = list(run)
+        if kind not in FINDINGS:
+            continue
+        incidents.append(
+            IncidentPart(
+                number=0,
+                kind=VerdictKind(kind),
+                attacked=attacked,
+                first_frame=frames[0]["frame"],
+                last_frame=frames[-1]["frame"],
+                frames=len(frames),
+                from_ns=frames[0]["stamp_ns"],
+                to_ns=frames[-1]["stamp_ns"],
+                period_ns=period_ns,
+                states=tuple(Counter(frame["e"] for frame in frames).most_common(3)),
+                reasons=tuple(Counter(frame["reason"] for frame in frames if frame["reason"]).most_common(3)),
+            )
+        )
+    return tuple(incidents)
+
+
+def _verdicts(store: Store, audit: _Audit) -> list[dict[str, Any]]:
+    assert audit.judgement is not None, "only judged measurements have verdicts"
+    return read_rows("verdicts", store.path("verdicts", audit.judgement.judgement_id))
+
+
+def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
+    """The part with its coverage, its drawings and its pictures."""
+    statistic = audit.judgement.statistic if audit.judgement else Statistic.GATED
+    errors = store.load_errors(audit.measurement.measurement_id, statistic)
+    truths = _truths(store, audit)
+    part = replace(part, sensors=_coverage(store, audit, errors, part.sensors), truths=truths)
+    if audit.judgement is None or not len(errors.frames):
+        return part
+    verdicts = _verdicts(store, audit)
+    timeline = _Timeline(part, errors, verdicts)
+    return replace(
+        part,
+        overview=timeline.overview(),
+        agreement=timeline.agreement() if truths else None,
+        incidents=tuple(
+            replace(incident, figure=timeline.figure(incident), views=_views(store, audit, errors, incident))
+            if incident.number in drawn
+            else incident
+            for incident in part.incidents
+        ),
+    )
+
+
+def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:
+    recording_id = audit.recording.recording_id
+    if recording_id not in store.ids("labels"):
+        return ()
+    sensors = {audit.rig.topic(sensor): sensor for sensor in audit.rig.sensors}
+    return tuple(
+        Truth(
+            sensor=sensors.get(row["topic"]),
+            topic=row["topic"],
+            attack=row["attack"],
+            from_ns=row["from_ns"],
+            to_ns=row["to_ns"],
+            parameters=_mapping(row["parameters"]),
+        )
+        for row in read_rows("labels", store.path("labels", recording_id))
+    )
+
+
+def _coverage(
+    store: Store, audit: _Audit, errors: FrameErrors, sensors: Sequence[SensorLine]
+) -> tuple[SensorLine, ...]:
+    """Count the states of each sensor and take the medians of its coverage."""
+    path = store.path("frames", audit.measurement.measurement_id)
+    table = read_table("frames", path, ["skipped", *COVERAGE])
+    table = table.filter(table["skipped"].is_null())
+    medians: dict[str, list[float | None]] = {}
+    for name in COVERAGE:
+        values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        medians[name] = [_median(column) for column in values.astype(np.float64).reshape(len(table), len(sensors)).T]
+    return tuple(
+        replace(
+            sensor,
+            present=int((errors.states[:, place] == SensorState.PRESENT).sum()),
+            missing=int((errors.states[:, place] == SensorState.MISSING).sum()),
+            damaged=int((errors.states[:, place] == SensorState.DAMAGED).sum()),
+            saturated_share=medians["saturated_share"][place],
+            textureless_share=medians["textureless_share"][place],
+            unmatched_share=medians["unmatched_share"][place],
+            returns=medians["returns"][place],
+        )
+        for place, sensor in enumerate(sensors)
+    )
+
+
+def _median(values: NDArray[np.float64]) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _views(store: Store, audit: _Audit, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
+    """The strongest pictured frame of an incident: its reference view, with and without inconsistent pixels."""
+    measurement_id = audit.measurement.measurement_id
+    inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
+    pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
+    if not len(pictured):
+        return ()
+    strongest = int(pictured[np.argmax(np.nansum(errors.E[pictured], axis=1))])
+    picture = store.picture(measurement_id, int(errors.frames[strongest]))
+    reference = _reference(audit.rig, errors.states[strongest])
+    if picture is None or reference is None:
+        return ()
+    image = _data_uri("image/jpeg", picture.jpeg)
+    return (
+        View(reference, picture.frame, image, _data_uri("image/png", picture.mask_png)),
+        View(reference, picture.frame, image),
+    )
+
+
+def _reference(rig: Rig, states: NDArray[np.str_]) -> int | None:
+    """The leftmost reference camera of which a triple was there: the one whose picture is kept."""
+    present = {sensor for sensor, state in zip(rig.sensors, states, strict=True) if state == SensorState.PRESENT}
+    return max((triple.k for triple in rig.triples if present.issuperset(triple)), default=None)
+
+
+def _data_uri(media_type: str, data: bytes) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"
+
+
+def _mapping(text: str) -> dict[str, object]:
+    """The entries of a JSON object; JSON of another kind is one entry without a name."""
+    value = json.loads(text) if text else {}
+    return value if isinstance(value, dict) else {"": value}
+
+
+class _Timeline:
+    """The frames of one judged recording, ready to be drawn."""
+
+    def __init__(self, part: RecordingPart, errors: FrameErrors, verdicts: Sequence[dict[str, Any]]) -> None:
+        self._part = part
+        self._stamps_ns: list[int] = [verdict["stamp_ns"] for verdict in verdicts]
+        self._verdicts = verdicts
+        places = {frame: place for place, frame in enumerate(errors.frames.tolist())}
+        self._E = errors.E[[places[verdict["frame"]] for verdict in verdicts]]
+        self._true = self._truly_attacked()
+
+    def overview(self) -> Figure:
+        """The verdicts of all frames, and the ground truth where there is one."""
+        return draw(self._stamps_ns, origin_ns=self._part.clock.origin_ns, rows=self._rows(slice(None)))
+
+    def figure(self, incident: IncidentPart) -> Figure:
+        """E against theta, verdicts and e around an incident."""
+        margin_ns = max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns))
+        stamps = np.array(self._stamps_ns)
+        low, high = np.searchsorted(stamps, [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1])
+        part = slice(int(low), int(high))
+        thresholds = self._part.provenance.thresholds
+        return draw(
+            self._stamps_ns[part],
+            origin_ns=self._part.clock.origin_ns,
+            series=[
+                Series(line.triple, [None if np.isnan(E) else E for E in self._E[part, place].tolist()], line.theta)
+                for place, line in enumerate(thresholds)
+            ],
+            rows=[*self._rows(part), *self._element_rows(part)],
+            shaded=[(incident.from_ns, incident.to_ns)],
+        )
+
+    def agreement(self) -> Agreement:
+        """Compare verdicts with the ground truth, frame by frame."""
+        judged = [
+            (true, VerdictKind(verdict["kind"]), tuple(verdict["attacked"]))
+            for true, verdict in zip(self._true, self._verdicts, strict=True)
+        ]
+        return Agreement(
+            labelled=sum(1 for true, _, _ in judged if true),
+            exact=sum(
+                1 for true, kind, attacked in judged if true and kind is VerdictKind.ATTACKED and attacked == true
+            ),
+            unlabelled=sum(1 for true, _, _ in judged if not true),
+            raised=sum(1 for true, kind, _ in judged if not true and kind in FINDINGS),
+        )
+
+    def _truly_attacked(self) -> list[tuple[int, ...]]:
+        """The labelled sensors of each frame. A frame's stamp lies within half a period of its messages'."""
+        half_ns = median_period_ns(self._stamps_ns) / 2
+        return [
+            tuple(
+                sorted(
+                    {
+                        truth.sensor
+                        for truth in self._part.truths
+                        if truth.sensor is not None and truth.from_ns - half_ns <= stamp <= truth.to_ns + half_ns
+                    }
+                )
+            )
+            for stamp in self._stamps_ns
+        ]
+
+    def _rows(self, part: slice) -> list[Row]:
+        stamps_ns, verdicts, true = self._stamps_ns[part], self._verdicts[part], self._true[part]
+        names = [_sensors(verdict["attacked"]) for verdict in verdicts]
+        rows = [Row("verdict", stamps_ns, [verdict["kind"] for verdict in verdicts], names)]
+        if self._part.truths:
+            rows.append(Row("labelled", stamps_ns, ["truth" if one else "" for one in true], list(map(_sensors, true))))
+        return rows
+
+    def _element_rows(self, part: slice) -> list[Row]:
+        stamps_ns, vectors = self._stamps_ns[part], [verdict["e"] for verdict in self._verdicts[part]]
+        return [
+            Row("", stamps_ns, [e[place] for e in vectors], (), triple)
+            for place, triple in enumerate(self._part.triples)
+        ]
+
+
+def _sensors(numbers: Sequence[int]) -> str:
+    return ", ".join(f"S{number}" for number in numbers)
