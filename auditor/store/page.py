@@ -11,6 +11,7 @@ from auditor.rig import LIDAR, Triple
 from auditor.store.plots import Figure
 
 NS_PER_S = 1_000_000_000
+EDGE = "edge"
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,19 @@ class RecordingPart:
         return sum(count for kind, count in self.verdicts.items() if kind in FINDINGS)
 
     @property
+    def edge(self) -> int:
+        """Ticks within one period of the recording's start and end, where some sensor had not begun or had ended."""
+        return self.skipped.get(EDGE, 0)
+
+    @property
+    def lost(self) -> Mapping[str, int]:
+        """Ticks without a frame by reason, those at the edges left out."""
+        return {reason: count for reason, count in self.skipped.items() if reason != EDGE}
+
+    @property
     def frames(self) -> int:
-        """All frames, the skipped ones included."""
-        return self.measured + sum(self.skipped.values())
+        """All frames, the lost ones included, those at the edges not."""
+        return self.measured + sum(self.lost.values())
 
     @property
     def coverage(self) -> float | None:

@@ -45,6 +45,7 @@ def add_recording(
     missing=(),
     unmeasured=(),
     skipped=(),
+    edge=(),
     clock="utc",
     r="0",
     judged=True,
@@ -68,7 +69,9 @@ def add_recording(
     )
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in range(frames):
-            if frame in skipped:
+            if frame in edge:
+                writer.add(Skipped(frame, START_NS + frame * PERIOD_NS, "edge"))
+            elif frame in skipped:
                 writer.add(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
             else:
                 writer.add(_measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured))

@@ -108,7 +108,15 @@ def test_frames_that_could_not_be_audited_stand_at_the_top(store, tmp_path):
     words = page_of(store, tmp_path).words
     assert "No attack was found in 34 audited frames (85.0 % of all frames)." in words
     assert "Only 85.0 % of all frames could be audited." in words
-    assert "2 frames skipped (reference missing: 2)" in words
+    assert "40 frames between" in words
+    assert "of these 2 could not be put together (reference missing: 2)." in words
+
+
+def test_frames_at_the_edges_of_a_recording_are_not_lost(store, tmp_path):
+    add_recording(store, edge=[0, 39])
+    words = page_of(store, tmp_path).words
+    assert "No attack was found in 38 audited frames (100.0 % of all frames)." in words
+    assert "; 2 further frames at its very start and end do not count." in words
 
 
 def test_a_share_just_under_the_whole_is_never_shown_as_the_whole(store, tmp_path):
