@@ -201,6 +201,16 @@ class Store:
         manifest = {"frames": "measurements", "verdicts": "judgements"}.get(table, table)
         return finished(self.folder / manifest)
 
+    def finished_paths(self, table: str) -> list[Path]:
+        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
+        paths = [self.path(table, row_id) for row_id in self.ids(table)]
+        for path in paths:
+            if not path.is_file():
+                raise StoreError(
+                    "a finished file is missing", where=path, remedy="measure or judge again into a new store"
+                )
+        return paths
+
     def _rows(self, table: str) -> Iterator[dict[str, Any]]:
         for row_id in self.ids(table):
             yield from read_rows(table, self.path(table, row_id))

@@ -1,0 +1,104 @@
+"""A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import duckdb
+
+from auditor.errors import StoreError
+from auditor.results import MIN_VALID_PX
+from auditor.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
+from auditor.store.schema import TABLES, TableSchema, table_schema
+from auditor.store.sql_files import macros, views
+from auditor.store.store import Store
+
+_SHUT: dict[str, str | bool | int | float | list[str]] = {
+    "autoinstall_known_extensions": False,
+    "autoload_known_extensions": False,
+    "python_enable_replacements": False,  # a name in SQL is never a variable of ours
+    "temp_directory": "",  # nothing is written, not even what does not fit into memory
+}
+_CONSTANTS = {
+    "min_valid_px": MIN_VALID_PX,
+    "kind_tolerance_share": KIND_TOLERANCE_SHARE,
+    "kind_tolerance_m": KIND_TOLERANCE_M,
+}
+_WORD = re.compile(r"\w+")
+
+
+@contextmanager
+def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyConnection]:
+    """A connection with the views that a SQL text names (all, where it names none), then locked.
+
+    Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
+    """
+    needed = _needed(text)
+    with duckdb.connect(config=_SHUT) as connection:
+        for name, value in _CONSTANTS.items():
+            connection.execute(f"CREATE MACRO {name}() AS {value}")
+        for macro in macros():
+            connection.execute(macro)
+        readable: list[str] = []
+        try:
+            for table in (table for table in TABLES if f"stored_{table}" in needed):
+                paths = store.finished_paths(table) if store else []
+                readable += map(str, paths)
+                _create_stored(connection, table_schema(table), paths)
+            for view in _in_order(needed):
+                connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
+        except (duckdb.IOException, duckdb.InvalidInputException) as error:
+            raise StoreError(first_line(error), where=store.folder if store else "") from error
+        connection.execute("SET allowed_paths = ?", [readable])
+        connection.execute("SET enable_external_access = false")
+        connection.execute("SET lock_configuration = true")
+        yield connection
+
+
+def first_line(error: duckdb.Error) -> str:
+    """What DuckDB says went wrong, on one line and without its drawing of the place."""
+    return str(error).strip().partition("\n")[0]
+
+
+def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:
+    """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL."""
+    present: set[str] = set()
+    if paths:
+        raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=True)
+        raw.create_view(f"raw_{schema.name}")
+        present = set(raw.columns)
+    columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
+    source = f"FROM raw_{schema.name}" if paths else "WHERE false"
+    connection.execute(f"CREATE VIEW stored_{schema.name} AS SELECT {columns} {source}")  # our own names
+
+
+def _literal(path: Path) -> str:
+    """A path as a pattern that matches nothing but itself."""
+    return re.sub(r"[*?\[]", r"[\g<0>]", str(path))
+
+
+def _needed(text: str) -> set[str]:
+    """The views and stored tables behind the names in a SQL text; perhaps more than it uses, never fewer."""
+    names = {*views(), *(f"stored_{table}" for table in TABLES)}
+    found = {word for word in map(str.lower, _WORD.findall(text)) if word in names}
+    if not found:
+        return names
+    while True:
+        behind = {word for name in found & views().keys() for word in _WORD.findall(views()[name].sql)} & names
+        if behind <= found:
+            return found
+        found |= behind
+
+
+def _in_order(needed: set[str]) -> Iterator[str]:
+    """The views among `needed`, each after those that it reads."""
+    waiting = [name for name in views() if name in needed]
+    done: set[str] = set()
+    while waiting:
+        for name in waiting:
+            reads = set(_WORD.findall(views()[name].sql)) & views().keys() - {name}
+            if reads <= done:
+                yield name
+                done.add(name)
+        waiting = [name for name in waiting if name not in done]

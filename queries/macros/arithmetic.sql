@@ -1,0 +1,49 @@
+-- Arithmetic that views and queries share.
+
+-- E: inconsistent over valid pixels; NULL where too few are valid for it to be measured.
+CREATE MACRO disparity_error(inconsistent_px, valid_px) AS
+    CASE WHEN valid_px >= min_valid_px() THEN inconsistent_px / valid_px END;
+
+-- theta_r (Eq. 3): of N samples in ascending order that of rank N - floor(r N); -1 at r = 1, NULL without samples.
+CREATE MACRO threshold(samples, r) AS
+    CASE
+        WHEN len(samples) = 0 THEN NULL
+        WHEN len(samples) = floor(r * len(samples)) THEN -1.0
+        ELSE samples[len(samples) - CAST(floor(r * len(samples)) AS BIGINT)]
+    END;
+
+-- FALSE where 0 < r < 1/N: N samples cannot tell such a rate from r = 0.
+CREATE MACRO resolvable_with(N, r) AS r = 0 OR r * N >= 1;
+
+-- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n; NULL where n = 0.
+CREATE MACRO wilson(k, n, side) AS
+    CASE
+        WHEN n = 0 THEN NULL
+        ELSE (
+            k / n + 1.959963984540054 ** 2 / (2 * n)
+            + side * 1.959963984540054 * sqrt(k / n * (1 - k / n) / n + (1.959963984540054 / (2 * n)) ** 2)
+        ) / (1 + 1.959963984540054 ** 2 / n)
+    END;
+
+-- True where two lists of lengths agree element by element within a share, or a tolerance.
+CREATE MACRO lengths_agree(a, b, tolerance) AS
+    len(a) = len(b)
+    AND len(list_filter(
+        list_zip(a, b),
+        lambda x: abs(x[1] - x[2]) > greatest(tolerance, kind_tolerance_share() * greatest(abs(x[1]), abs(x[2])))
+    )) = 0;
+
+-- True where two rig kinds are one: equal sensors and image sizes, focal lengths and baselines that agree.
+CREATE MACRO kinds_match(a, b) AS
+    a['lidar'] = b['lidar']
+    AND a['widths_px'] = b['widths_px']
+    AND a['heights_px'] = b['heights_px']
+    AND lengths_agree(a['focals_px'], b['focals_px'], 0)
+    AND lengths_agree(a['baselines_m'], b['baselines_m'], kind_tolerance_m());
+
+-- The recording's own names of sensors, as 'S_1 name'; `sensors` are a rig's.
+CREATE MACRO names_of(numbers, sensors) AS
+    list_transform(
+        list_filter(sensors, lambda s: list_contains(numbers, s['sensor'])),
+        lambda s: 'S_' || s['sensor'] || ' ' || s['name']
+    );

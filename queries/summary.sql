@@ -1,0 +1,49 @@
+-- What was found in each recording: one row a recording and rig that was measured.
+--
+-- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
+--
+-- column name: The recording's name; text from outside, to be escaped wherever it is shown.
+-- column frames: Frames and skipped ticks, without those at the recording's edges.
+-- column measured: Frames that were measured.
+-- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
+-- column attacked_sensors: Sensors named as attacked in at least one frame.
+-- column attacked_names: The recording's own names of these sensors.
+-- column attacked: Frames in which the attacked sensors are named.
+-- column damage: Pieces of damage met while reading.
+SELECT
+    recording.recording_id,
+    recording.name,
+    recording.vehicle,
+    recording.date,
+    measurement.measurement_id,
+    rig.kind,
+    measurement.frames - coalesce(measurement.skipped['edge'], 0) AS frames,
+    measurement.measured,
+    (judgement.clean + judgement.attacked + judgement.unidentified + judgement.suspect)
+        / nullif(measurement.frames - coalesce(measurement.skipped['edge'], 0), 0) AS audited_share,
+    judgement.clean,
+    judgement.attacked,
+    judgement.unidentified,
+    judgement.suspect,
+    judgement.not_auditable,
+    coalesce(named.sensors, []) AS attacked_sensors,
+    coalesce(names_of(named.sensors, rig.sensors), []) AS attacked_names,
+    judgement.method,
+    judgement.statistic,
+    CAST(judgement.r AS DOUBLE) AS r,
+    judgement.resolvable,
+    judgement.transferred,
+    judgement.calibration_id,
+    len(recording.damage) + coalesce(len(measurement.damage), 0) AS damage
+FROM recordings AS recording
+LEFT JOIN measurements AS measurement USING (recording_id)
+LEFT JOIN rigs AS rig USING (rig_id)
+LEFT JOIN judgements AS judgement
+    ON judgement.measurement_id = measurement.measurement_id AND judgement.current
+LEFT JOIN (
+    SELECT measurement_id, list(DISTINCT sensor ORDER BY sensor) AS sensors
+    FROM (SELECT measurement_id, unnest(attacked) AS sensor FROM findings)
+    GROUP BY measurement_id
+) AS named ON named.measurement_id = measurement.measurement_id
+WHERE $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording)
+ORDER BY recording.name, recording.recording_id, measurement.measurement_id

@@ -1,0 +1,45 @@
+-- One row a measured frame and triple: the disparity errors, and the state that the current judgement gives them.
+--
+-- column position: Place of the triple in e, counted from 1.
+-- column valid_px: Pixels at which both disparity maps can be compared.
+-- column inconsistent_px: Valid pixels that are inconsistent (Eq. 2).
+-- column gated_valid_px: Valid pixels with texture in a camera of the triple.
+-- column gated_inconsistent_px: Inconsistent pixels with texture in a camera of the triple.
+-- column out_of_range_px: Valid LiDAR pixels nearer than the matcher can see.
+-- column E_plain: The disparity error E of all valid pixels; NULL where it was not measured.
+-- column E_gated: The disparity error E of the valid pixels with texture; NULL where it was not measured.
+-- column statistic: Which of the two the current judgement looked at.
+-- column theta: Its threshold.
+-- column e: '1' where E > theta, '0' where not, '-' where either is NULL; NULL where nothing was judged.
+SELECT
+    * EXCLUDE (judged),
+    CASE
+        WHEN judged THEN coalesce(
+            CAST(CAST(CASE statistic WHEN 'gated' THEN E_gated ELSE E_plain END > theta AS INTEGER) AS VARCHAR), '-'
+        )
+    END AS e
+FROM (
+    SELECT
+        frame.measurement_id,
+        frame.frame,
+        frame.stamp_ns,
+        triple.position,
+        triple.i,
+        triple.j,
+        triple.k,
+        frame.valid_px[triple.position] AS valid_px,
+        frame.inconsistent_px[triple.position] AS inconsistent_px,
+        frame.gated_valid_px[triple.position] AS gated_valid_px,
+        frame.gated_inconsistent_px[triple.position] AS gated_inconsistent_px,
+        frame.out_of_range_px[triple.position] AS out_of_range_px,
+        disparity_error(frame.inconsistent_px[triple.position], frame.valid_px[triple.position]) AS E_plain,
+        disparity_error(frame.gated_inconsistent_px[triple.position], frame.gated_valid_px[triple.position]) AS E_gated,
+        judgement.statistic,
+        judgement.theta[triple.position] AS theta,
+        judgement.judgement_id IS NOT NULL AS judged
+    FROM stored_frames AS frame
+    JOIN stored_measurements AS measurement USING (measurement_id)
+    JOIN stored_triples AS triple USING (rig_id)
+    LEFT JOIN judgements AS judgement ON judgement.measurement_id = frame.measurement_id AND judgement.current
+    WHERE frame.skipped IS NULL
+)

@@ -1,0 +1,2 @@
+-- One row a label, which is ground truth.
+SELECT * FROM stored_labels

@@ -1,0 +1,2 @@
+-- One row a recording.
+SELECT * FROM stored_recordings

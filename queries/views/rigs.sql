@@ -1,0 +1,2 @@
+-- One row a rig.
+SELECT * FROM stored_rigs
