@@ -1,5 +1,6 @@
 """READ: a file becomes messages, and messages become frames."""
 
+from auditor.recordings.converting import ConvertReport, convert, rewrite
 from auditor.recordings.finding import Found, find_recordings
 from auditor.recordings.interface import Damage, Reader, Recording, Topic
 from auditor.recordings.opening import open_recording
@@ -7,8 +8,10 @@ from auditor.recordings.rig_file import read_rig, write_rig
 from auditor.recordings.rigs import check_rig, find_rigs
 from auditor.recordings.surveying import Survey, survey
 from auditor.recordings.synchronising import FrameStream, synchronise
+from auditor.recordings.writers import write_bag, write_db3, write_mcap
 
 __all__ = [
+    "ConvertReport",
     "Damage",
     "Found",
     "FrameStream",
@@ -17,11 +20,16 @@ __all__ = [
     "Survey",
     "Topic",
     "check_rig",
+    "convert",
     "find_recordings",
     "find_rigs",
     "open_recording",
     "read_rig",
+    "rewrite",
     "survey",
     "synchronise",
+    "write_bag",
+    "write_db3",
+    "write_mcap",
     "write_rig",
 ]

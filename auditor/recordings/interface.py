@@ -40,10 +40,15 @@ class Damage:
 
 @dataclass(frozen=True)
 class Definition:
-    """The text that defines a schema; `encoding` is 'ros2msg', 'ros2idl' or 'ros1msg'."""
+    """What defines a schema; `encoding` is 'ros2msg', 'ros2idl', 'ros1msg', or another one that is only copied."""
 
     encoding: str
-    text: str
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """The definition as text, which ROS's are."""
+        return self.data.decode("utf-8", "replace")
 
 
 class Recording(Protocol):

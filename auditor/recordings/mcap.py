@@ -187,7 +187,7 @@ class _FileRead:
     def _learn_schema(self, schema: Schema, offset: int) -> None:
         name = schema_name(schema.name)
         self._schemas[schema.id] = name
-        definition = Definition(schema.encoding, schema.data.decode("utf-8", "replace"))
+        definition = Definition(schema.encoding, schema.data)
         if self._names.definitions.setdefault(name, definition) != definition:
             self._damage.add(f"a second, different definition of {name!r} is ignored", offset)
 

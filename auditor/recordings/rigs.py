@@ -168,13 +168,21 @@ def _preference(image: ImageTopic) -> tuple[bool, bool, int, str]:
 
 
 def _camera_info_of(image: ImageTopic, survey: Survey) -> tuple[str, CameraInfo] | None:
-    parts = image.topic.name.split("/")
-    for length in range(len(parts) - 1, 0, -1):
-        topic = "/".join([*parts[:length], "camera_info"])
+    for namespace in _namespaces(image.topic.name):
+        topic = f"{namespace}/camera_info"
         if topic in survey.camera_infos:
             return topic, survey.camera_infos[topic]
     same_frame = [item for item in survey.camera_infos.items() if item[1].header.frame_id == image.frame_id != ""]
     return same_frame[0] if len(same_frame) == 1 else None
+
+
+def _namespaces(topic: str) -> Iterator[str]:
+    """Where a camera info may stand: beside the image, below it, or beside the image that was compressed."""
+    above, _, last = topic.rpartition("/")
+    yield above
+    yield topic
+    if "compressed" in last or last == "raw":
+        yield above.rpartition("/")[0]
 
 
 def _is_rectified(image: ImageTopic, info: CameraInfo) -> bool:

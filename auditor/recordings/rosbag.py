@@ -156,7 +156,7 @@ class RosbagRecording:
         for connection in self._connections():
             if schema_name(connection.msgtype) == schema and connection.msgdef.format != MessageDefinitionFormat.NONE:
                 ros2 = "ros2idl" if connection.msgdef.format == MessageDefinitionFormat.IDL else "ros2msg"
-                return Definition("ros1msg" if self._encoding == "ros1" else ros2, connection.msgdef.data)
+                return Definition("ros1msg" if self._encoding == "ros1" else ros2, connection.msgdef.data.encode())
         return None
 
     def _connections(self) -> Iterator[Connection]:

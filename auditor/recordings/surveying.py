@@ -84,7 +84,7 @@ def survey(recording: Recording) -> Survey:
 class _Look:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._decoders = Decoders(recording)
+        self._decoders = Decoders(recording.definition)
         self._samples: dict[str, list[Sample]] = {}
         self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
         self._infos: dict[str, CameraInfo] = {}

@@ -124,7 +124,7 @@ class FrameStream:
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
         self._counts = {sensor: _Counts() for sensor in self._rig.sensors}
-        decoders = Decoders(self._recording)
+        decoders = Decoders(self._recording.definition)
         window = _Window(self._rig, self.timing, self._counts)
         maker = _FrameMaker(self._rig, decoders, self._counts, colour=self._colour)
         for group in _Edges(self.timing.period_ns).groups(self._groups(window, decoders)):

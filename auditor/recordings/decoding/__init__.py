@@ -20,7 +20,7 @@ from auditor.recordings.decoding.interface import (
     TransformsDecoder,
 )
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.interface import Recording
+from auditor.recordings.interface import Definition
 
 __all__ = [
     "CameraInfo",
@@ -66,10 +66,10 @@ def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
 
 
 class Decoders:
-    """The decoders of one recording."""
+    """The decoders of one recording, given where its definitions are found."""
 
-    def __init__(self, recording: Recording) -> None:
-        self.types = RosTypes(recording.definition)
+    def __init__(self, definition: Callable[[str], Definition | None]) -> None:
+        self.types = RosTypes(definition)
         self._made: dict[tuple[str, str], Decoder | None] = {}
 
     def of(self, schema: str, encoding: str) -> Decoder | None:

@@ -31,7 +31,7 @@ class PointCloudDecoder:
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
         cloud = self._types.decode(message)
-        return finite(_xyz(points_of(cloud)))
+        return finite(xyz_of(points_of(cloud)))
 
 
 def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is generated from the recording's definition
@@ -77,7 +77,8 @@ def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class i
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_step})
 
 
-def _xyz(points: NDArray[np.void]) -> NDArray[np.float32]:
+def xyz_of(points: NDArray[np.void]) -> NDArray[np.float32]:
+    """(N, 3) float32 of the points' x, y and z."""
     xyz_m = np.empty((len(points), 3), np.float32)
     with np.errstate(over="ignore"):
         for column, name in enumerate("xyz"):

@@ -46,6 +46,14 @@ class KittiPictureDecoder:
         return decode_picture(memoryview(message.data), colour=colour, size_px=size_px)
 
 
+def scan_points(message: Message) -> NDArray[np.float32]:
+    """(N, 4) float32: x, y, z in metres and reflectance. Raises DecodingError where the scan is cut."""
+    if len(message.data) % POINT_BYTES or not message.data:
+        raise DecodingError(f"the scan is cut: {len(message.data)} bytes are no whole points", where=message.topic)
+    points: NDArray[np.float32] = np.frombuffer(message.data, "<f4").reshape(-1, 4)
+    return points
+
+
 class KittiScanDecoder:
     """Scans of the HDL-64E."""
 
@@ -57,10 +65,7 @@ class KittiScanDecoder:
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
-        if len(message.data) % POINT_BYTES:
-            raise DecodingError(f"the scan is cut: {len(message.data)} bytes are no whole points", where=message.topic)
-        points = np.frombuffer(message.data, "<f4").reshape(-1, 4)
-        return finite(np.ascontiguousarray(points[:, :3], dtype=np.float32))
+        return finite(np.ascontiguousarray(scan_points(message)[:, :3]))
 
 
 class KittiCalibrationDecoder:

@@ -71,7 +71,21 @@ def _make_store(schema: str, definition: Definition | None) -> Typestore:
         store.get_msgdef(schema)
     except (TypesysError, KeyError, ValueError, RecursionError, AssertionError) as error:
         raise DecodingError(f"its definition cannot be understood ({error})", where=schema) from error
+    _check_layout(schema, store)
     return store
+
+
+def _check_layout(schema: str, store: Typestore) -> None:
+    """Raises DecodingError where a well-known name is defined as something else than it is known for."""
+    known = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+    for name, (_, fields) in store.fielddefs.items():
+        if name in known and _layout(fields) != _layout(known[name][1]):
+            raise DecodingError(f"{name} is defined otherwise than ROS does", where=schema)
+
+
+def _layout(fields: Any) -> list[tuple[str, Any]]:  # noqa: ANN401  # rosbags' parse trees
+    # ROS 1 writes K where ROS 2 writes k, and its header has a counter.
+    return [(name.lower(), kind) for name, kind in fields if name != "seq"]
 
 
 def parse_definition(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees

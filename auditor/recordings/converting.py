@@ -1,0 +1,162 @@
+"""Any recording -> MCAP with ROS 2 messages: as it is, or with the data of some topics changed.
+
+Messages in CDR, and those of other encodings that MCAP carries, keep their bytes. ROS 1 messages become CDR. A KITTI
+drive's PNG files become CompressedImage messages that hold the same bytes, on the topics that the drive itself has.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_typestore
+from rosbags.typesys.store import Typestore
+
+from auditor.errors import DecodingError, RecordingError
+from auditor.frames import Message
+from auditor.recordings import schemas
+from auditor.recordings.changing import Change, Changing
+from auditor.recordings.decoding import Decoders
+from auditor.recordings.decoding.kitti import scan_points
+from auditor.recordings.decoding.ros import parse_definition
+from auditor.recordings.interface import Damage, Definition, Recording, Topic
+from auditor.recordings.writers.mcap_file import mcap_file
+from auditor.recordings.writers.messages import MessageMaker
+from auditor.results import AttackLabel
+
+HEADER = "std_msgs/msg/Header"
+
+_ROS_ENCODINGS = frozenset({"cdr", "ros1", "png", "bin", "json"})
+
+
+@dataclass(frozen=True)
+class ConvertReport:
+    """What a conversion did: messages written by topic, what was left out and why, and the source's damage."""
+
+    target: Path
+    messages: Mapping[str, int]
+    left_out: Mapping[str, str]
+    damage: tuple[Damage, ...]
+
+
+def convert(recording: Recording, target: Path) -> ConvertReport:
+    """Write any recording as MCAP, its ground truth and metadata with it; other attachments are left behind.
+
+    Raises RecordingError where the target exists or cannot be written.
+    """
+    return rewrite(recording, target, {}, ())
+
+
+def rewrite(
+    recording: Recording,
+    target: Path,
+    changes: Mapping[str, Change],
+    labels: Iterable[AttackLabel],
+) -> ConvertReport:
+    """Copy a recording to MCAP with the data of some topics changed, and ground truth written inside.
+
+    `changes` goes by topic: a function from CameraImage to CameraImage (colours as BGR where there are any; `sensor` is
+    0), or from PointCloud to PointCloud. An image keeps the form it had (raw, PNG, JPEG at quality 95); a message that
+    cannot be decoded stays as it is. `labels` are asked for after the last message. Raises RecordingError where a topic
+    is not there, or the target exists or cannot be written.
+    """
+    if target.exists():
+        raise RecordingError("it exists already", where=target, remedy="choose another name, or remove it")
+    there = {topic.name for topic in recording.topics()}
+    if missing := sorted(changes.keys() - there):
+        raise RecordingError(f"there is no topic {', '.join(missing)} to change", where=recording.path)
+    ros2 = all(topic.encoding in _ROS_ENCODINGS for topic in recording.topics())
+    maker = MessageMaker("cdr")
+    copying = _Copying(recording, maker)
+    changing = Changing(maker, copying.definition)
+    messages: dict[str, int] = {}
+    last_ns = 0
+    with mcap_file(target, profile="ros2" if ros2 else "", compression="zstd") as file:
+        for message in recording.messages():
+            outgoing = copying.to_ros2(message)
+            if outgoing is None:
+                continue
+            if message.topic in changes:
+                outgoing = changing.change(outgoing, changes[message.topic])
+            topic = Topic(outgoing.topic, outgoing.schema, outgoing.encoding)
+            file.write(topic, copying.definition(outgoing.schema), outgoing.log_time_ns, outgoing.data)
+            messages[topic.name] = messages.get(topic.name, 0) + 1
+            last_ns = max(last_ns, outgoing.log_time_ns)
+        file.add_labels((*recording.labels(), *labels), last_ns)
+        file.add_metadata({**recording.metadata(), "clock": recording.clock, "source": recording.recording_id})
+    return ConvertReport(target, messages, copying.left_out, recording.damage)
+
+
+class _Copying:
+    """Turns the messages of one recording into ROS 2 messages, or leaves them as they are."""
+
+    def __init__(self, recording: Recording, maker: MessageMaker) -> None:
+        self._recording = recording
+        self._maker = maker
+        self._decoders = Decoders(recording.definition)
+        self._stores: dict[str, Typestore] = {}
+        self.left_out: dict[str, str] = {}
+
+    def definition(self, schema: str) -> Definition | None:
+        """The definition that goes into the target: the recording's own, unless its messages are re-serialised."""
+        own = self._recording.definition(schema)
+        if own is not None and own.encoding != "ros1msg":
+            return own
+        store = self._stores.get(schema, self._maker.store)
+        if schema not in store.fielddefs:
+            return None
+        return Definition("ros2msg", store.generate_msgdef(schema, ros_version=2)[0].encode())
+
+    def to_ros2(self, message: Message) -> Message | None:
+        """The message as it goes into the target, or None, noting the topic, where it cannot."""
+        try:
+            if message.schema.startswith("kitti/"):
+                schema, data = self._from_kitti(message)
+            elif message.encoding == "ros1":
+                schema, data = message.schema, self._from_ros1(message)
+            elif message.encoding == "cdr" and self.definition(message.schema) is None:
+                self.left_out[message.topic] = f"the recording does not define {message.schema}"
+                return None
+            else:
+                return message
+        except (DecodingError, SerdeError, TypesysError, KeyError, AssertionError) as error:
+            self.left_out[message.topic] = " ".join(str(error).split())
+            return None
+        return Message(message.topic, schema, "cdr", message.log_time_ns, data)
+
+    def _from_ros1(self, message: Message) -> bytes:
+        store = self._stores.get(message.schema)
+        if store is None:
+            store = _ros2_store(message.schema, self._recording.definition(message.schema))
+            self._stores[message.schema] = store
+        return bytes(store.ros1_to_cdr(memoryview(message.data), message.schema))
+
+    def _from_kitti(self, message: Message) -> tuple[str, bytes]:
+        maker, decoder = self._maker, self._decoders.of(message.schema, message.encoding)
+        assert decoder is not None
+        if decoder.kind == "transforms":
+            transforms = decoder.transforms(message)
+            children = {transform.child: transform.parent_SE3_child for transform in transforms}
+            parent = transforms[0].parent if transforms else ""
+            return schemas.TRANSFORMS, maker.transforms(parent, children, message.log_time_ns)
+        header = decoder.header(message)
+        stamp = header.stamp_ns, header.frame_id
+        if decoder.kind == "camera_info":
+            info = decoder.camera_info(message)
+            return schemas.CAMERA_INFO, maker.camera_info(info.projection, info.width_px, info.height_px, *stamp)
+        if decoder.kind == "image":
+            return schemas.COMPRESSED_IMAGE, maker.compressed_image(message.data, "png", *stamp)
+        return schemas.POINT_CLOUD, maker.point_cloud(scan_points(message), *stamp)
+
+
+def _ros2_store(schema: str, definition: Definition | None) -> Typestore:
+    """The ROS 2 form of a ROS 1 definition: the same fields in lower case, headers without their counter."""
+    if definition is None:
+        raise DecodingError("the recording does not define it", where=schema)
+    store = get_typestore(Stores.EMPTY)
+    types = {
+        name: (constants, [(field.lower(), kind) for field, kind in fields if (name, field) != (HEADER, "seq")])
+        for name, (constants, fields) in parse_definition(schema, definition).items()
+    }
+    store.register(types)
+    return store

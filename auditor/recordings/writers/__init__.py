@@ -1,0 +1,5 @@
+"""Frames -> recordings, by the real writers of mcap and rosbags."""
+
+from auditor.recordings.writers.frames import write_bag, write_db3, write_mcap
+
+__all__ = ["write_bag", "write_db3", "write_mcap"]

@@ -1,0 +1,50 @@
+"""Files that appear whole or not at all."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from auditor.errors import RecordingError
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A path beside to write to; renamed into place at the end, removed after an error.
+
+    Raises RecordingError where the disk refuses.
+    """
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove(beside)
+        yield beside
+        beside.replace(path)
+    except OSError as error:
+        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
+    finally:
+        _remove(beside)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """The same for a folder, which has its own name already where it is made: files inside are named after it."""
+    if path.exists():
+        raise RecordingError("it exists already", where=path, remedy="choose another name, or remove it")
+    above = path.with_name(f".{path.name}.part")
+    try:
+        _remove(above)
+        above.mkdir(parents=True)
+        yield above / path.name
+        (above / path.name).replace(path)
+    except OSError as error:
+        raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
+    finally:
+        _remove(above)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

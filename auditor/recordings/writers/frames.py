@@ -1,0 +1,165 @@
+"""A rig and its frames -> an MCAP file, a .bag or a rosbag2 folder, as a vehicle's recorder would have written them.
+
+Images go to the rig's topics with a camera info beside each, the point cloud to the LiDAR's; /tf_static places every
+camera at its own centre and the LiDAR in the rig frame, while P keeps its offsets: as converters of KITTI do.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rosbags.rosbag1 import Writer as BagWriter
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+
+from auditor.frames import Frame
+from auditor.geometry import motion
+from auditor.recordings import schemas
+from auditor.recordings.interface import Definition, Topic
+from auditor.recordings.labels import METADATA_TOPIC, label_to_dict
+from auditor.recordings.writers.atomic import whole_file, whole_folder
+from auditor.recordings.writers.mcap_file import Compression, mcap_file
+from auditor.recordings.writers.messages import Form, MessageMaker
+from auditor.results import AttackLabel
+from auditor.rig import Camera, Rig
+
+RIG_FRAME = "rig"
+TRANSFORMS_TOPIC = "/tf_static"
+
+
+class _Outgoing(NamedTuple):
+    topic: str
+    schema: str
+    stamp_ns: int
+    data: bytes
+
+
+def write_mcap(
+    path: Path,
+    rig: Rig,
+    frames: Iterable[Frame],
+    labels: Iterable[AttackLabel] = (),
+    *,
+    vehicle: str | None = None,
+    compression: Compression = "zstd",
+    image: Form = "raw",
+) -> None:
+    """Write an MCAP file of ROS 2 messages. `labels` are asked for after the last frame.
+
+    Raises RecordingError where it cannot be written.
+    """
+    maker = MessageMaker("cdr")
+    last_ns = 0
+    with mcap_file(path, profile="ros2", compression=compression) as file:
+        for topic, schema, stamp_ns, data in _messages(maker, rig, frames, image):
+            definition = Definition("ros2msg", maker.definition(schema).encode())
+            file.write(Topic(topic, schema, "cdr"), definition, stamp_ns, data)
+            last_ns = max(last_ns, stamp_ns)
+        file.add_labels(labels, last_ns)
+        file.add_metadata({"vehicle": vehicle} if vehicle else {})
+
+
+def write_bag(
+    path: Path,
+    rig: Rig,
+    frames: Iterable[Frame],
+    labels: Iterable[AttackLabel] = (),
+    *,
+    vehicle: str | None = None,
+    image: Form = "raw",
+) -> None:
+    """Write a ROS 1 .bag; ground truth and vehicle go to a topic, since it has no attachments. See write_mcap."""
+    maker = MessageMaker("ros1")
+    with whole_file(path) as beside, BagWriter(beside) as writer:
+        _write_all(writer, maker, _with_said(maker, _messages(maker, rig, frames, image), labels, vehicle))
+
+
+def write_db3(
+    path: Path,
+    rig: Rig,
+    frames: Iterable[Frame],
+    labels: Iterable[AttackLabel] = (),
+    *,
+    vehicle: str | None = None,
+    image: Form = "raw",
+) -> None:
+    """Write a rosbag2 folder with a .db3 file. Raises RecordingError where the folder exists. See write_bag."""
+    maker = MessageMaker("cdr")
+    with (
+        whole_folder(path) as beside,
+        Rosbag2Writer(beside, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
+    ):
+        _write_all(writer, maker, _with_said(maker, _messages(maker, rig, frames, image), labels, vehicle))
+
+
+def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) -> None:  # noqa: ANN401  # two writers
+    connections: dict[str, Any] = {}
+    for topic, schema, stamp_ns, data in outgoing:
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, schema, typestore=maker.store)
+        writer.write(connections[topic], stamp_ns, data)
+
+
+def _with_said(
+    maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], vehicle: str | None
+) -> Iterator[_Outgoing]:
+    last_ns = 0
+    for message in messages:
+        last_ns = max(last_ns, message.stamp_ns)
+        yield message
+    said = {
+        "labels": [label_to_dict(label) for label in labels],
+        "metadata": {"vehicle": vehicle} if vehicle else {},
+    }
+    yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(said)))
+
+
+def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form) -> Iterator[_Outgoing]:
+    frame_ids, info_topics = _frame_ids(rig), _info_topics(rig)
+    placed = False
+    for frame in frames:
+        if not placed:
+            yield _transforms(maker, rig, frame_ids, frame.stamp_ns)
+            placed = True
+        for number, image in sorted(frame.images.items()):
+            camera, frame_id = rig.camera(number), frame_ids[number]
+            info = maker.camera_info(camera.projection, camera.width_px, camera.height_px, image.stamp_ns, frame_id)
+            yield _Outgoing(info_topics[number], schemas.CAMERA_INFO, image.stamp_ns, info)
+            schema, data = maker.image(image.pixels, image.stamp_ns, frame_id, form)
+            yield _Outgoing(camera.topic, schema, image.stamp_ns, data)
+        if frame.cloud is not None and rig.lidar is not None:
+            points = np.zeros((len(frame.cloud.xyz_m), 4), np.float32)
+            points[:, :3] = frame.cloud.xyz_m
+            data = maker.point_cloud(points, frame.cloud.stamp_ns, frame_ids[0])
+            yield _Outgoing(rig.lidar.topic, schemas.POINT_CLOUD, frame.cloud.stamp_ns, data)
+
+
+def _transforms(maker: MessageMaker, rig: Rig, frame_ids: dict[int, str], stamp_ns: int) -> _Outgoing:
+    children = {frame_ids[camera.number]: motion(np.eye(3), camera.centre_m) for camera in rig.cameras}
+    if rig.lidar:
+        children[frame_ids[0]] = rig.lidar.rig_SE3_lidar
+    return _Outgoing(TRANSFORMS_TOPIC, schemas.TRANSFORMS, stamp_ns, maker.transforms(RIG_FRAME, children, stamp_ns))
+
+
+def _frame_ids(rig: Rig) -> dict[int, str]:
+    """Names of the sensors where all differ, else their numbers."""
+    names = {sensor: rig.name(sensor) for sensor in rig.sensors}
+    if len({*names.values(), RIG_FRAME}) == len(names) + 1 and all(names.values()):
+        return names
+    return {sensor: f"sensor_{sensor}" for sensor in rig.sensors}
+
+
+def _info_topics(rig: Rig) -> dict[int, str]:
+    """The camera info stands beside its image, or below it where two images would share it."""
+    beside = Counter(_namespace(camera) for camera in rig.cameras)
+    return {
+        camera.number: f"{_namespace(camera) if beside[_namespace(camera)] == 1 else camera.topic}/camera_info"
+        for camera in rig.cameras
+    }
+
+
+def _namespace(camera: Camera) -> str:
+    return camera.topic.rpartition("/")[0]

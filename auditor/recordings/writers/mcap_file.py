@@ -1,0 +1,70 @@
+"""An MCAP file in the making: topics are registered when their first message comes."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Literal
+
+from mcap.writer import CompressionType, Writer
+
+from auditor.recordings.interface import Definition, Topic
+from auditor.recordings.labels import LABELS_MEDIA_TYPE, LABELS_NAME, METADATA_NAME, labels_to_json
+from auditor.recordings.writers.atomic import whole_file
+from auditor.results import AttackLabel
+
+Compression = Literal["zstd", "lz4", "none"]
+
+_COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
+_CHUNK_BYTES = 4 * 2**20
+
+
+class McapFile:
+    """Writes messages, ground truth and metadata by mcap's own writer."""
+
+    def __init__(self, stream: IO[bytes], profile: str, compression: Compression) -> None:
+        self._writer = Writer(stream, chunk_size=_CHUNK_BYTES, compression=_COMPRESSIONS[compression])
+        self._writer.start(profile=profile, library="auditor")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[Topic, int] = {}
+
+    def write(self, topic: Topic, definition: Definition | None, log_time_ns: int, data: bytes | memoryview) -> None:
+        """Add one message; a topic's first definition counts."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._writer.register_channel(topic.name, topic.encoding, self._schema(topic.schema, definition))
+            self._channels[topic] = channel
+        # A log time before 1970 cannot be written.
+        log_time_ns = max(log_time_ns, 0)
+        self._writer.add_message(channel, log_time_ns, bytes(data), log_time_ns)
+
+    def _schema(self, name: str, definition: Definition | None) -> int:
+        if not name:
+            return 0
+        if name not in self._schemas:
+            encoding, data = (definition.encoding, definition.data) if definition else ("", b"")
+            self._schemas[name] = self._writer.register_schema(name, encoding, data)
+        return self._schemas[name]
+
+    def add_labels(self, labels: Iterable[AttackLabel], time_ns: int) -> None:
+        """Attach ground truth, where there is any."""
+        known = tuple(labels)
+        if known:
+            self._writer.add_attachment(time_ns, time_ns, LABELS_NAME, LABELS_MEDIA_TYPE, labels_to_json(known))
+
+    def add_metadata(self, metadata: Mapping[str, str]) -> None:
+        """Add what the recording says about itself, where it says anything."""
+        if metadata:
+            self._writer.add_metadata(METADATA_NAME, dict(metadata))
+
+    def finish(self) -> None:
+        """Write the summary."""
+        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it unannotated
+
+
+@contextmanager
+def mcap_file(path: Path, *, profile: str, compression: Compression) -> Iterator[McapFile]:
+    """An MCAP file that appears under its name when all is written. Raises RecordingError where the disk refuses."""
+    with whole_file(path) as beside, beside.open("wb") as stream:
+        file = McapFile(stream, profile, compression)
+        yield file
+        file.finish()

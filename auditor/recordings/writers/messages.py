@@ -1,0 +1,151 @@
+"""ROS messages made from pixels, points and geometry, for either version of ROS."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from auditor.geometry import Matrix, quaternion_from_rotation
+from auditor.recordings import schemas
+from auditor.recordings.decoding.pictures import encode_picture
+
+Form = Literal["raw", "png", "jpeg"]
+
+CLOUD_FIELDS = ("x", "y", "z", "intensity")
+_FLOAT32 = 7
+_NANOSECONDS = 10**9
+
+
+class MessageMaker:
+    """Makes serialised messages of one version of ROS."""
+
+    def __init__(self, encoding: Literal["cdr", "ros1"]) -> None:
+        self.encoding = encoding
+        self.store = _ros1_store() if encoding == "ros1" else get_typestore(Stores.ROS2_HUMBLE)
+
+    def serialise(self, schema: str, message: object) -> bytes:
+        """The bytes of a message object."""
+        if self.encoding == "ros1":
+            return bytes(self.store.serialize_ros1(message, schema))
+        return bytes(self.store.serialize_cdr(message, schema))
+
+    def definition(self, schema: str) -> str:
+        """The text that defines a schema and all it is made of."""
+        return self.store.generate_msgdef(schema, ros_version=1 if self.encoding == "ros1" else 2)[0]
+
+    def image(self, pixels: NDArray[np.uint8], stamp_ns: int, frame_id: str, form: Form) -> tuple[str, bytes]:
+        """Schema and bytes of an image, (H, W) grey or (H, W, 3) BGR: raw, or as a PNG or JPEG file."""
+        if form == "raw":
+            encoding = "mono8" if pixels.ndim == 2 else "bgr8"
+            return schemas.IMAGE, self.raw_image(pixels, encoding, self.header(stamp_ns, frame_id))
+        return schemas.COMPRESSED_IMAGE, self.compressed_image(encode_picture(pixels, form), form, stamp_ns, frame_id)
+
+    def raw_image(self, pixels: NDArray[np.uint8], encoding: str, header: object) -> bytes:
+        """sensor_msgs/Image, its rows without padding."""
+        height, width = pixels.shape[:2]
+        image = self._made(
+            schemas.IMAGE,
+            header=header,
+            height=height,
+            width=width,
+            encoding=encoding,
+            is_bigendian=0,
+            step=pixels.size // height,
+            data=np.ascontiguousarray(pixels).reshape(-1),
+        )
+        return self.serialise(schemas.IMAGE, image)
+
+    def compressed_image(self, data: bytes | memoryview, form: str, stamp_ns: int, frame_id: str) -> bytes:
+        """sensor_msgs/CompressedImage holding a picture file."""
+        image = self._made(
+            schemas.COMPRESSED_IMAGE,
+            header=self.header(stamp_ns, frame_id),
+            format=form,
+            data=np.frombuffer(data, np.uint8),
+        )
+        return self.serialise(schemas.COMPRESSED_IMAGE, image)
+
+    def camera_info(self, projection: Matrix, width_px: int, height_px: int, stamp_ns: int, frame_id: str) -> bytes:
+        """sensor_msgs/CameraInfo of a rectified camera: D empty, R = I, the whole (3, 4) P."""
+        names = "DKRP" if self.encoding == "ros1" else "dkrp"
+        matrices = (np.empty(0), projection[:, :3].reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))
+        region = self._made(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+        )
+        info = self._made(
+            schemas.CAMERA_INFO,
+            header=self.header(stamp_ns, frame_id),
+            height=height_px,
+            width=width_px,
+            distortion_model="plumb_bob",
+            **{name: np.ascontiguousarray(matrix) for name, matrix in zip(names, matrices, strict=True)},
+            binning_x=0,
+            binning_y=0,
+            roi=region,
+        )
+        return self.serialise(schemas.CAMERA_INFO, info)
+
+    def point_cloud(self, points: NDArray[np.float32], stamp_ns: int, frame_id: str) -> bytes:
+        """sensor_msgs/PointCloud2 of (N, 4) float32: x, y, z in metres and intensity."""
+        fields = [
+            self._made("sensor_msgs/msg/PointField", name=name, offset=4 * place, datatype=_FLOAT32, count=1)
+            for place, name in enumerate(CLOUD_FIELDS)
+        ]
+        cloud = self._made(
+            schemas.POINT_CLOUD,
+            header=self.header(stamp_ns, frame_id),
+            height=1,
+            width=len(points),
+            fields=fields,
+            is_bigendian=False,
+            point_step=16,
+            row_step=16 * len(points),
+            data=np.ascontiguousarray(points, dtype="<f4").view(np.uint8).reshape(-1),
+            is_dense=True,
+        )
+        return self.serialise(schemas.POINT_CLOUD, cloud)
+
+    def transforms(self, parent: str, children: Mapping[str, Matrix], stamp_ns: int) -> bytes:
+        """tf2_msgs/TFMessage: each child's (4, 4) parent_SE3_child."""
+        made = [
+            self._made(
+                "geometry_msgs/msg/TransformStamped",
+                header=self.header(stamp_ns, parent),
+                child_frame_id=child,
+                transform=self._transform(matrix),
+            )
+            for child, matrix in children.items()
+        ]
+        return self.serialise(schemas.TRANSFORMS, self._made(schemas.TRANSFORMS, transforms=made))
+
+    def string(self, text: str) -> bytes:
+        """std_msgs/String."""
+        return self.serialise(schemas.STRING, self._made(schemas.STRING, data=text))
+
+    def header(self, stamp_ns: int, frame_id: str) -> object:
+        """std_msgs/Header."""
+        seconds, nanoseconds = divmod(stamp_ns, _NANOSECONDS)
+        stamp = self._made("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        counter = {"seq": 0} if self.encoding == "ros1" else {}
+        return self._made("std_msgs/msg/Header", **counter, stamp=stamp, frame_id=frame_id)
+
+    def _transform(self, matrix: Matrix) -> object:
+        x, y, z = (float(value) for value in matrix[:3, 3])
+        qx, qy, qz, qw = quaternion_from_rotation(matrix[:3, :3])
+        return self._made(
+            "geometry_msgs/msg/Transform",
+            translation=self._made("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=self._made("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        )
+
+    def _made(self, schema: str, **fields: Any) -> Any:  # noqa: ANN401  # rosbags generates the classes
+        return self.store.types[schema](**fields)
+
+
+def _ros1_store() -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", schemas.TRANSFORMS))
+    return store
