@@ -124,7 +124,6 @@ class IncidentPart:
     frames: int
     from_ns: int
     to_ns: int
-    period_ns: float
     states: tuple[tuple[str, int], ...] = ()
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
@@ -132,8 +131,8 @@ class IncidentPart:
 
     @property
     def duration_s(self) -> float:
-        """How long it lasted; its last frame lasts one period."""
-        return (self.to_ns - self.from_ns + self.period_ns) / NS_PER_S
+        """Time from its first frame to its last."""
+        return (self.to_ns - self.from_ns) / NS_PER_S
 
 
 @dataclass(frozen=True)

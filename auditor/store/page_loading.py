@@ -3,10 +3,10 @@
 import base64
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import groupby
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,8 @@ from auditor.store.page import (
     Truth,
     View,
 )
-from auditor.store.plots import NS_PER_S, Figure, Row, Series, draw, median_period_ns
+from auditor.store.plots import NS_PER_S, Figure, Row, Series, draw
+from auditor.store.queries import run_query
 from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, read_table
@@ -44,22 +45,20 @@ MARGIN_NS = 2 * NS_PER_S
 MARGIN_SHARE = 0.5
 """Before and after an incident at least so much is drawn: 2 s, and half of its duration."""
 
+MOST_STATES = 3
+"""Different e vectors, and reasons, that an incident's text gives."""
+
 COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
 
 
 @dataclass(frozen=True, eq=False)
 class _Audit:
-    """One measurement of a recording with its current judgement; `verdicts` are read only where frames were raised."""
+    """One measurement of a recording, with its current judgement."""
 
     recording: RecordingRecord
     measurement: StoredMeasurement
     judgement: StoredJudgement | None
     rig: Rig
-
-    @property
-    def raised(self) -> int:
-        """Frames with a finding."""
-        return sum(count for kind, count in self.judgement.counts.items() if kind in FINDINGS) if self.judgement else 0
 
 
 def load_page(store: Store, recording: str | None = None) -> IncidentPage:
@@ -68,8 +67,7 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
     Raises StoreError where the store has no such recording, or was not measured.
     """
     audits = _audits(store, recording)
-    parts = {audit.measurement.measurement_id: _outline(store, audit) for audit in audits}
-    numbered = _numbered(list(parts.values()))
+    numbered = _numbered([_outline(store, audit) for audit in audits], _incidents(store, recording))
     shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
     drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
     full = [
@@ -140,18 +138,42 @@ def _outline(store: Store, audit: _Audit) -> RecordingPart:
         triples=audit.rig.triples,
         balance=audit.measurement.balance,
         provenance=_provenance(store, audit),
-        incidents=_incidents(store, audit) if audit.raised else (),
     )
 
 
-def _numbered(parts: Sequence[RecordingPart]) -> list[RecordingPart]:
-    """Number the incidents through the whole page, from 1."""
-    numbered, before = [], 0
-    for part in parts:
-        incidents = tuple(replace(one, number=before + place) for place, one in enumerate(part.incidents, start=1))
-        before += len(incidents)
-        numbered.append(replace(part, incidents=incidents))
-    return numbered
+def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:
+    """The incidents of each measurement, as the query of that name finds them."""
+    incidents: dict[str, list[IncidentPart]] = {}
+    for row in run_query(store, "incidents", {"recording": recording}).to_pylist():
+        incident = IncidentPart(
+            number=0,
+            kind=VerdictKind(row["kind"]),
+            attacked=tuple(row["attacked"]),
+            first_frame=row["first_frame"],
+            last_frame=row["last_frame"],
+            frames=row["frames"],
+            from_ns=row["from_ns"],
+            to_ns=row["to_ns"],
+        )
+        incidents.setdefault(row["measurement_id"], []).append(incident)
+    return incidents
+
+
+def _numbered(parts: Sequence[RecordingPart], incidents: Mapping[str, list[IncidentPart]]) -> list[RecordingPart]:
+    """The parts with their incidents, which are numbered through the whole page, from 1."""
+    numbers = count(1)
+    return [
+        replace(
+            part,
+            incidents=tuple(
+                replace(incident, number=next(numbers))
+                for incident in sorted(
+                    incidents.get(part.provenance.measurement_id, ()), key=lambda one: (one.from_ns, one.attacked)
+                )
+            ),
+        )
+        for part in parts
+    ]
 
 
 def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
@@ -189,38 +211,6 @@ def _provenance(store: Store, audit: _Audit) -> Provenance:
     )
 
 
-def _incidents(store: Store, audit: _Audit) -> tuple[IncidentPart, ...]:
-    """Runs of frames with the same finding and the same attacked sensors."""
-    verdicts = _verdicts(store, audit)
-    period_ns = median_period_ns([verdict["stamp_ns"] for verdict in verdicts])
-    incidents = []
-    for (kind, attacked), run in groupby(verdicts, key=lambda verdict: (verdict["kind"], tuple(verdict["attacked"]))):
-        frames = list(run)
-        if kind not in FINDINGS:
-            continue
-        incidents.append(
-            IncidentPart(
-                number=0,
-                kind=VerdictKind(kind),
-                attacked=attacked,
-                first_frame=frames[0]["frame"],
-                last_frame=frames[-1]["frame"],
-                frames=len(frames),
-                from_ns=frames[0]["stamp_ns"],
-                to_ns=frames[-1]["stamp_ns"],
-                period_ns=period_ns,
-                states=tuple(Counter(frame["e"] for frame in frames).most_common(3)),
-                reasons=tuple(Counter(frame["reason"] for frame in frames if frame["reason"]).most_common(3)),
-            )
-        )
-    return tuple(incidents)
-
-
-def _verdicts(store: Store, audit: _Audit) -> list[dict[str, Any]]:
-    assert audit.judgement is not None, "only judged measurements have verdicts"
-    return read_rows("verdicts", store.path("verdicts", audit.judgement.judgement_id))
-
-
 def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
     """The part with its coverage, its drawings and its pictures."""
     statistic = audit.judgement.statistic if audit.judgement else Statistic.GATED
@@ -229,14 +219,14 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     part = replace(part, sensors=_coverage(store, audit, errors, part.sensors), truths=truths)
     if audit.judgement is None or not len(errors.frames):
         return part
-    verdicts = _verdicts(store, audit)
-    timeline = _Timeline(part, errors, verdicts)
+    frames = run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}).to_pylist()
+    timeline = _Timeline(part, errors, frames)
     return replace(
         part,
         overview=timeline.overview(),
         agreement=timeline.agreement() if truths else None,
         incidents=tuple(
-            replace(incident, figure=timeline.figure(incident), views=_views(store, audit, errors, incident))
+            replace(timeline.drawn(incident), views=_views(store, audit, errors, incident))
             if incident.number in drawn
             else incident
             for incident in part.incidents
@@ -331,24 +321,48 @@ def _mapping(text: str) -> dict[str, object]:
 class _Timeline:
     """The frames of one judged recording, ready to be drawn."""
 
-    def __init__(self, part: RecordingPart, errors: FrameErrors, verdicts: Sequence[dict[str, Any]]) -> None:
+    def __init__(self, part: RecordingPart, errors: FrameErrors, frames: Sequence[dict[str, Any]]) -> None:
         self._part = part
-        self._stamps_ns: list[int] = [verdict["stamp_ns"] for verdict in verdicts]
-        self._verdicts = verdicts
+        self._frames = frames
+        self._stamps_ns: list[int] = [frame["stamp_ns"] for frame in frames]
         places = {frame: place for place, frame in enumerate(errors.frames.tolist())}
-        self._E = errors.E[[places[verdict["frame"]] for verdict in verdicts]]
-        self._true = self._truly_attacked()
+        self._E = errors.E[[places[frame["frame"]] for frame in frames]]
 
     def overview(self) -> Figure:
         """The verdicts of all frames, and the ground truth where there is one."""
         return draw(self._stamps_ns, origin_ns=self._part.clock.origin_ns, rows=self._rows(slice(None)))
 
-    def figure(self, incident: IncidentPart) -> Figure:
+    def drawn(self, incident: IncidentPart) -> IncidentPart:
+        """The incident with its figure, and with what its frames' verdicts say."""
+        own = [frame for frame in self._frames[self._around(incident, 0)] if _belongs(frame, incident)]
+        return replace(
+            incident,
+            figure=self._figure(incident),
+            states=tuple(Counter(frame["e"] for frame in own).most_common(MOST_STATES)),
+            reasons=tuple(Counter(frame["reason"] for frame in own if frame["reason"]).most_common(MOST_STATES)),
+        )
+
+    def agreement(self) -> Agreement:
+        """Compare verdicts with the ground truth, frame by frame."""
+        labelled = [frame for frame in self._frames if frame["truth"]]
+        others = [frame for frame in self._frames if not frame["truth"]]
+        return Agreement(
+            labelled=len(labelled),
+            exact=sum(
+                frame["kind"] == VerdictKind.ATTACKED and frame["attacked"] == frame["truth"] for frame in labelled
+            ),
+            unlabelled=len(others),
+            raised=sum(frame["kind"] in FINDINGS for frame in others),
+        )
+
+    def _around(self, incident: IncidentPart, margin_ns: float) -> slice:
+        bounds = [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1]
+        low, high = np.searchsorted(np.array(self._stamps_ns), bounds)
+        return slice(int(low), int(high))
+
+    def _figure(self, incident: IncidentPart) -> Figure:
         """E against theta, verdicts and e around an incident."""
-        margin_ns = max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns))
-        stamps = np.array(self._stamps_ns)
-        low, high = np.searchsorted(stamps, [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1])
-        part = slice(int(low), int(high))
+        part = self._around(incident, max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns)))
         thresholds = self._part.provenance.thresholds
         return draw(
             self._stamps_ns[part],
@@ -361,51 +375,31 @@ class _Timeline:
             shaded=[(incident.from_ns, incident.to_ns)],
         )
 
-    def agreement(self) -> Agreement:
-        """Compare verdicts with the ground truth, frame by frame."""
-        judged = [
-            (true, VerdictKind(verdict["kind"]), tuple(verdict["attacked"]))
-            for true, verdict in zip(self._true, self._verdicts, strict=True)
-        ]
-        return Agreement(
-            labelled=sum(1 for true, _, _ in judged if true),
-            exact=sum(
-                1 for true, kind, attacked in judged if true and kind is VerdictKind.ATTACKED and attacked == true
-            ),
-            unlabelled=sum(1 for true, _, _ in judged if not true),
-            raised=sum(1 for true, kind, _ in judged if not true and kind in FINDINGS),
-        )
-
-    def _truly_attacked(self) -> list[tuple[int, ...]]:
-        """The labelled sensors of each frame. A frame's stamp lies within half a period of its messages'."""
-        half_ns = median_period_ns(self._stamps_ns) / 2
-        return [
-            tuple(
-                sorted(
-                    {
-                        truth.sensor
-                        for truth in self._part.truths
-                        if truth.sensor is not None and truth.from_ns - half_ns <= stamp <= truth.to_ns + half_ns
-                    }
-                )
-            )
-            for stamp in self._stamps_ns
-        ]
-
     def _rows(self, part: slice) -> list[Row]:
-        stamps_ns, verdicts, true = self._stamps_ns[part], self._verdicts[part], self._true[part]
-        names = [_sensors(verdict["attacked"]) for verdict in verdicts]
-        rows = [Row("verdict", stamps_ns, [verdict["kind"] for verdict in verdicts], names)]
+        stamps_ns, frames = self._stamps_ns[part], self._frames[part]
+        rows = [
+            Row(
+                "verdict",
+                stamps_ns,
+                [frame["kind"] for frame in frames],
+                [_sensors(frame["attacked"]) for frame in frames],
+            )
+        ]
         if self._part.truths:
-            rows.append(Row("labelled", stamps_ns, ["truth" if one else "" for one in true], list(map(_sensors, true))))
+            truth = ["truth" if frame["truth"] else "" for frame in frames]
+            rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
         return rows
 
     def _element_rows(self, part: slice) -> list[Row]:
-        stamps_ns, vectors = self._stamps_ns[part], [verdict["e"] for verdict in self._verdicts[part]]
+        stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
         return [
             Row("", stamps_ns, [e[place] for e in vectors], (), triple)
             for place, triple in enumerate(self._part.triples)
         ]
+
+
+def _belongs(frame: dict[str, Any], incident: IncidentPart) -> bool:
+    return frame["kind"] == incident.kind and tuple(frame["attacked"]) == incident.attacked
 
 
 def _sensors(numbers: Sequence[int]) -> str:

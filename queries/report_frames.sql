@@ -1,0 +1,19 @@
+-- What the incident report draws of a measurement: the verdict and the ground truth of each judged frame.
+--
+-- param measurement VARCHAR: The measurement.
+--
+-- column truth: The sensors that labels say were attacked, ascending; empty where no label covers the frame.
+-- column labelled: TRUE where the recording has labels at all.
+SELECT
+    verdict.frame,
+    verdict.stamp_ns,
+    verdict.kind,
+    verdict.attacked,
+    verdict.e,
+    verdict.reason,
+    truth.truth,
+    truth.labelled
+FROM verdicts AS verdict
+JOIN truth USING (measurement_id, frame)
+WHERE verdict.measurement_id = $measurement
+ORDER BY verdict.stamp_ns, verdict.frame
