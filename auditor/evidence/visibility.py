@@ -1,0 +1,34 @@
+"""Which of a LiDAR's points a witness camera can see too."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.lidar import LidarView
+from auditor.rig import Rig
+
+_STEP = 2  # the witness's z-buffer is kept at half resolution
+_WINDOW = (7, 3)  # rows, columns of that buffer
+_BASELINE_M = 0.6
+_HIDDEN_PX = 3.0
+
+
+def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(M,) mask of the points of a view that no much nearer point hides from the witness's camera.
+
+    `d0_px` is DM_{0,k} at that witness. A point is hidden where another, within 7 x 3 half-resolution pixels of the
+    witness's image, is nearer by more than 3 px at a baseline of 0.6 m. Points outside its image are not visible.
+    """
+    camera = rig.camera(witness)
+    scale = np.float32(_BASELINE_M / rig.baseline_m(witness, view.reference))
+    height, width = -(-camera.height_px // _STEP), -(-camera.width_px // _STEP)
+    # Rectified images share their rows, so the point's row in the reference is its row in the witness as well.
+    row = np.minimum(view.row // _STEP, height - 1)
+    column = np.rint((view.u_px - d0_px) / _STEP).astype(np.intp)
+    inside = (column >= 0) & (column < width)
+    column = np.clip(column, 0, width - 1)
+    nearness = np.where(inside, d0_px * scale, 0).astype(np.float32)
+    nearest = np.zeros((height, width), dtype=np.float32)
+    np.maximum.at(nearest, (row, column), nearness)
+    nearest = np.asarray(cv2.dilate(nearest, np.ones(_WINDOW, dtype=np.uint8)), dtype=np.float32)
+    return np.asarray(inside & (nearest[row, column] - nearness <= _HIDDEN_PX))
