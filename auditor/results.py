@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from decimal import Decimal
 from enum import StrEnum
 
@@ -118,7 +119,7 @@ class Calibration:
     """What clean recordings taught: the disparity errors of their frames, from which theta follows at any r.
 
     `samples` holds, for each statistic and triple, the clean E in ascending order. `recordings` are the ids of the
-    recordings they came from.
+    recordings they came from. `calibrated_at` (UTC) is no part of the id: the same samples are the same calibration.
     """
 
     calibration_id: str
@@ -126,6 +127,7 @@ class Calibration:
     procedure: Procedure
     recordings: tuple[str, ...]
     samples: Mapping[tuple[Statistic, Triple], tuple[float, ...]]
+    calibrated_at: datetime | None = None
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.results import Calibration, Procedure, Statistic
 from auditor.rig import RigKind, Triple
-from auditor.store.records import content_id
+from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
 
 
@@ -34,13 +35,14 @@ def make_calibration(
     recordings: Iterable[str],
     samples: Mapping[tuple[Statistic, Triple], Iterable[float]],
 ) -> Calibration:
-    """A calibration under the id of its content, its samples in ascending order."""
+    """A calibration made now, under the id of its content, its samples in ascending order."""
     unnamed = Calibration(
         calibration_id="",
         rig_kind=rig_kind,
         procedure=procedure,
         recordings=tuple(sorted(recordings)),
         samples={key: tuple(sorted(values)) for key, values in samples.items()},
+        calibrated_at=datetime.now(UTC),
     )
     return replace(unnamed, calibration_id=calibration_id(unnamed))
 
@@ -96,6 +98,7 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
             "settings": calibration.procedure.settings,
             "counting_version": calibration.procedure.counting_version,
             "recordings": list(calibration.recordings),
+            "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
             "statistic": statistic.value,
             "i": triple.i,
             "j": triple.j,
@@ -126,4 +129,5 @@ def _calibration(rows: list[dict[str, Any]]) -> Calibration:
         samples={
             (Statistic(row["statistic"]), Triple(row["i"], row["j"], row["k"])): tuple(row["samples"]) for row in rows
         },
+        calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),
     )

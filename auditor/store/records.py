@@ -137,3 +137,8 @@ def content_id(*parts: object) -> str:
     """The first 32 hex digits of the sha256 of the parts as canonical JSON."""
     text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:_ID_DIGITS]
+
+
+def to_utc(moment: datetime.datetime) -> datetime.datetime:
+    """The same moment as the tables keep it: UTC, which is not said again in every row."""
+    return moment.astimezone(datetime.UTC).replace(tzinfo=None)

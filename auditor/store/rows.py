@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
+from datetime import UTC
 from typing import Any
 
 from auditor.errors import StoreError
@@ -10,7 +10,7 @@ from auditor.frames import TopicBalance
 from auditor.results import Procedure, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import rig_kind_fields
-from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement
+from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement, to_utc
 from auditor.store.tables import Row
 
 _DIGITS_OF_R = 17
@@ -53,7 +53,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
         "damage": list(measurement.damage),
         "versions": dict(sorted(measurement.versions.items())),
-        "measured_at": _to_utc(measurement.measured_at),
+        "measured_at": to_utc(measurement.measured_at),
         "seconds": measurement.seconds,
     }
 
@@ -92,7 +92,7 @@ def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictK
         "transferred": thresholds.transferred,
         "theta": [thresholds.theta.get(triple) for triple in rig.triples],
         "samples": [thresholds.samples.get(triple) for triple in rig.triples],
-        "judged_at": _to_utc(judgement.judged_at),
+        "judged_at": to_utc(judgement.judged_at),
         **{kind.value: counts.get(kind, 0) for kind in VerdictKind},
     }
 
@@ -124,8 +124,3 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "margin": verdict.margin,
         "reason": verdict.reason or None,
     }
-
-
-def _to_utc(moment: datetime) -> datetime:
-    """The same moment as the tables keep it: UTC, which is not said again in every row."""
-    return moment.astimezone(UTC).replace(tzinfo=None)

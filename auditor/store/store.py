@@ -86,6 +86,11 @@ class Store:
             for row in self._rows("recordings")
         ]
 
+    def recording(self, recording_id: str) -> RecordingRecord:
+        """The recording of an id."""
+        row = self._row("recordings", recording_id)
+        return RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
+
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig and its triples."""
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
@@ -112,6 +117,21 @@ class Store:
             for label in labels
         ]
         write_rows("labels", self.path("labels", recording_id), rows)
+
+    def labels(self, recording_id: str) -> list[AttackLabel]:
+        """The ground truth of a recording; none where it carries none."""
+        if not self.path("labels", recording_id).is_file():
+            return []
+        return [
+            AttackLabel(
+                topic=row["topic"],
+                attack=row["attack"],
+                from_ns=row["from_ns"],
+                to_ns=row["to_ns"],
+                parameters=json.loads(row["parameters"]),
+            )
+            for row in read_rows("labels", self.path("labels", recording_id))
+        ]
 
     # Measurements
 
@@ -234,6 +254,11 @@ class FramesWriter:
         self._skipped: Counter[str] = Counter()
         self._first_stamp_ns: int | None = None
         self._last_stamp_ns: int | None = None
+
+    @property
+    def measured(self) -> int:
+        """How many measured frames were added."""
+        return self._measured
 
     def add(self, frame: Measurement | Skipped) -> None:
         """Take a measured frame or a skipped tick. Raises StoreError where it does not fit the rig."""
