@@ -27,6 +27,10 @@ class Clock:
             return f"{self.seconds(stamp_ns):.3f} s after the first frame"
         return f"{self._utc(stamp_ns):%Y-%m-%d %H:%M:%S}.{stamp_ns % NS_PER_S // 1_000_000:03d} UTC"
 
+    def brief(self, stamp_ns: int) -> str:
+        """The same for a table, whose note says what t counts from."""
+        return self.moment(stamp_ns) if self.utc else f"t = {self.seconds(stamp_ns):.3f} s"
+
     def seconds(self, stamp_ns: int) -> float:
         """Seconds after the recording's first frame."""
         return (stamp_ns - self.origin_ns) / NS_PER_S

@@ -54,7 +54,7 @@ def page_of(store, tmp_path, recording=None):
 
 def test_the_headline_says_who_when_how_long_and_in_how_many_frames(store, tmp_path):
     add_recording(store, attacks=[((1,), 10, 19)])
-    headline = "Camera S1 (right) was attacked from 2011-09-26 13:02:26.904 UTC for 0.9 s, in 10 frames."
+    headline = "Camera S1 (right) was attacked for 0.9 s in 10 frames, from 2011-09-26 13:02:26.904 UTC."
     assert headline in page_of(store, tmp_path).words
 
 
@@ -90,7 +90,7 @@ def test_an_attack_that_nobody_can_be_named_for_says_so(store, tmp_path):
     rig = make_rig(("", "right", "middle", "left"), lidar=False)
     add_recording(store, rig=rig, attacks=[((2,), 3, 4)])
     words = page_of(store, tmp_path).words
-    assert "An attack was detected, but no sensor can be named: from 2011-09-26 13:02:26.204 UTC" in words
+    assert "An attack was detected, but no sensor can be named, for 0.1 s in 2 frames, from 2011-09-26 13:02:26.204 UTC" in words
     assert "In 2 frames: an attack on one of 3 sensors cannot be attributed." in words
     assert "(here N = 3, so none)" in words
 
@@ -144,8 +144,9 @@ def test_a_recording_without_a_single_frame_gives_a_page(store, tmp_path):
 def test_without_utc_times_are_told_from_the_first_frame(store, tmp_path):
     add_recording(store, attacks=[((0,), 10, 19)], clock="relative")
     words = page_of(store, tmp_path).words
-    assert "LiDAR S0 (velo) was attacked from 1.000 s after the first frame" in words
-    assert "UTC for" not in words
+    assert "LiDAR S0 (velo) was attacked for 0.9 s in 10 frames, from 1.000 s after the first frame." in words
+    assert "40 frames in 3.9 s, on a clock that is not UTC: t counts from the first frame." in words
+    assert "t = 1.000 s" in words
 
 
 def test_an_unresolvable_rate_is_marked(store, tmp_path):
@@ -177,8 +178,8 @@ def test_the_longest_incident_with_a_name_leads_the_page(store):
 def test_ground_truth_is_compared_frame_by_frame(store, tmp_path):
     add_recording(store, attacks=[((1,), 5, 9)])
     words = page_of(store, tmp_path).words
-    assert "Of 5 labelled frames 5 were attributed to exactly the sensors that the label names" in words
-    assert "of 35 other frames 0 raised a finding." in words
+    assert "Of 5 labelled frames, 5 were attributed to exactly the sensors that the label names" in words
+    assert "of 35 other frames, 0 raised a finding." in words
     assert "A = 510" in words
 
 
