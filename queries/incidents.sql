@@ -3,6 +3,8 @@
 -- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
+-- column kind: What the verdicts are: attacked, unidentified or suspect.
+-- column attacked: The attacked sensors; empty unless kind is attacked.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column attacked_names: The recording's own names of the attacked sensors.
 -- column from_ns: Stamp of the first frame.

@@ -2,6 +2,10 @@
 --
 -- param measurement VARCHAR: The measurement.
 --
+-- column frame: Number of the frame within the recording.
+-- column stamp_ns: The frame's stamp: when it was captured.
+-- column kind: clean, attacked, unidentified, suspect or not_auditable.
+-- column attacked: The sensors that the verdict names; empty unless kind is attacked.
 -- column truth: The sensors that labels say were attacked, ascending; empty where no label covers the frame.
 -- column labelled: TRUE where the recording has labels at all.
 SELECT

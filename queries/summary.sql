@@ -2,6 +2,7 @@
 --
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
+-- column kind: The rig kind in words.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
@@ -9,6 +10,8 @@
 -- column attacked_sensors: Sensors named as attacked in at least one frame.
 -- column attacked_names: The recording's own names of these sensors.
 -- column attacked: Frames in which the attacked sensors are named.
+-- column statistic: Which pixels the current judgement counted: plain or gated.
+-- column r: The designated false-alarm rate of the current judgement.
 -- column damage: Pieces of damage met while reading.
 SELECT
     recording.recording_id,

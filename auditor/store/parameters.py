@@ -84,11 +84,13 @@ _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "VARCHAR": _text,
     "BIGINT": _integer,
     "DOUBLE": _number,
+    "RATE": _rate,
     "RATE[]": _rates,
 }
 _MEANING = {
     "VARCHAR": "a text",
     "BIGINT": "a whole number",
     "DOUBLE": "a number",
+    "RATE": "a number between 0 and 1",
     "RATE[]": "a list of numbers between 0 and 1",
 }

@@ -1,5 +1,10 @@
 -- One row a measured frame and triple: the disparity errors, and the state that the current judgement gives them.
 --
+-- column frame: Number of the frame within the recording.
+-- column stamp_ns: The frame's stamp: when it was captured.
+-- column i: First witness.
+-- column j: Second witness.
+-- column k: Reference camera.
 -- column position: Place of the triple in e, counted from 1.
 -- column valid_px: Pixels at which both disparity maps can be compared.
 -- column inconsistent_px: Valid pixels that are inconsistent (Eq. 2).

@@ -1,5 +1,7 @@
 -- One row a frame and sensor: what there was of the sensor, and how much of it could be used.
 --
+-- column frame: Number of the frame within the recording.
+-- column stamp_ns: The frame's stamp: when it was captured.
 -- column sensor: Number of the sensor: 0 the LiDAR, 1..n the cameras from right to left.
 -- column name: The recording's own name of the sensor.
 -- column topic: The topic that carries its data.

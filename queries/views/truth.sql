@@ -3,6 +3,8 @@
 -- A label covers a frame whose stamp lies within half a frame's period (at most 50 ms) of it, since the stamps of a
 -- sensor and of the frame differ by an offset; a sensor that is not present cannot show its attack.
 --
+-- column frame: Number of the frame within the recording.
+-- column stamp_ns: The frame's stamp: when it was captured.
 -- column truth: The attacked sensors, ascending; empty where no label covers the frame.
 -- column labelled: TRUE where the recording has labels at all.
 WITH step AS (

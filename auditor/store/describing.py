@@ -1,0 +1,63 @@
+"""What tables, views and queries are: taken from the files that make them, so it cannot differ from what they do."""
+
+from dataclasses import dataclass
+
+from auditor.errors import QueryError
+from auditor.store.connection import connected
+from auditor.store.schema import TABLES, Column, table_schema
+from auditor.store.sql_files import Parameter, SqlFile, queries, views
+
+
+@dataclass(frozen=True)
+class Description:
+    """One table, view or query (`what`): what it says, its parameters where it is a query, and its columns."""
+
+    name: str
+    what: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    columns: tuple[Column, ...]
+
+
+def describe(name: str) -> Description:
+    """Describe a query or a view. Raises QueryError where there is none of this name."""
+    if name in queries():
+        return _described(queries()[name], "query")
+    if name in views():
+        return _described(views()[name], "view")
+    known = ", ".join([*queries(), *views()])
+    raise QueryError("there is no such query or view", where=name, remedy=f"there are {known}")
+
+
+def describe_table(name: str) -> Description:
+    """Describe one of TABLES, as its files lie in a store."""
+    schema = table_schema(name)
+    return Description(name, "table", schema.sentence, (), schema.columns)
+
+
+def list_views() -> list[SqlFile]:
+    """All views, by name."""
+    return list(views().values())
+
+
+def _described(file: SqlFile, what: str) -> Description:
+    with connected(None, file.sql) as connection:
+        answer = connection.sql(file.sql, params={parameter.name: None for parameter in file.parameters})
+        types = dict(zip(answer.columns, map(str, answer.types), strict=True))
+    columns = tuple(_column(file, column, kind) for column, kind in types.items())
+    return Description(file.name, what, file.text, file.parameters, columns)
+
+
+def _column(file: SqlFile, name: str, kind: str) -> Column:
+    """A column of a view or query: as its own head explains it, or as the one table does that it can come from."""
+    if name in file.columns:
+        return Column(name, kind, file.columns[name])
+    own = [column for column in _stored(file.name) if column.name == name]
+    others = [column for table in TABLES for column in _stored(table) if (column.name, column.type) == (name, kind)]
+    if own or name.endswith("_id") or len(others) == 1:
+        return (own or others)[0]
+    return Column(name, kind, "")
+
+
+def _stored(table: str) -> tuple[Column, ...]:
+    return table_schema(table).columns if table in TABLES else ()

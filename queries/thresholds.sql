@@ -1,0 +1,34 @@
+-- Thresholds theta of the calibrations at a designated false-alarm rate r: one row a statistic and triple.
+--
+-- param r RATE = 0.01: The designated false-alarm rate.
+-- param calibration VARCHAR = NULL: Only the calibration whose id begins so.
+--
+-- column kind: The rig kind in words.
+-- column matcher: The stereo matcher that the samples were measured with.
+-- column recordings: How many clean recordings the samples came from.
+-- column statistic: Which pixels the disparity error counts: plain or gated.
+-- column i: First witness.
+-- column j: Second witness.
+-- column k: Reference camera.
+-- column r: The designated false-alarm rate.
+-- column N: Number of clean samples.
+-- column theta: The sample of rank N - floor(r N); -1 at r = 1.
+-- column resolvable: FALSE where 0 < r < 1/N: theta is then the maximum, as for r = 0.
+-- column median: The middle of the samples.
+SELECT
+    calibration_id,
+    kind,
+    matcher,
+    len(recordings) AS recordings,
+    statistic,
+    i,
+    j,
+    k,
+    N,
+    list_median(samples) AS median,
+    CAST($r AS DECIMAL(18, 17)) AS r,
+    threshold(samples, CAST($r AS DECIMAL(18, 17))) AS theta,
+    resolvable_with(N, CAST($r AS DECIMAL(18, 17))) AS resolvable
+FROM calibrations
+WHERE $calibration IS NULL OR starts_with(calibration_id, $calibration)
+ORDER BY calibrated_at, calibration_id, statistic, k DESC, i, j
