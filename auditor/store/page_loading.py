@@ -38,7 +38,7 @@ from auditor.store.tables import read_rows, read_table
 MOST_SECTIONS = 12
 """Recordings that are shown in full; of more, those with the most frames raised."""
 
-MOST_DRAWN = 10
+MOST_DRAWN = 6
 """Incidents that are drawn; of more, those with named sensors first, then the longest."""
 
 MARGIN_NS = 2 * NS_PER_S

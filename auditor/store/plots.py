@@ -118,7 +118,7 @@ class TimeAxis:
     def px(self, stamp_ns: float) -> float:
         """Horizontal position of a stamp, kept inside the plot."""
         at = LEFT_PX + (stamp_ns - self.low_ns) * self._scale
-        return round(min(max(at, LEFT_PX), RIGHT_PX), 2)
+        return round(min(max(at, LEFT_PX), RIGHT_PX), 1)
 
     @property
     def unit(self) -> str:
@@ -198,7 +198,7 @@ def _chart(
     series: Series, stamps_ns: Sequence[int], axis: TimeAxis, *, highest: float, top: float, bottom: float
 ) -> Chart:
     def y_px(E: float) -> float:
-        return round(bottom - min(max(E, 0.0), highest) / highest * (bottom - top), 2)
+        return round(bottom - min(max(E, 0.0), highest) / highest * (bottom - top), 1)
 
     points = list(zip(stamps_ns, series.errors, strict=True))
     dots: dict[bool, list[str]] = {True: [], False: []}
@@ -291,4 +291,4 @@ def _runs(frames: Sequence[tuple[int, str, str]], reach_ns: float) -> Iterator[l
 def _extent(axis: TimeAxis, first_ns: int, last_ns: int, period_ns: float) -> tuple[float, float]:
     """Left edge and width of a run of frames, each of which lasts one period."""
     left, right = axis.px(first_ns - period_ns / 2), axis.px(last_ns + period_ns / 2)
-    return left, round(max(right - left, 0.75), 2)
+    return left, round(max(right - left, 0.75), 1)
