@@ -4,12 +4,15 @@ import sys
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     import pyarrow
+
+_AS_WIDE_AS_NEEDED = 10_000
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -38,13 +41,13 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
 
     table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for column in columns:
-        numeric = all(isinstance(row[column], int | float | None) for row in rows)
+        numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
         table.add_column(Text(column), justify="right" if numeric and rows else "left", overflow="fold")
     for row in rows:
         table.add_row(*(Text(shown(row[column])) for column in columns))
     console = Console(file=sys.stdout, highlight=False)
     if not console.is_terminal:
-        console.width = max(console.measure(table).maximum, 20)
+        console.width = _AS_WIDE_AS_NEEDED
     console.print(table)
     if not rows:
         console.print("(no rows)")
@@ -56,8 +59,8 @@ def shown(value: object) -> str:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
+    if isinstance(value, float | Decimal):
+        return f"{value:.4g}" if value else "0"
     if isinstance(value, list | tuple):
         return ", ".join(shown(item) for item in value) if value else "-"
     if isinstance(value, dict):

@@ -1,1 +1,35 @@
 """KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
+
+from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.queries import list_queries, query, run_query, run_sql
+from auditor.store.records import (
+    FrameErrors,
+    JudgementRecord,
+    MeasurementRecord,
+    RecordingRecord,
+    StoredJudgement,
+    StoredMeasurement,
+    measurement_id,
+)
+from auditor.store.report import render_incident_report
+from auditor.store.store import FramesWriter, Store
+
+__all__ = [
+    "FrameErrors",
+    "FramesWriter",
+    "JudgementRecord",
+    "MeasurementRecord",
+    "RecordingRecord",
+    "Store",
+    "StoredJudgement",
+    "StoredMeasurement",
+    "list_queries",
+    "make_calibration",
+    "measurement_id",
+    "query",
+    "read_calibration",
+    "render_incident_report",
+    "run_query",
+    "run_sql",
+    "write_calibration",
+]

@@ -65,6 +65,8 @@ class StoredMeasurement:
     frames: int
     measured: int
     skipped: Mapping[str, int]
+    first_stamp_ns: int | None
+    last_stamp_ns: int | None
     balance: tuple[TopicBalance, ...]
     damage: tuple[str, ...]
     versions: Mapping[str, str]

@@ -68,6 +68,8 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
         frames=row["frames"],
         measured=row["measured"],
         skipped=row["skipped"],
+        first_stamp_ns=row["first_stamp_ns"],
+        last_stamp_ns=row["last_stamp_ns"],
         balance=tuple(TopicBalance(**topic) for topic in row["balance"]),
         damage=tuple(row["damage"]),
         versions=row["versions"],

@@ -63,6 +63,11 @@ class Store:
             store.remove_abandoned()
         return store
 
+    @staticmethod
+    def is_at(path: Path) -> bool:
+        """True where a folder is a store."""
+        return (path / MARKER).is_file()
+
     def path(self, table: str, row_id: str) -> Path:
         """Where the file of an id lies."""
         return self.folder / table / f"{checked_id(row_id)}.parquet"

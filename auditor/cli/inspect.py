@@ -1,0 +1,149 @@
+"""`auditor inspect`: what is in a recording, whether it is whole, and which sensors can be audited."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auditor.cli import Exit, options
+
+if TYPE_CHECKING:
+    from auditor.recordings import Recording
+    from auditor.rig import Rig
+
+
+@click.command("inspect")
+@options.recordings_argument
+@click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
+@click.option("--format", "form", type=click.Choice(["table", "json"]), default="table", show_default=True)
+def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> int:
+    """Read recordings through and tell their topics, their health, the rigs in them and what these can identify.
+
+    \b
+    auditor inspect night.mcap
+    auditor inspect night.mcap --write-rig vehicle.toml
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.output import say  # noqa: PLC0415
+    from auditor.errors import AuditorError  # noqa: PLC0415
+    from auditor.recordings import find_recordings  # noqa: PLC0415
+
+    found = find_recordings(recordings)
+    tally = Tally()
+    for error in found.errors:
+        say(f"auditor: {error}")
+        tally.failed = True
+    descriptions = []
+    for path in found.recordings:
+        try:
+            description = _describe(path, write_rig)
+        except AuditorError as error:
+            say(f"auditor: {error}")
+            tally.failed = True
+            continue
+        tally.audited |= bool(description["rigs"])
+        tally.incomplete |= bool(description["damage"]) or not description["rigs"]
+        descriptions.append(description)
+        if form == "table":
+            _show(description)
+    if form == "json":
+        click.echo(json.dumps(descriptions, indent=2))
+    return Exit.CLEAN if tally.exit_code() is Exit.CLEAN else tally.exit_code()
+
+
+def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
+    from auditor.errors import RigError  # noqa: PLC0415
+    from auditor.recordings import find_rigs, open_recording, survey, write_rig  # noqa: PLC0415
+
+    with open_recording(path) as recording:
+        surveyed = survey(recording)
+        rigs: tuple[Rig, ...] = ()
+        missing = ""
+        try:
+            rigs = find_rigs(surveyed)
+        except RigError as error:
+            missing = error.what
+        if rigs and rig_file:
+            write_rig(rigs[0], rig_file)
+        for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
+            pass
+        return {
+            "recording": str(path),
+            "recording_id": recording.recording_id,
+            "clock": recording.clock,
+            "metadata": dict(recording.metadata()),
+            "labels": len(recording.labels()),
+            "topics": list(_topics(recording, rigs)),
+            "damage": [str(piece) for piece in recording.damage],
+            "problems": list(surveyed.problems),
+            "rigs": [_rig(rig) for rig in rigs],
+            "missing": missing,
+        }
+
+
+def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[str, Any]]:
+    sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
+    for topic in recording.topics():
+        yield {
+            "topic": topic.name,
+            "schema": topic.schema,
+            "messages": recording.counts.get(topic.name, 0),
+            "sensor": sensors.get(topic.name),
+        }
+
+
+def _rig(rig: "Rig") -> dict[str, Any]:
+    leftmost = rig.cameras[-1]
+    sensors: list[dict[str, Any]] = []
+    if rig.lidar:
+        sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
+    sensors += [
+        {
+            "sensor": f"S_{camera.number}",
+            "name": camera.name,
+            "topic": camera.topic,
+            "size_px": f"{camera.width_px} x {camera.height_px}",
+            "focal_px": camera.focal_px,
+            "baseline_m": rig.baseline_m(camera.number, leftmost.number) if camera is not leftmost else None,
+            "reference": camera.number in rig.references,
+        }
+        for camera in rig.cameras
+    ]
+    return {
+        "rig_id": rig.rig_id,
+        "kind": str(rig.kind),
+        "triples": [list(triple) for triple in rig.triples],
+        "max_attacked": rig.max_attacked,
+        "sensors": sensors,
+    }
+
+
+def _show(description: dict[str, Any]) -> None:
+    from auditor.cli.output import print_rows, shown  # noqa: PLC0415
+
+    click.echo(shown(f"{description['recording']}"))
+    click.echo(shown(f"  clock {description['clock']}, sha256 {description['recording_id']}"))
+    for name, value in description["metadata"].items():
+        click.echo(shown(f"  {name}: {value}"))
+    if description["labels"]:
+        click.echo(f"  carries ground truth of {description['labels']} attacks")
+    print_rows(description["topics"], ("topic", "schema", "messages", "sensor"))
+    for rig in description["rigs"]:
+        columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
+        rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
+        print_rows(rows, columns, title=f"Rig {rig['kind']}")
+        click.echo(f"  {_ability(rig)}\n")
+    for remark in (*description["problems"], *(f"damaged: {piece}" for piece in description["damage"])):
+        click.echo(shown(f"  {remark}"))
+    if description["missing"]:
+        click.echo(shown(f"  {description['missing']}"))
+
+
+def _ability(rig: dict[str, Any]) -> str:
+    count, most = len(rig["triples"]), rig["max_attacked"]
+    comparisons = f"{count} triple{'s' if count != 1 else ''} of sensors can be compared"
+    if most == 0:
+        return f"{comparisons}: an attack is detected, but with three sensors its sensor cannot be identified"
+    return f"{comparisons}: up to {most} attacked sensor{'s' if most != 1 else ''} at once can be identified"

@@ -1,0 +1,44 @@
+"""`auditor judge`: verdicts again, without the recordings."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from auditor.cli import options
+from auditor.cli.output import format_option
+
+
+@click.command("judge")
+@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@options.judging_options
+@click.option(
+    "--min-coverage",
+    type=click.FloatRange(0, 1),
+    default=0.99,
+    show_default=True,
+    help="Share of frames below which a recording counts as not fully audited.",
+)
+@format_option
+def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to Judging
+    """Judge everything in a store again: another r, other thresholds, no recordings needed.
+
+    \b
+    auditor judge -r 0
+    auditor judge night/audit -r 2% --statistic plain
+
+    The new verdicts become the current ones; earlier ones stay in the store.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.showing import show_audit  # noqa: PLC0415
+    from auditor.errors import StoreError  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    ids = kept.ids("measurements")
+    if not ids:
+        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
+    tally = Tally()
+    judge_all(kept, ids, Judging(**judging), tally)
+    show_audit(kept, form)
+    return tally.exit_code()

@@ -1,0 +1,120 @@
+"""Judging as scan and judge do it: which thresholds, and what the verdicts mean for the exit code."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auditor.cli import Exit
+from auditor.cli.output import say
+from auditor.errors import AuditorError, ThresholdsError
+
+if TYPE_CHECKING:
+    from auditor.results import Calibration
+    from auditor.store import Store, StoredJudgement
+
+MIN_COVERAGE = 0.99
+
+
+@dataclass(frozen=True)
+class Judging:
+    """How verdicts are to be reached: the options of the command line."""
+
+    r: Decimal
+    statistic: str
+    calibration: str | None
+    transfer: bool
+    strict: bool
+    min_coverage: float = MIN_COVERAGE
+
+
+@dataclass
+class Tally:
+    """What the exit code depends on, gathered over all recordings of a command."""
+
+    found: bool = False
+    incomplete: bool = False
+    audited: bool = False
+    failed: bool = False
+
+    def exit_code(self) -> Exit:
+        """0 to 4: see Exit. Without a single recording that could be looked at, the command could not run."""
+        if self.failed and not self.audited and not self.incomplete:
+            return Exit.FAILED
+        if self.found:
+            return Exit.FINDINGS_INCOMPLETE if self.incomplete or self.failed else Exit.FINDINGS
+        return Exit.INCOMPLETE if self.incomplete or self.failed else Exit.CLEAN
+
+
+def named_calibration(store: "Store", name: str | None) -> "Calibration | None":
+    """The calibration that the command line names: a file, or an id of the store or the beginning of one."""
+    from auditor.store import read_calibration  # noqa: PLC0415
+
+    if name is None:
+        return None
+    if Path(name).is_file():
+        return read_calibration(Path(name))
+    matching = [known for known in store.ids("calibrations") if known.startswith(name)]
+    if len(matching) != 1:
+        what = "no calibration has that id, and no file that name" if not matching else "several calibrations begin so"
+        raise ThresholdsError(what, where=name, remedy="auditor query calibrations lists them")
+    return store.calibration(matching[0])
+
+
+def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tally: Tally) -> None:
+    """Judge measurements, say what cannot be judged and why, and add to the tally."""
+    from auditor.pipeline import judge_measurement, latest_calibration  # noqa: PLC0415
+    from auditor.results import Statistic  # noqa: PLC0415
+
+    chosen = named_calibration(store, judging.calibration)
+    for measurement in measurements:
+        name = recording_name(store, measurement)
+        calibration = chosen or latest_calibration(store, measurement)
+        if calibration is None:
+            say(
+                f"{name}: measured, but not judged: the store has no thresholds for its rig kind and matcher; "
+                "make some from clean recordings with auditor calibrate"
+            )
+            tally.incomplete = True
+            continue
+        try:
+            judgement = judge_measurement(
+                store,
+                measurement,
+                calibration,
+                judging.r,
+                Statistic(judging.statistic),
+                transfer=judging.transfer,
+                strict=judging.strict,
+            )
+        except AuditorError as error:
+            say(f"{name}: {error}")
+            tally.failed = True
+            continue
+        _weigh(store, name, judgement, judging, tally)
+
+
+def recording_name(store: "Store", measurement: str) -> str:
+    """What the user calls the recording of a measurement."""
+    return store.recording(store.measurement(measurement).recording_id).name
+
+
+def _weigh(store: "Store", name: str, judgement: "StoredJudgement", judging: Judging, tally: Tally) -> None:
+    from auditor.results import FINDINGS, VerdictKind  # noqa: PLC0415
+
+    measurement = store.measurement(judgement.measurement_id)
+    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
+    due = measurement.frames - measurement.skipped.get("edge", 0)
+    tally.audited = True
+    tally.found |= any(judgement.counts.get(kind, 0) for kind in FINDINGS)
+    if not judgement.resolvable:
+        say(f"{name}: r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0")
+    if audited < judging.min_coverage * due:
+        say(f"{name}: {audited} of {due} frames audited")
+        tally.incomplete = True
+    damaged = sum(topic.damaged for topic in measurement.balance)
+    if measurement.damage or damaged:
+        pieces = "; ".join(measurement.damage[:3]) or f"{damaged} damaged messages"
+        say(f"{name}: damaged: {pieces}")
+        tally.incomplete = True

@@ -1,0 +1,53 @@
+"""Measuring as scan and calibrate do it: many recordings, side by side, none spoilt by another."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auditor.cli.judging import Tally
+from auditor.cli.output import progress, say
+from auditor.errors import RigError
+
+if TYPE_CHECKING:
+    from auditor.pipeline import Measured
+
+
+def measure_all(
+    paths: Sequence[Path],
+    store: Path,
+    tally: Tally,
+    *,
+    matcher: str,
+    rig: Path | None,
+    vehicle: str | None,
+    jobs: int,
+) -> "list[Measured]":
+    """Measure every recording at the paths into a store, in the order given; say what cannot be, and why."""
+    from auditor.engines import run_all  # noqa: PLC0415
+    from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
+    from auditor.pipeline import MeasureTask, measure_recording  # noqa: PLC0415
+    from auditor.recordings import find_recordings  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    find_matcher(matcher)  # an unknown one is the command's error, not each recording's
+    found = find_recordings(paths)
+    for error in found.errors:
+        say(f"auditor: {error}")
+        tally.failed = True
+    if not found.recordings:
+        return []
+    Store.open(store, create=True)
+    tasks = [MeasureTask(path, store, matcher, rig, vehicle) for path in found.recordings]
+    measured = {}
+    with progress(len(tasks), "measuring") as (advanced, finished):
+        for outcome in run_all(measure_recording, tasks, jobs, advanced):
+            if outcome.result is not None:
+                measured[outcome.item] = outcome.result
+                how = "measured" if outcome.result.fresh else "measured before"
+                finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                continue
+            finished(f"auditor: {outcome.error}")
+            # A recording whose sensors cannot be audited was looked at, and says what is missing.
+            tally.incomplete |= isinstance(outcome.error, RigError)
+            tally.failed = True
+    return [measured[task] for task in tasks if task in measured]

@@ -1,0 +1,28 @@
+"""`auditor report`: pages for people."""
+
+from pathlib import Path
+
+import click
+
+from auditor.cli import options
+
+_REPORTS = ("incident",)
+
+
+@click.command("report")
+@click.argument("name", type=click.Choice(_REPORTS), default="incident")
+@options.store_option
+@click.option("--recording", help="Only the recording of this name, or whose id begins so.")
+@click.option("--out", type=click.Path(path_type=Path), help="The file to write.  [default: STORE/reports/NAME.html]")
+def command(name: str, store: Path, recording: str | None, out: Path | None) -> None:
+    """Write a self-contained page from a store; the recordings are not needed.
+
+    \b
+    auditor report
+    auditor report incident --recording drive_0009.mcap --out incident.html
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store, render_incident_report  # noqa: PLC0415 - heavy
+
+    kept = Store.open(store)
+    target = out or store / "reports" / f"{name}.html"
+    click.echo(render_incident_report(kept, out=target, recording=recording))

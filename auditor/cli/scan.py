@@ -1,0 +1,67 @@
+"""`auditor scan`: the main job."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from auditor.cli import options
+from auditor.cli.output import format_option, say
+
+
+@click.command("scan")
+@options.recordings_argument
+@options.store_option
+@options.judging_options
+@click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
+@options.matcher_option
+@options.rig_option
+@options.vehicle_option
+@options.jobs_option
+@click.option(
+    "--min-coverage",
+    type=click.FloatRange(0, 1),
+    default=0.99,
+    show_default=True,
+    help="Share of frames below which a recording counts as not fully audited.",
+)
+@format_option
+def command(
+    recordings: tuple[Path, ...],
+    store: Path,
+    matcher: str,
+    rig: Path | None,
+    vehicle: str | None,
+    jobs: int,
+    *,
+    measure_only: bool,
+    form: str,
+    **judging: Any,  # noqa: ANN401 - handed on to Judging, which declares them
+) -> int:
+    """Audit recordings: measure every frame, judge it, and name the attacked sensors.
+
+    \b
+    auditor scan fleet_logs/*.mcap
+    auditor scan fleet_logs/ -r 0 --store night/audit
+
+    Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
+    these. What the store has measured already is not measured again.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.showing import show_audit  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    tally = Tally()
+    measured = measure_all(recordings, store, tally, matcher=matcher, rig=rig, vehicle=vehicle, jobs=jobs)
+    if not measured:
+        return tally.exit_code()
+    kept = Store.open(store)
+    ids = [known for one in measured for known in one.measurement_ids]
+    if measure_only:
+        say("measured only: no verdicts were reached; auditor judge reaches them")
+        tally.incomplete = True
+    else:
+        judge_all(kept, ids, Judging(**judging), tally)
+    show_audit(kept, form, {one.recording_id for one in measured})
+    return tally.exit_code()
