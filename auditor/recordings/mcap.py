@@ -80,6 +80,7 @@ class _FileRead:
         self._damage = damage
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, _Channel] = {}
+        self._spare_channels: dict[int, _Channel] = {}
         self._without_channel: dict[int, int] = {}
 
     @property
@@ -91,6 +92,11 @@ class _FileRead:
             size = self._path.stat().st_size
             ending = read_ending(file, size)
             file.seek(0)
+            if ending:
+                # Channels are told in the chunk that first needs them: where that one is damaged, the summary helps.
+                spare = _FileRead(self._path, self._wanted, self._names, DamageLog())
+                spare.learn_summary(ending.summary)
+                self._spare_channels = spare._channels  # of its own class
             stream = ForwardStream(file, size, checksum=bool(ending and ending.data_crc))
             crc = 0
             try:
@@ -159,6 +165,8 @@ class _FileRead:
     def _channel_of(self, head: bytes | memoryview, start: int) -> _Channel | None:
         channel_id = head[start] | head[start + 1] << 8
         channel = self._channels.get(channel_id)
+        if channel is None and (channel := self._spare_channels.get(channel_id)) is not None:
+            self._channels[channel_id] = channel
         if channel is None:
             self._without_channel[channel_id] = self._without_channel.get(channel_id, 0) + 1
             return None
@@ -172,6 +180,16 @@ class _FileRead:
             log_time_ns = 0
         topic = channel.topic
         return Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
+
+    def learn_summary(self, summary: bytes) -> None:
+        """Take in the schemas and channels of a summary section."""
+        position = 0
+        while position + HEAD.size <= len(summary):
+            opcode, length = HEAD.unpack_from(summary, position)
+            start = position + HEAD.size
+            position = start + length
+            if opcode in {Opcode.SCHEMA, Opcode.CHANNEL} and position <= len(summary):
+                self.learn(opcode, summary[start:position], position)
 
     def learn(self, opcode: int, body: bytes | memoryview, offset: int) -> None:
         """Take in a schema or channel record."""
@@ -279,23 +297,13 @@ class McapRecording:
             with file.open("rb") as stream:
                 ending = read_ending(stream, file.stat().st_size)
             if ending:
-                self._learn_summary(file, ending.summary)
+                _FileRead(file, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             seen = 0
             for message in self._read(None, DamageLog())[1]:
                 seen += len(message.data) + _MESSAGE_HEAD.size
                 if seen > _PEEK_BYTES:
                     break
-
-    def _learn_summary(self, file: Path, summary: bytes) -> None:
-        read = _FileRead(file, None, self._names, DamageLog())
-        position = 0
-        while position + HEAD.size <= len(summary):
-            opcode, length = HEAD.unpack_from(summary, position)
-            start = position + HEAD.size
-            position = start + length
-            if opcode in {Opcode.SCHEMA, Opcode.CHANNEL} and position <= len(summary):
-                read.learn(opcode, summary[start:position], position)
 
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the attachments named auditor-labels.json. Raises RecordingError where ill-formed."""
