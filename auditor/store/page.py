@@ -150,6 +150,15 @@ class Agreement:
 
 
 @dataclass(frozen=True)
+class Remark:
+    """What the verdicts on frames without a finding add: why they could not be audited, or without which sensors."""
+
+    kind: VerdictKind
+    reason: str
+    frames: int
+
+
+@dataclass(frozen=True)
 class RecordingPart:
     """One recording: its sensors, its balance, its verdicts and its incidents."""
 
@@ -172,6 +181,7 @@ class RecordingPart:
     overview: Figure | None = None
     truths: tuple[Truth, ...] = ()
     agreement: Agreement | None = None
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def judged(self) -> int:

@@ -24,6 +24,7 @@ from auditor.store.page import (
     IncidentPart,
     Provenance,
     RecordingPart,
+    Remark,
     SensorLine,
     ThresholdLine,
     Truth,
@@ -225,6 +226,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
         part,
         overview=timeline.overview(),
         agreement=timeline.agreement() if truths else None,
+        remarks=timeline.remarks(),
         incidents=tuple(
             replace(timeline.drawn(incident), views=_views(store, audit, errors, incident))
             if incident.number in drawn
@@ -354,6 +356,15 @@ class _Timeline:
             unlabelled=len(others),
             raised=sum(frame["kind"] in FINDINGS for frame in others),
         )
+
+    def remarks(self) -> tuple[Remark, ...]:
+        """What the verdicts without a finding add, the most frequent first."""
+        counts = Counter(
+            (VerdictKind(frame["kind"]), frame["reason"])
+            for frame in self._frames
+            if frame["reason"] and frame["kind"] not in FINDINGS
+        )
+        return tuple(Remark(kind, reason, frames) for (kind, reason), frames in counts.most_common())
 
     def _around(self, incident: IncidentPart, margin_ns: float) -> slice:
         bounds = [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1]

@@ -90,7 +90,10 @@ def test_an_attack_that_nobody_can_be_named_for_says_so(store, tmp_path):
     rig = make_rig(("", "right", "middle", "left"), lidar=False)
     add_recording(store, rig=rig, attacks=[((2,), 3, 4)])
     words = page_of(store, tmp_path).words
-    assert "An attack was detected, but no sensor can be named, for 0.1 s in 2 frames, from 2011-09-26 13:02:26.204 UTC" in words
+    assert (
+        "An attack was detected, but no sensor can be named, for 0.1 s in 2 frames, from 2011-09-26 13:02:26.204 UTC"
+        in words
+    )
     assert "In 2 frames: an attack on one of 3 sensors cannot be attributed." in words
     assert "(here N = 3, so none)" in words
 
@@ -110,6 +113,14 @@ def test_frames_that_could_not_be_audited_stand_at_the_top(store, tmp_path):
     assert "Only 85.0 % of all frames could be audited." in words
     assert "40 frames between" in words
     assert "of these 2 could not be put together (reference missing: 2)." in words
+
+
+def test_what_could_not_be_audited_and_what_was_judged_without_a_sensor_says_why(store, tmp_path):
+    add_recording(store, unmeasured=range(4), missing=[(2, 10), (2, 11), (3, 20)])
+    words = page_of(store, tmp_path).words
+    assert "not auditable in 4 frames: no triple with a threshold has enough valid pixels." in words
+    assert "clean in 2 frames: judged without S_2." in words
+    assert "not auditable in 1 frame: S_3 missing, and no triple of the other sensors was measured." in words
 
 
 def test_frames_at_the_edges_of_a_recording_are_not_lost(store, tmp_path):
@@ -237,7 +248,7 @@ def test_provenance_names_everything_that_decided_the_verdicts(store, tmp_path):
         "range_px = 128",
         "cv2 5.0.0",
         "θ0,1,3 = 0.0590 (N = 50)",
-        "algorithm2, on the gated disparity error at r = 0 %",
+        "Method algorithm2 on the gated disparity error at r = 0 %",
     ):
         assert text in words
 
