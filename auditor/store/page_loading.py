@@ -18,6 +18,7 @@ from auditor.frames import SensorState
 from auditor.results import FINDINGS, Statistic, VerdictKind
 from auditor.rig import Rig
 from auditor.store.page import (
+    EDGE,
     Agreement,
     Clock,
     IncidentPage,
@@ -118,9 +119,9 @@ def _audits(store: Store, wanted: str | None) -> list[_Audit]:
 
 def _outline(store: Store, audit: _Audit) -> RecordingPart:
     """What the tables at the top of the page need."""
-    stamps = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns"])["stamp_ns"]
-    stamps_ns = stamps.to_numpy()
-    origin_ns, to_ns = (int(stamps_ns.min()), int(stamps_ns.max())) if len(stamps_ns) else (0, 0)
+    ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
+    stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
+    origin_ns, to_ns = (min(stamps_ns), max(stamps_ns)) if stamps_ns else (0, 0)
     counts = audit.judgement.counts if audit.judgement else {}
     recording = audit.recording
     return RecordingPart(

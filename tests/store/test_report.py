@@ -128,6 +128,7 @@ def test_frames_at_the_edges_of_a_recording_are_not_lost(store, tmp_path):
     words = page_of(store, tmp_path).words
     assert "No attack was found in 38 audited frames (100.0 % of all frames)." in words
     assert "; 2 further frames at its very start and end do not count." in words
+    assert "38 frames between 2011-09-26 13:02:26.004 UTC and 2011-09-26 13:02:29.704 UTC" in words
 
 
 def test_a_share_just_under_the_whole_is_never_shown_as_the_whole(store, tmp_path):
