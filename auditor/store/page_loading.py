@@ -2,12 +2,10 @@
 
 import base64
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,40 +13,31 @@ from numpy.typing import NDArray
 import auditor
 from auditor.errors import StoreError
 from auditor.frames import SensorState
-from auditor.results import FINDINGS, Statistic, VerdictKind
+from auditor.results import Statistic, VerdictKind
 from auditor.rig import Rig
 from auditor.store.page import (
     EDGE,
-    Agreement,
     Clock,
     IncidentPage,
     IncidentPart,
     Provenance,
     RecordingPart,
-    Remark,
     SensorLine,
     ThresholdLine,
     Truth,
     View,
 )
-from auditor.store.plots import NS_PER_S, Figure, Row, Series, draw
 from auditor.store.queries import run_query
 from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, read_table
+from auditor.store.timeline import Timeline
 
 MOST_SECTIONS = 12
 """Recordings that are shown in full; of more, those with the most frames raised."""
 
 MOST_DRAWN = 6
 """Incidents that are drawn; of more, those with named sensors first, then the longest."""
-
-MARGIN_NS = 2 * NS_PER_S
-MARGIN_SHARE = 0.5
-"""Before and after an incident at least so much is drawn: 2 s, and half of its duration."""
-
-MOST_STATES = 3
-"""Different e vectors, and reasons, that an incident's text gives."""
 
 COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
 
@@ -222,7 +211,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     if audit.judgement is None or not len(errors.frames):
         return part
     frames = run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}).to_pylist()
-    timeline = _Timeline(part, errors, frames)
+    timeline = Timeline(part, errors, frames)
     return replace(
         part,
         overview=timeline.overview(),
@@ -319,100 +308,3 @@ def _mapping(text: str) -> dict[str, object]:
     """The entries of a JSON object; JSON of another kind is one entry without a name."""
     value = json.loads(text) if text else {}
     return value if isinstance(value, dict) else {"": value}
-
-
-class _Timeline:
-    """The frames of one judged recording, ready to be drawn."""
-
-    def __init__(self, part: RecordingPart, errors: FrameErrors, frames: Sequence[dict[str, Any]]) -> None:
-        self._part = part
-        self._frames = frames
-        self._stamps_ns: list[int] = [frame["stamp_ns"] for frame in frames]
-        places = {frame: place for place, frame in enumerate(errors.frames.tolist())}
-        self._E = errors.E[[places[frame["frame"]] for frame in frames]]
-
-    def overview(self) -> Figure:
-        """The verdicts of all frames, and the ground truth where there is one."""
-        return draw(self._stamps_ns, origin_ns=self._part.clock.origin_ns, rows=self._rows(slice(None)))
-
-    def drawn(self, incident: IncidentPart) -> IncidentPart:
-        """The incident with its figure, and with what its frames' verdicts say."""
-        own = [frame for frame in self._frames[self._around(incident, 0)] if _belongs(frame, incident)]
-        return replace(
-            incident,
-            figure=self._figure(incident),
-            states=tuple(Counter(frame["e"] for frame in own).most_common(MOST_STATES)),
-            reasons=tuple(Counter(frame["reason"] for frame in own if frame["reason"]).most_common(MOST_STATES)),
-        )
-
-    def agreement(self) -> Agreement:
-        """Compare verdicts with the ground truth, frame by frame."""
-        labelled = [frame for frame in self._frames if frame["truth"]]
-        others = [frame for frame in self._frames if not frame["truth"]]
-        return Agreement(
-            labelled=len(labelled),
-            exact=sum(
-                frame["kind"] == VerdictKind.ATTACKED and frame["attacked"] == frame["truth"] for frame in labelled
-            ),
-            unlabelled=len(others),
-            raised=sum(frame["kind"] in FINDINGS for frame in others),
-        )
-
-    def remarks(self) -> tuple[Remark, ...]:
-        """What the verdicts without a finding add, the most frequent first."""
-        counts = Counter(
-            (VerdictKind(frame["kind"]), frame["reason"])
-            for frame in self._frames
-            if frame["reason"] and frame["kind"] not in FINDINGS
-        )
-        return tuple(Remark(kind, reason, frames) for (kind, reason), frames in counts.most_common())
-
-    def _around(self, incident: IncidentPart, margin_ns: float) -> slice:
-        bounds = [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1]
-        low, high = np.searchsorted(np.array(self._stamps_ns), bounds)
-        return slice(int(low), int(high))
-
-    def _figure(self, incident: IncidentPart) -> Figure:
-        """E against theta, verdicts and e around an incident."""
-        part = self._around(incident, max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns)))
-        thresholds = self._part.provenance.thresholds
-        return draw(
-            self._stamps_ns[part],
-            origin_ns=self._part.clock.origin_ns,
-            series=[
-                Series(line.triple, [None if np.isnan(E) else E for E in self._E[part, place].tolist()], line.theta)
-                for place, line in enumerate(thresholds)
-            ],
-            rows=[*self._rows(part), *self._element_rows(part)],
-            shaded=[(incident.from_ns, incident.to_ns)],
-        )
-
-    def _rows(self, part: slice) -> list[Row]:
-        stamps_ns, frames = self._stamps_ns[part], self._frames[part]
-        rows = [
-            Row(
-                "verdict",
-                stamps_ns,
-                [frame["kind"] for frame in frames],
-                [_sensors(frame["attacked"]) for frame in frames],
-            )
-        ]
-        if self._part.truths:
-            truth = ["truth" if frame["truth"] else "" for frame in frames]
-            rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
-        return rows
-
-    def _element_rows(self, part: slice) -> list[Row]:
-        stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
-        return [
-            Row("", stamps_ns, [e[place] for e in vectors], (), triple)
-            for place, triple in enumerate(self._part.triples)
-        ]
-
-
-def _belongs(frame: dict[str, Any], incident: IncidentPart) -> bool:
-    return frame["kind"] == incident.kind and tuple(frame["attacked"]) == incident.attacked
-
-
-def _sensors(numbers: Sequence[int]) -> str:
-    return ", ".join(f"S{number}" for number in numbers)
