@@ -83,7 +83,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     store = Store.open(task.store, create=True)
     with open_recording(task.recording) as recording:
         surveyed = survey(recording)
-        rigs = (_rig_from_file(task.rig, surveyed),) if task.rig else find_rigs(surveyed)
+        rigs = rigs_of(surveyed, task.rig)
         procedure = Procedure(matcher.name, matcher.settings)
         ids = tuple(measurement_id(recording.recording_id, rig.rig_id, procedure) for rig in rigs)
         todo = [rig for rig, known in zip(rigs, ids, strict=True) if not store.has_measurement(known)]
@@ -104,10 +104,13 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         )
 
 
-def _rig_from_file(path: Path, surveyed: Survey) -> Rig:
-    rig = read_rig(path)
+def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
+    """The rigs that a recording is audited with: its own, or the one of a rig.toml. Raises RigError."""
+    if rig_file is None:
+        return find_rigs(surveyed)
+    rig = read_rig(rig_file)
     check_rig(rig, surveyed)
-    return rig
+    return (rig,)
 
 
 def _measure(

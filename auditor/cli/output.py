@@ -11,8 +11,9 @@ import click
 
 if TYPE_CHECKING:
     import pyarrow
+    from rich.table import Table
 
-_AS_WIDE_AS_NEEDED = 10_000
+_WIDEST_TABLE = 200
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -33,24 +34,39 @@ def emit(table: "pyarrow.Table", form: str, title: str = "") -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
-    """Print rows as a table as wide as the terminal, or as wide as they need where stdout is no terminal."""
-    from rich import box  # noqa: PLC0415
+    """Print rows as a table, or one below the other where a table would be wider than the terminal."""
     from rich.console import Console  # noqa: PLC0415
+
+    console = Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
+    room = console.width if console.is_terminal else _WIDEST_TABLE
+    console.width = 10_000  # so that a table is measured, not squeezed
+    table = _table(rows, columns, title)
+    if console.measure(table).maximum <= room:
+        console.print(table)
+        if not rows:
+            console.print("(no rows)")
+        return
+    label_width = max(len(column) for column in columns)
+    if title:
+        console.print(title)
+    for row in rows:
+        for column in columns:
+            console.print(f"{column:>{label_width}}  {shown(row[column])}", soft_wrap=True)
+        console.print()
+
+
+def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "Table":
+    from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
     table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
-        table.add_column(Text(column), justify="right" if numeric and rows else "left", overflow="fold")
+        table.add_column(Text(column), justify="right" if numeric and rows else "left", no_wrap=True)
     for row in rows:
         table.add_row(*(Text(shown(row[column])) for column in columns))
-    console = Console(file=sys.stdout, highlight=False)
-    if not console.is_terminal:
-        console.width = _AS_WIDE_AS_NEEDED
-    console.print(table)
-    if not rows:
-        console.print("(no rows)")
+    return table
 
 
 def shown(value: object) -> str:

@@ -1,0 +1,93 @@
+"""`auditor attack`: a compromised copy of a recording, with its ground truth inside."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import options
+
+if TYPE_CHECKING:
+    from auditor.lab.plans import Attacker
+    from auditor.results import AttackLabel
+
+_SECOND_NS = 10**9
+
+
+class _Sensor(click.ParamType[int]):
+    name = "S_k"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not found:
+            self.fail(f"{value!r} is no sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+        return int(found[1])
+
+
+@click.command("attack")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option(
+    "--on", "sensors", type=_Sensor(), multiple=True, required=True, help="Sensor to attack; may be repeated."
+)
+@click.option(
+    "--strength",
+    type=click.Choice(["mild", "strong", "opaque"]),
+    default="opaque",
+    show_default=True,
+    help="How bright a facula is: 255, 510 or 2000 grey levels at its centre.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Decides size and place.")
+@click.option("--moving", is_flag=True, help="Draw size and place anew for every frame.")
+@click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
+@click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
+@options.rig_option
+def command(
+    source: Path,
+    target: Path,
+    sensors: tuple[int, ...],
+    strength: str,
+    seed: int,
+    from_s: float | None,
+    to_s: float | None,
+    rig: Path | None,
+    *,
+    moving: bool,
+) -> None:
+    """Write a compromised copy: a Gaussian facula on a camera, a bogus wall into the LiDAR's point cloud.
+
+    \b
+    auditor attack clean.mcap attacked.mcap --on S_2
+    auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
+
+    The ground truth travels inside the copy and comes into the store with it.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.lab.plans import Attacker, AttackPlan  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline import rigs_of  # noqa: PLC0415
+    from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
+
+    with open_recording(source) as recording:
+        surveyed = survey(recording)
+        known = rigs_of(surveyed, rig)[0]
+        start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
+        attackers = [
+            Attacker(AttackPlan(sensor, strength, seed, moving, _at(start_ns, from_s), _at(start_ns, to_s)), known)
+            for sensor in dict.fromkeys(sensors)
+        ]
+        changes = {
+            known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
+            for attacker in attackers
+        }
+        rewrite(recording, target, changes, _labels(attackers))
+    click.echo(target)
+
+
+def _at(start_ns: int, seconds: float | None) -> int | None:
+    return None if seconds is None else start_ns + round(seconds * _SECOND_NS)
+
+
+def _labels(attackers: "list[Attacker]") -> "Iterator[AttackLabel]":
+    """What was done, known only once the recording has gone by."""
+    yield from (attacker.label for attacker in attackers if attacker.label is not None)
