@@ -44,7 +44,7 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
                 paths = store.finished_paths(table) if store else []
-                readable += map(str, paths)
+                readable += [name for path in paths for name in (str(path), _literal(path))]
                 _create_stored(connection, table_schema(table), paths)
             for view in _in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")

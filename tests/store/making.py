@@ -1,0 +1,102 @@
+"""Small stores, made with the store's own writers."""
+
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+
+import numpy as np
+
+from auditor.frames import Presence, SensorState, Skipped
+from auditor.results import Counts, Coverage, Measurement, Procedure, Statistic, Thresholds, Verdict, VerdictKind
+from auditor.rig import Camera, Lidar, Rig
+from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.store import Store
+
+PERIOD_NS = 100_000_000
+PROCEDURE = Procedure("sgbm", '{"half":true}')
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+KINDS = {
+    "c": VerdictKind.CLEAN,
+    "u": VerdictKind.UNIDENTIFIED,
+    "n": VerdictKind.NOT_AUDITABLE,
+    "s": VerdictKind.SUSPECT,
+}
+
+
+def make_rig(n=3, *, lidar=True, name="cam", focal_px=700.0):
+    def camera(number):
+        projection = np.array([[focal_px, 0, 600, 0], [0, focal_px, 180, 0], [0, 0, 1, 0]])
+        projection[0, 3] = focal_px * 0.3 * (number - 1)
+        return Camera(number, f"{name}{number}", f"/{name}{number}", 1242, 375, projection)
+
+    return Rig(Lidar("velo", "/velo", np.eye(4)) if lidar else None, tuple(camera(k) for k in range(1, n + 1)))
+
+
+def make_measurement(rig, number, errors=None, *, missing=(), stamp_ns=None):
+    """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that."""
+    errors = [10] * len(rig.triples) if errors is None else errors
+    presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
+    counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
+    coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}
+    return Measurement(number, number * PERIOD_NS if stamp_ns is None else stamp_ns, presence, counts, coverage)
+
+
+def new_store(folder):
+    return Store.open(folder / "audit", create=True)
+
+
+def add_measurement(store, rig, frames, *, recording="a", name=None, clock="relative", **record):
+    """A recording, its rig, and its finished measurement; returns the id of the measurement."""
+    recording_id = recording * 64
+    store.write_recording(
+        RecordingRecord(recording_id, name or f"{recording}.mcap", f"/logs/{recording}.mcap", clock=clock)
+    )
+    store.write_rig(rig)
+    settings = {"procedure": PROCEDURE, "balance": (), "versions": {}, "measured_at": NOON, "seconds": 1.0, **record}
+    measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
+    with store.frames_writer(measurement.measurement_id, rig) as writer:
+        for frame in frames:
+            writer.add(frame)
+        writer.commit(measurement)
+    return measurement.measurement_id
+
+
+def make_thresholds(rig, theta=0.1, *, r="0", calibration_id="c" * 32, statistic=Statistic.GATED, resolvable=True):
+    return Thresholds(
+        calibration_id,
+        statistic,
+        Decimal(r),
+        theta={triple: theta for triple in rig.triples},
+        samples={triple: 100 for triple in rig.triples},
+        resolvable=resolvable,
+    )
+
+
+def add_judgement(
+    store, rig, measurement_id, kinds, *, minutes=0, stamps=None, margins=None, method="algorithm2", **thresholds
+):
+    """Verdicts from one character a frame: c, u, n, s, or the number of the one attacked sensor; ' ' for none."""
+    record = JudgementRecord(
+        measurement_id, method, make_thresholds(rig, **thresholds), judged_at=NOON + timedelta(minutes=minutes)
+    )
+    verdicts = [
+        (
+            frame,
+            stamps[frame] if stamps else frame * PERIOD_NS,
+            make_verdict(rig, kind, margins[frame] if margins else 0.1),
+        )
+        for frame, kind in enumerate(kinds)
+        if kind != " "
+    ]
+    store.write_judgement(record, verdicts)
+    return record.judgement_id
+
+
+def make_verdict(rig, kind, margin=0.1):
+    e = "0" * len(rig.triples)
+    if kind.isdigit():
+        return Verdict(VerdictKind.ATTACKED, e, attacked=(int(kind),), named=(int(kind),), margin=margin)
+    return Verdict(KINDS[kind], e, margin=margin, reason="a reason" if kind in "ns" else "")
+
+
+def skip(number, reason="no LiDAR", sensor=0):
+    return Skipped(number, number * PERIOD_NS, reason, sensor)

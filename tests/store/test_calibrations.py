@@ -1,0 +1,91 @@
+from dataclasses import replace
+
+import pyarrow.parquet as pq
+import pytest
+
+from auditor.errors import StoreError, ThresholdsError
+from auditor.results import Statistic
+from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.schema import table_schema
+from auditor.store.tables import write_rows
+from tests.store.making import PROCEDURE, make_rig, new_store
+
+RIG = make_rig(4)
+SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.triples for s in Statistic}
+
+
+def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind):
+    return make_calibration(kind, PROCEDURE, recordings, samples)
+
+
+def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
+    calibration = make()
+    write_calibration(calibration, tmp_path / "fleet.thresholds")
+    again = read_calibration(tmp_path / "fleet.thresholds")
+    assert again == calibration
+    assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
+
+
+def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
+    store, one, two = new_store(tmp_path), make(), make(recordings=("c" * 64,))
+    store.write_calibration(one)
+    store.write_calibration(two)
+    assert store.calibration(one.calibration_id) == one
+    assert {calibration.calibration_id for calibration in store.calibrations()} == {
+        one.calibration_id,
+        two.calibration_id,
+    }
+
+
+def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
+    assert make().calibration_id == make(recordings=("a" * 64, "b" * 64)).calibration_id
+    first = next(iter(SAMPLES))
+    changed = {**SAMPLES, first: [*SAMPLES[first][:-1], SAMPLES[first][-1] + 2**-50]}
+    others = [make(changed), make(recordings=()), make(kind=make_rig(4, focal_px=701.0).kind)]
+    assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 4
+
+
+def test_a_triple_without_samples_is_kept_as_one(tmp_path):
+    calibration = make({**SAMPLES, (Statistic.PLAIN, RIG.triples[0]): []})
+    write_calibration(calibration, tmp_path / "c")
+    assert read_calibration(tmp_path / "c").samples[Statistic.PLAIN, RIG.triples[0]] == ()
+
+
+def test_an_id_that_is_not_its_contents_is_not_written(tmp_path):
+    with pytest.raises(StoreError, match="not that of its content"):
+        write_calibration(replace(make(), calibration_id="a" * 32), tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_calibration_that_was_changed_is_refused(tmp_path):
+    write_calibration(make(), tmp_path / "c")
+    rows = pq.read_table(tmp_path / "c").to_pylist()
+    rows[3]["samples"] = [*rows[3]["samples"][:-1], 0.9]
+    write_rows("calibrations", tmp_path / "c", rows)
+    with pytest.raises(ThresholdsError, match="was changed"):
+        read_calibration(tmp_path / "c")
+
+
+def test_a_file_that_is_no_calibration_is_refused(tmp_path):
+    (tmp_path / "text").write_text("theta = 0.3")
+    write_rows("labels", tmp_path / "labels", [])
+    write_rows("calibrations", tmp_path / "empty", [])
+    for name in ("text", "labels", "empty", "nowhere"):
+        with pytest.raises(ThresholdsError) as caught:
+            read_calibration(tmp_path / name)
+        assert name in caught.value.where
+        assert "auditor calibrate" in caught.value.remedy
+
+
+def test_a_calibration_of_a_newer_version_is_refused(tmp_path):
+    schema = table_schema("calibrations").arrow.with_metadata({b"schema_version": b"99"})
+    pq.write_table(schema.empty_table(), tmp_path / "c")
+    with pytest.raises(ThresholdsError, match="schema version 99"):
+        read_calibration(tmp_path / "c")
+
+
+def test_an_older_file_without_a_column_reads_as_null(tmp_path):
+    calibration = make()
+    write_calibration(calibration, tmp_path / "c")
+    pq.write_table(pq.read_table(tmp_path / "c").drop_columns(["calibrated_at"]), tmp_path / "old")
+    assert read_calibration(tmp_path / "old") == replace(calibration, calibrated_at=None)

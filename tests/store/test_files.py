@@ -1,0 +1,105 @@
+import errno
+import fcntl
+import os
+import time
+
+import pytest
+
+from auditor.errors import StoreError
+from auditor.store import files
+from auditor.store.files import checked_id, finished, part_file, remove_abandoned, write_whole
+
+OLD = "." + "a" * 8 + ".parquet." + "0" * 16 + ".part"
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def abandon(folder, age_s):
+    part = folder / OLD
+    part.write_bytes(b"half a")
+    moment = time.time() - age_s
+    os.utime(part, (moment, moment))
+    return part
+
+
+def test_a_file_appears_whole_and_replaces_the_old_one(tmp_path):
+    target = tmp_path / "table" / "x.parquet"
+    write_whole(target, b"old")
+    with part_file(target) as part:
+        part.file.write(b"new and longer")
+        assert target.read_bytes() == b"old"
+        part.commit()
+    assert target.read_bytes() == b"new and longer"
+    assert names(target.parent) == ["x.parquet"]
+
+
+def test_without_a_commit_nothing_stays(tmp_path):
+    with part_file(tmp_path / "x.parquet") as part:
+        part.file.write(b"half")
+    assert names(tmp_path) == []
+
+
+def test_an_error_inside_the_block_leaves_the_old_file(tmp_path):
+    write_whole(tmp_path / "x.parquet", b"old")
+    with pytest.raises(KeyboardInterrupt), part_file(tmp_path / "x.parquet") as part:
+        part.file.write(b"half")
+        raise KeyboardInterrupt
+    assert (tmp_path / "x.parquet").read_bytes() == b"old"
+    assert names(tmp_path) == ["x.parquet"]
+
+
+def test_a_full_disk_is_told_as_one_and_leaves_the_old_file(tmp_path, monkeypatch):
+    write_whole(tmp_path / "x.parquet", b"old")
+    monkeypatch.setattr(files, "open_part", lambda path: open("/dev/full", "wb"))  # noqa: PTH123, SIM115
+    with pytest.raises(StoreError, match=os.strerror(errno.ENOSPC)) as caught:
+        write_whole(tmp_path / "x.parquet", b"new")
+    assert "make room" in caught.value.remedy
+    assert (tmp_path / "x.parquet").read_bytes() == b"old"
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(StoreError, match="cannot be written"):
+        write_whole(tmp_path / "file" / "x.parquet", b"new")
+
+
+def test_what_a_killed_writer_left_is_removed(tmp_path):
+    abandon(tmp_path, age_s=120)
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_what_is_still_being_written_stays(tmp_path):
+    with abandon(tmp_path, age_s=120).open("rb") as writer:
+        fcntl.flock(writer, fcntl.LOCK_EX)
+        remove_abandoned(tmp_path)
+        assert names(tmp_path) == [OLD]
+
+
+def test_what_was_begun_just_now_stays(tmp_path):
+    abandon(tmp_path, age_s=1)
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == [OLD]
+
+
+def test_files_of_others_stay(tmp_path):
+    (tmp_path / ".notes.part").write_bytes(b"")
+    os.utime(tmp_path / ".notes.part", (0, 0))
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == [".notes.part"]
+
+
+def test_only_finished_files_named_by_ids_are_listed(tmp_path):
+    for name in ("b" * 32 + ".parquet", "a" * 64 + ".parquet", "notes.parquet", "a" * 32 + ".txt"):
+        (tmp_path / name).write_bytes(b"")
+    abandon(tmp_path, age_s=0)
+    assert finished(tmp_path) == ["a" * 64, "b" * 32]
+    assert finished(tmp_path / "nowhere") == []
+
+
+@pytest.mark.parametrize("text", ["", "../../etc/passwd", "A" * 32, "a" * 7, "a" * 65, "a" * 31 + "/", "a" * 32 + "\n"])
+def test_what_is_no_id_never_becomes_a_path(text):
+    with pytest.raises(StoreError, match="no id"):
+        checked_id(text)

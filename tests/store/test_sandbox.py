@@ -1,0 +1,152 @@
+import pyarrow.parquet as pq
+import pytest
+
+from auditor.errors import QueryError
+from auditor.store.queries import run_query, run_sql
+from auditor.store.schema import TABLES
+from auditor.store.sql_files import views
+from auditor.store.store import Store
+from tests.store.making import add_judgement, add_measurement, make_measurement, make_rig, new_store
+
+
+@pytest.fixture
+def store(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    measurement_id = add_measurement(store, rig, [make_measurement(rig, f) for f in range(3)])
+    add_judgement(store, rig, measurement_id, "c1u")
+    return store
+
+
+def everything_under(folder):
+    return sorted((str(path), path.stat().st_mtime_ns) for path in folder.rglob("*"))
+
+
+def test_the_views_answer(store):
+    for view in views():
+        assert run_sql(store, f"SELECT count(*) AS n FROM {view}").num_rows == 1
+    assert run_sql(store, "WITH x AS (FROM verdicts) SELECT kind FROM x WHERE frame = 1;").to_pylist() == [
+        {"kind": "attacked"}
+    ]
+    assert {"frames", "verdicts"} <= set(run_sql(store, "SHOW TABLES").column("name").to_pylist())
+    assert run_sql(store, "DESCRIBE errors").num_rows > 10
+    assert run_sql(store, "SELECT 'no view at all' AS x").num_rows == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "SELECT 1; SELECT 2",
+        "SELECT 1; COPY (SELECT 1) TO '{out}'",
+        "COPY (SELECT * FROM frames) TO '{out}'",
+        "COPY frames TO '{inside}'",
+        "EXPLAIN ANALYZE COPY (SELECT 1) TO '{out}'",
+        "ATTACH '{out}'",
+        "ATTACH ':memory:' AS other",
+        "CREATE TABLE x AS SELECT 1",
+        "CREATE MACRO disparity_error(a, b) AS 0",
+        "INSERT INTO frames VALUES (1)",
+        "DROP VIEW frames",
+        "SET enable_external_access = true",
+        "SET lock_configuration = false",
+        "PRAGMA database_list",
+        "INSTALL httpfs",
+        "LOAD httpfs",
+        "EXPORT DATABASE '{out}'",
+        "CALL pragma_version()",
+        "SELECT * FROM read_text('/etc/passwd')",
+        "SELECT * FROM read_csv('/etc/passwd')",
+        "SELECT * FROM '/etc/passwd'",
+        "SELECT * FROM glob('/etc/*')",
+        "SELECT * FROM read_blob('{secret}')",
+        "SELECT * FROM read_parquet('{inside}')",
+        "SELECT * FROM read_parquet('https://example.org/x.parquet')",
+        "SELECT * FROM query('SELECT * FROM read_text(''{secret}'')')",
+        "SELECT getenv('HOME')",
+        "SELECT * FROM duckdb_secrets()",
+        "SELECT * FROM text",
+        "SELECT * FROM store",
+        "SELECT $a",
+        "SELEC 1",
+        "SELECT * FROM nowhere",
+        "SELECT 1/0::UTINYINT FROM frames WHERE frame > error('stop')",
+    ],
+)
+def test_everything_else_is_refused_and_nothing_is_written(store, tmp_path, text, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    secret = tmp_path / "secret.txt"
+    secret.write_text("secret")
+    inside = store.folder / "frames" / "x.parquet"
+    pq.write_table(run_sql(store, "SELECT 1 AS x"), inside)
+    before = everything_under(tmp_path)
+    with pytest.raises(QueryError) as caught:
+        run_sql(store, text.format(out=tmp_path / "out.parquet", inside=inside, secret=secret))
+    assert "\n" not in str(caught.value)
+    assert everything_under(tmp_path) == before
+
+
+def test_even_finished_files_cannot_be_written_over(store):
+    path = store.path("frames", store.ids("frames")[0])
+    content = path.read_bytes()
+    for text in (
+        f"COPY (SELECT 1) TO '{path}'",
+        f"COPY (SELECT 1 AS x) TO '{path}' (FORMAT parquet, OVERWRITE_OR_IGNORE)",
+    ):
+        with pytest.raises(QueryError):
+            run_sql(store, text)
+    assert path.read_bytes() == content
+
+
+def test_an_inserting_cte_changes_nothing_that_stays(store):
+    with pytest.raises(QueryError):
+        run_sql(store, "WITH x AS (INSERT INTO stored_frames VALUES (1) RETURNING 1) SELECT * FROM x")
+
+
+@pytest.mark.parametrize(
+    "name", ["it's here", "all[0-9]*?", "a{b,c}", "semi;colon -- x", "ümläut", 'quo"te', "back\\slash"]
+)
+def test_a_store_may_lie_in_a_folder_of_any_name(tmp_path, name):
+    (tmp_path / name).mkdir()
+    store, rig = new_store(tmp_path / name), make_rig(3)
+    add_measurement(store, rig, [make_measurement(rig, 0)])
+    assert run_query(store, "summary").num_rows == 1
+    assert run_sql(store, "SELECT count(*) AS n FROM errors").to_pylist() == [{"n": 3}]
+
+
+def test_a_pattern_in_a_folders_name_reads_no_neighbour(tmp_path):
+    for name in ("a[b]", "ab"):
+        (tmp_path / name).mkdir()
+        rig = make_rig(3)
+        add_measurement(new_store(tmp_path / name), rig, [make_measurement(rig, f) for f in range(len(name))])
+    assert run_sql(Store.open(tmp_path / "a[b]" / "audit"), "SELECT count(*) AS n FROM frames").to_pylist() == [
+        {"n": 4}
+    ]
+
+
+def test_hostile_names_are_only_text(tmp_path):
+    name = "x'; DROP VIEW frames; -- \" ${recording} \0"
+    store, rig = new_store(tmp_path), make_rig(3, name="cam'); --")
+    measurement_id = add_measurement(store, rig, [make_measurement(rig, f) for f in range(3)], name=name)
+    add_judgement(store, rig, measurement_id, "c1u")
+    assert run_query(store, "summary", {"recording": name}).column("name").to_pylist() == [name]
+    assert run_query(store, "incidents", {"recording": "x' OR '1'='1"}).num_rows == 0
+    assert run_query(store, "incidents").column("attacked_names").to_pylist()[0] == ["S_1 cam'); --1"]
+
+
+def test_an_empty_store_answers_every_view(tmp_path):
+    store = new_store(tmp_path)
+    for view in views():
+        assert run_sql(store, f"FROM {view}").num_rows == 0
+
+
+def test_columns_that_old_files_lack_are_null(store):
+    path = store.path("recordings", store.ids("recordings")[0])
+    pq.write_table(pq.read_table(path).drop_columns(["vehicle", "damage"]), path)
+    assert run_sql(store, "SELECT vehicle, damage, clock FROM recordings").to_pylist() == [
+        {"vehicle": None, "damage": None, "clock": "relative"}
+    ]
+
+
+def test_no_table_is_left_without_a_view_that_reads_it():
+    texts = " ".join(view.sql for view in views().values())
+    assert all(f"stored_{table}" in texts for table in TABLES)
