@@ -79,7 +79,9 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
     period_ns = max(periods.values(), default=DEFAULT_PERIOD_NS)
     base = max(seen, default=LIDAR)
     return Timing(
-        offset_ns={sensor: _offset_ns(seen.get(sensor, []), seen.get(base, [])) for sensor in rig.sensors},
+        offset_ns={
+            sensor: _offset_ns(seen.get(sensor, []), seen.get(base, []), period_ns // 2) for sensor in rig.sensors
+        },
         delay_ns={sensor: _delay_ns(taken) for sensor, taken in samples.items()},
         period_ns=period_ns,
         tolerance_ns=min(period_ns // 4, MAX_TOLERANCE_NS),
@@ -87,11 +89,11 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
     )
 
 
-def _offset_ns(stamps: list[int], base: list[int]) -> int:
-    """Median distance of stamps to the nearest one of the base; both sorted."""
-    if not stamps or not base:
-        return 0
-    return int(median_low([stamp - min(base, key=lambda other: abs(stamp - other)) for stamp in stamps]))
+def _offset_ns(stamps: list[int], base: list[int], reach_ns: int) -> int:
+    """Median distance of stamps to the nearest one of the base, where there is one within reach."""
+    nearest = (stamp - min(base, key=lambda other: abs(stamp - other)) for stamp in stamps if base)
+    distances = [distance for distance in nearest if abs(distance) <= reach_ns]
+    return int(median_low(distances)) if distances else 0
 
 
 def _delay_ns(samples: tuple[Sample, ...]) -> int:
@@ -227,18 +229,31 @@ class _Window:
         self._counts = counts
         self._waiting: dict[int, list[_Waiting]] = {sensor: [] for sensor in rig.sensors}
         self._newest: dict[int, int] = {}
+        self._leapt_to: int | None = None
         self._closed_until: int | None = None
         self._bytes = 0
         self._number = 0
 
     def add(self, sensor: int, waiting: _Waiting) -> None:
         """Take in a message; one that is older than the last frame is late."""
-        self._newest[sensor] = waiting.time_ns
+        self._believe(sensor, waiting.time_ns)
         if self._closed_until is not None and waiting.time_ns <= self._closed_until:
             self._refuse(sensor, waiting, LATE)
             return
         insort(self._waiting[sensor], waiting)
         self._bytes += len(waiting.message.data)
+
+    def _believe(self, sensor: int, time_ns: int) -> None:
+        """Move a sensor's time on; a leap far ahead of all sensors counts once a second message confirms it.
+
+        Else one stamp from another century would close every frame before its sensors have spoken.
+        """
+        wait = MAX_WAIT_PERIODS * self._timing.period_ns
+        leaps = bool(self._newest) and time_ns > max(self._newest.values()) + wait
+        if leaps and (self._leapt_to is None or abs(time_ns - self._leapt_to) > wait):
+            self._leapt_to = time_ns
+        else:
+            self._newest[sensor] = time_ns
 
     def closed(self) -> Iterator[_Group]:
         """The frames that nothing more can come to."""
@@ -362,8 +377,8 @@ class _Edges:
             yield self._marked(group, start or 0, max(end, newest))
 
     def _marked(self, group: _Group, start: int, end: int | None) -> _Group:
-        near_start = group.time_ns <= start + self._period_ns
-        near_end = end is not None and group.time_ns >= end - self._period_ns
+        near_start = group.time_ns < start + self._period_ns
+        near_end = end is not None and group.time_ns > end - self._period_ns
         if group.complete or not (near_start or near_end):
             return group
         return _Group(group.number, group.time_ns, group.members, group.complete, group.last_ns, edge=True)

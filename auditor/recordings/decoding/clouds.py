@@ -14,6 +14,7 @@ DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "
 """sensor_msgs/PointField's numbers."""
 
 MAX_POINTS = 10**7
+MAX_POINT_BYTES = 4096
 
 
 class PointCloudDecoder:
@@ -72,8 +73,8 @@ def _point_type(cloud: Any) -> np.dtype[np.void]:  # noqa: ANN401  # the class i
         names.append(field.name)
         formats.append(order + datatype)
         offsets.append(field.offset)
-    if len(names) != 3 or not cloud.point_step:
-        raise DecodingError("the cloud has no fields x, y and z")
+    if len(names) != 3 or not 0 < cloud.point_step <= MAX_POINT_BYTES:
+        raise DecodingError(f"the cloud has no fields x, y and z in points of {cloud.point_step} bytes")
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_step})
 
 

@@ -1,0 +1,162 @@
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings import schemas
+from auditor.recordings.decoding import CloudDecoder, Decoders
+from auditor.recordings.decoding.kitti import SCAN
+from auditor.recordings.interface import Definition
+from auditor.recordings.writers.messages import MessageMaker
+
+MAKER = MessageMaker("cdr")
+XYZ = np.random.default_rng(3).normal(0, 10, (30, 3)).astype(np.float32)
+
+
+def decoder() -> CloudDecoder:
+    found = Decoders(lambda schema: Definition("ros2msg", MAKER.definition(schema).encode())).cloud(
+        schemas.POINT_CLOUD, "cdr"
+    )
+    assert found is not None
+    return found
+
+
+def field(name: str, offset: int, datatype: int = 7, count: int = 1) -> object:
+    return MAKER.store.types["sensor_msgs/msg/PointField"](name=name, offset=offset, datatype=datatype, count=count)
+
+
+def message(data: np.ndarray, fields: list[object], point_step: int, **given: object) -> Message:
+    count = data.size // point_step if point_step else 30
+    cloud = MAKER.store.types[schemas.POINT_CLOUD](
+        **{
+            "header": MAKER.header(5, "top"),
+            "height": 1,
+            "width": count,
+            "fields": fields,
+            "is_bigendian": False,
+            "point_step": point_step,
+            "row_step": count * point_step,
+            "data": np.ascontiguousarray(data).view(np.uint8).reshape(-1),
+            "is_dense": True,
+            **given,
+        }
+    )
+    return Message("/a", schemas.POINT_CLOUD, "cdr", 9, MAKER.serialise(schemas.POINT_CLOUD, cloud))
+
+
+def xyz_fields(step: int = 4, datatype: int = 7) -> list[object]:
+    return [field(name, step * place, datatype) for place, name in enumerate("xyz")]
+
+
+def plain() -> Message:
+    return message(XYZ.view(np.uint8), xyz_fields(), 12)
+
+
+def test_points_come_out_as_recorded() -> None:
+    assert np.array_equal(decoder().xyz_m(plain()), XYZ)
+    assert decoder().xyz_m(plain()).dtype == np.float32
+
+
+def test_fields_are_found_by_name_in_any_order_among_others_with_padding() -> None:
+    points = np.zeros(
+        30,
+        np.dtype(
+            {
+                "names": ["t", "z", "x", "ring", "y"],
+                "formats": ["<f8", "<f4", "<f4", "<u2", "<f4"],
+                "offsets": [0, 8, 12, 17, 20],
+                "itemsize": 31,
+            }
+        ),
+    )
+    for place, name in enumerate("xyz"):
+        points[name] = XYZ[:, place]
+    fields = [field("ring", 17, 4), field("y", 20), field("x", 12), field("z", 8), field("t", 0, 8)]
+    assert np.array_equal(decoder().xyz_m(message(points.view(np.uint8), fields, 31)), XYZ)
+
+
+@pytest.mark.parametrize(("datatype", "dtype"), [(8, "<f8"), (3, "<i2"), (5, "<i4")])
+def test_other_datatypes_are_converted(datatype: int, dtype: str) -> None:
+    values = np.arange(90).reshape(30, 3).astype(dtype)
+    size = np.dtype(dtype).itemsize
+    cloud = message(values.view(np.uint8), xyz_fields(size, datatype), 3 * size)
+    assert np.array_equal(decoder().xyz_m(cloud), np.arange(90).reshape(30, 3))
+
+
+def test_big_endian_points_are_turned() -> None:
+    assert np.array_equal(
+        decoder().xyz_m(message(XYZ.astype(">f4").view(np.uint8), xyz_fields(), 12, is_bigendian=True)), XYZ
+    )
+
+
+def test_points_that_are_not_finite_are_dropped() -> None:
+    points = XYZ.copy()
+    points[3, 1], points[7, 2], points[9, 0] = np.nan, np.inf, -np.inf
+    cloud = message(points.view(np.uint8), xyz_fields(), 12)
+    assert np.array_equal(decoder().xyz_m(cloud), np.delete(XYZ, [3, 7, 9], 0))
+
+
+def test_an_organised_cloud_with_padded_rows_is_read() -> None:
+    rows = np.zeros((5, 80), np.uint8)
+    rows[:, :72] = XYZ.view(np.uint8).reshape(5, 72)
+    assert np.array_equal(decoder().xyz_m(message(rows, xyz_fields(), 12, height=5, width=6, row_step=80)), XYZ)
+
+
+def test_an_empty_cloud_has_no_points() -> None:
+    assert decoder().xyz_m(message(np.empty(0, np.uint8), xyz_fields(), 12)).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    "given_fields",
+    [
+        {"point_step": 0},
+        {"point_step": 0, "width": 0, "row_step": 0, "data": np.empty(0, np.uint8)},
+        {"point_step": 11},
+        {"width": 31},
+        {"height": 2},
+        {"height": 2**31, "width": 2**31},
+        {"fields": []},
+        {"fields": [field("x", 0), field("y", 4)]},
+        {"fields": [field("x", 0), field("y", 4), field("z", 9)]},
+        {"fields": [field("x", 0), field("y", 4), field("z", 2**32 - 1)]},
+        {"fields": [field("x", 0), field("y", 4), field("z", 8, 99)]},
+    ],
+)
+def test_a_cloud_that_does_not_hold_what_it_declares_is_damaged(given_fields: dict[str, object]) -> None:
+    settings_of = {"fields": xyz_fields(), "point_step": 12, **given_fields}
+    cloud = message(settings_of.pop("data", XYZ.view(np.uint8)), **settings_of)  # type: ignore[arg-type]
+    with pytest.raises(DecodingError):
+        decoder().xyz_m(cloud)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.data())
+def test_a_cut_point_cloud_is_damaged_not_used(data: st.DataObject) -> None:
+    whole = plain().data
+    cut = Message("/a", schemas.POINT_CLOUD, "cdr", 9, whole[: data.draw(st.integers(0, len(whole) - 4))])
+    with pytest.raises(DecodingError):
+        decoder().xyz_m(cut)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.data())
+def test_noise_in_a_point_cloud_raises_only_our_own_error(data: st.DataObject) -> None:
+    noisy = bytearray(plain().data)
+    for _ in range(data.draw(st.integers(1, 6))):
+        noisy[data.draw(st.integers(0, 160))] = data.draw(st.integers(0, 255))
+    with suppress(DecodingError):
+        decoder().xyz_m(Message("/a", schemas.POINT_CLOUD, "cdr", 9, bytes(noisy)))
+
+
+def test_a_kitti_scan_cut_inside_a_point_is_damaged() -> None:
+    found = Decoders(lambda _: None).cloud(SCAN, "bin")
+    assert found is not None
+    points = np.hstack([XYZ, np.ones((30, 1), np.float32)]).tobytes()
+    assert np.array_equal(found.xyz_m(Message("/a", SCAN, "bin", 9, points)), XYZ)
+    for data in (points[:-1], b""):
+        with pytest.raises(DecodingError):
+            found.xyz_m(Message("/a", SCAN, "bin", 9, data))

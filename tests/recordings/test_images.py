@@ -1,0 +1,282 @@
+from contextlib import suppress
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings import schemas
+from auditor.recordings.decoding import Decoders, ImageDecoder
+from auditor.recordings.decoding.pictures import encode_picture
+from auditor.recordings.interface import Definition
+from auditor.recordings.writers.messages import MessageMaker
+
+MAKER = MessageMaker("cdr")
+RANDOM = np.random.default_rng(7)
+GREY = RANDOM.integers(0, 256, (48, 64), np.uint8)
+BGR = cv2.resize(RANDOM.integers(0, 256, (6, 8, 3), np.uint8), (64, 48))
+RGB = np.ascontiguousarray(BGR[:, :, ::-1])
+
+
+def definition(schema: str) -> Definition:
+    return Definition("ros2msg", MAKER.definition(schema).encode())
+
+
+def decoder_of(schema: str) -> ImageDecoder:
+    decoder = Decoders(definition).image(schema, "cdr")
+    assert decoder is not None
+    return decoder
+
+
+def image_message(data: NDArray[np.uint8], encoding: str, **fields: object) -> Message:
+    image = MAKER.store.types[schemas.IMAGE](
+        **{
+            "header": MAKER.header(5, "cam"),
+            "height": 48,
+            "width": 64,
+            "encoding": encoding,
+            "is_bigendian": 0,
+            "step": data.size // 48,
+            "data": np.ascontiguousarray(data).reshape(-1),
+            **fields,
+        }
+    )
+    return Message("/a", schemas.IMAGE, "cdr", 9, MAKER.serialise(schemas.IMAGE, image))
+
+
+def picture_message(data: bytes, form: str = "jpeg") -> Message:
+    return Message("/a", schemas.COMPRESSED_IMAGE, "cdr", 9, MAKER.compressed_image(data, form, 5, "cam"))
+
+
+def pixels(message: Message, *, colour: bool = False, size_px: tuple[int, int] | None = (64, 48)) -> NDArray[np.uint8]:
+    return decoder_of(message.schema).pixels(message, colour=colour, size_px=size_px)
+
+
+def yuyv(bgr: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV)
+    out = np.empty((*bgr.shape[:2], 2), np.uint8)
+    out[:, :, 0] = yuv[:, :, 0]
+    out[:, ::2, 1] = yuv[:, ::2, 1]
+    out[:, 1::2, 1] = yuv[:, ::2, 2]
+    return out
+
+
+def nv12(bgr: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    planes = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420)
+    chroma = planes[48:].reshape(2, 24 * 32)
+    return np.vstack([planes[:48], chroma.T.reshape(24, 64)])
+
+
+def mosaic(bgr: NDArray[np.uint8], order: str) -> NDArray[np.uint8]:
+    out = np.empty(bgr.shape[:2], np.uint8)
+    for place, colour in enumerate(order):
+        row, column = divmod(place, 2)
+        out[row::2, column::2] = bgr[row::2, column::2, "bgr".index(colour)]
+    return out
+
+
+def test_grey_images_come_out_as_recorded() -> None:
+    assert np.array_equal(pixels(image_message(GREY, "mono8")), GREY)
+    assert np.array_equal(pixels(image_message(GREY, "8UC1"), colour=True), GREY)
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding"),
+    [
+        (BGR, "bgr8"),
+        (BGR, "8UC3"),
+        (RGB, "rgb8"),
+        (np.dstack([BGR, GREY]), "bgra8"),
+        (np.dstack([RGB, GREY]), "rgba8"),
+    ],
+)
+def test_colours_come_out_as_bgr_and_as_grey(data: NDArray[np.uint8], encoding: str) -> None:
+    message = image_message(data, encoding)
+    assert np.array_equal(pixels(message, colour=True), BGR)
+    assert np.array_equal(pixels(message), cv2.cvtColor(BGR, cv2.COLOR_BGR2GRAY))
+
+
+@pytest.mark.parametrize("encoding", ["yuv422_yuy2", "yuyv", "yuv422", "uyvy", "nv12", "nv21"])
+def test_video_encodings_come_out_in_the_right_colours(encoding: str) -> None:
+    data = nv12(BGR) if encoding.startswith("nv") else yuyv(BGR)
+    if encoding in {"yuv422", "uyvy"}:
+        data = np.ascontiguousarray(data[:, :, ::-1])
+    if encoding == "nv21":
+        data[48:] = data[48:].reshape(24, 32, 2)[:, :, ::-1].reshape(24, 64)
+    message = image_message(data, encoding, step=data.shape[1] * (data.shape[2] if data.ndim == 3 else 1))
+    error = np.abs(pixels(message, colour=True).astype(int) - BGR)
+    assert np.median(error) < 20
+    assert np.median(np.abs(pixels(message).astype(int) - cv2.cvtColor(BGR, cv2.COLOR_BGR2GRAY))) < 20
+
+
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+def test_bayer_patterns_are_told_apart(order: str) -> None:
+    flat = np.empty((48, 64, 3), np.uint8)
+    flat[:] = (200, 100, 20)
+    eight = pixels(image_message(mosaic(flat, order), f"bayer_{order}8"), colour=True)
+    assert np.array_equal(eight[10:-10, 10:-10], flat[10:-10, 10:-10])
+    wide = np.zeros((48, 128), np.uint8)
+    wide[:, 1::2] = mosaic(flat, order)
+    sixteen = pixels(image_message(wide, f"bayer_{order}16"), colour=True)
+    assert np.array_equal(sixteen[10:-10, 10:-10], flat[10:-10, 10:-10])
+
+
+def test_sixteen_bits_keep_their_upper_eight_in_either_byte_order() -> None:
+    values = RANDOM.integers(0, 65536, (48, 64), np.uint16)
+    little = image_message(values.astype("<u2").view(np.uint8), "mono16")
+    big = image_message(values.astype(">u2").view(np.uint8), "mono16", is_bigendian=1)
+    assert np.array_equal(pixels(little), values >> 8)
+    assert np.array_equal(pixels(big), values >> 8)
+
+
+def test_padding_at_the_end_of_rows_is_left_out() -> None:
+    padded = np.hstack([GREY, np.full((48, 10), 7, np.uint8)])
+    assert np.array_equal(pixels(image_message(padded, "mono8")), GREY)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"height": 47},
+        {"height": 49},
+        {"step": 63},
+        {"step": 0},
+        {"width": 65},
+        {"encoding": "bgr8"},
+        {"encoding": "passthrough"},
+        {"data": np.empty(0, np.uint8)},
+        {"height": 2**31, "width": 2**31},
+    ],
+)
+def test_an_image_that_does_not_hold_what_it_declares_is_damaged(fields: dict[str, object]) -> None:
+    given_fields = {"encoding": "mono8", **fields}
+    message = image_message(given_fields.pop("data", GREY), **given_fields)  # type: ignore[arg-type]
+    with pytest.raises(DecodingError):
+        pixels(message, size_px=None)
+
+
+@pytest.mark.parametrize("raw", [True, False])
+def test_an_image_of_another_size_than_its_camera_is_damaged(raw: bool) -> None:
+    message = image_message(GREY, "mono8") if raw else picture_message(encode_picture(GREY, "png"))
+    with pytest.raises(DecodingError, match="64 x 48 px instead of 65 x 48"):
+        pixels(message, size_px=(65, 48))
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(st.data())
+@pytest.mark.parametrize("schema", [schemas.IMAGE, schemas.COMPRESSED_IMAGE])
+def test_a_message_cut_anywhere_is_damaged(schema: str, data: st.DataObject) -> None:
+    message = image_message(GREY, "mono8") if schema == schemas.IMAGE else picture_message(encode_picture(GREY, "png"))
+    at = data.draw(st.integers(0, len(message.data) - 4))
+    decoder = decoder_of(schema)
+    cut = Message("/a", schema, "cdr", 9, message.data[:at])
+    with pytest.raises(DecodingError):
+        decoder.pixels(cut, colour=False)
+    with suppress(DecodingError):
+        assert decoder.header(cut) == decoder.header(message)
+
+
+def test_png_is_lossless_and_jpeg_nearly_so() -> None:
+    assert np.array_equal(pixels(picture_message(encode_picture(GREY, "png"))), GREY)
+    assert np.array_equal(pixels(picture_message(encode_picture(BGR, "png")), colour=True), BGR)
+    assert pixels(picture_message(encode_picture(GREY, "png")), colour=True).ndim == 2
+    jpeg = pixels(picture_message(encode_picture(BGR, "jpeg")), colour=True)
+    assert np.abs(jpeg.astype(int) - BGR).mean() < 8
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.data())
+def test_a_png_with_any_byte_changed_is_damaged_or_the_same_picture(data: st.DataObject) -> None:
+    picture = bytearray(encode_picture(GREY, "png"))
+    at = data.draw(st.integers(0, len(picture) - 1))
+    picture[at] ^= data.draw(st.integers(1, 255))
+    with suppress(DecodingError):
+        assert np.array_equal(pixels(picture_message(bytes(picture))), GREY)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.floats(0, 1, exclude_max=True), st.booleans())
+def test_a_jpeg_cut_anywhere_is_damaged(share: float, colour: bool) -> None:
+    picture = encode_picture(BGR if colour else GREY, "jpeg")
+    with pytest.raises(DecodingError):
+        pixels(picture_message(picture[: int(share * (len(picture) - 1))]), colour=colour)
+
+
+def test_what_follows_the_end_of_a_jpeg_does_not_harm() -> None:
+    picture = encode_picture(GREY, "jpeg")
+    assert np.array_equal(pixels(picture_message(picture + bytes(16))), pixels(picture_message(picture)))
+
+
+def test_a_camera_that_marks_its_pictures_as_turned_is_not_obeyed() -> None:
+    plain = encode_picture(GREY, "jpeg")
+    turned = b"Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    marked = plain[:2] + b"\xff\xe1" + (len(turned) + 2).to_bytes(2, "big") + turned + plain[2:]
+    assert np.array_equal(pixels(picture_message(marked)), pixels(picture_message(plain)))
+
+
+def test_a_png_that_declares_a_huge_picture_is_refused_unread() -> None:
+    picture = bytearray(encode_picture(GREY, "png"))
+    picture[16:24] = (60_000).to_bytes(4, "big") * 2
+    with pytest.raises(DecodingError, match="60000"):
+        pixels(picture_message(bytes(picture)), size_px=None)
+
+
+def test_video_frames_inside_a_compressed_image_are_not_understood() -> None:
+    with pytest.raises(DecodingError, match="neither PNG nor JPEG"):
+        pixels(picture_message(b"\0\0\0\1\x67" + bytes(100), "h264"))
+
+
+def test_a_type_that_is_defined_otherwise_than_known_is_refused() -> None:
+    message = image_message(GREY, "mono8")
+    decoder = Decoders(lambda _: Definition("ros2msg", b"string header\nuint8[] data")).image(schemas.IMAGE, "cdr")
+    assert decoder is not None
+    with pytest.raises(DecodingError, match="otherwise"):
+        decoder.pixels(message, colour=False)
+
+
+@pytest.mark.parametrize("text", ["this is no definition", "uint8[", "", "nowhere/Type a"])
+def test_a_definition_that_makes_no_sense_is_damage(text: str) -> None:
+    decoder = Decoders(lambda _: Definition("ros2msg", text.encode())).image(schemas.IMAGE, "cdr")
+    assert decoder is not None
+    with pytest.raises(DecodingError):
+        decoder.pixels(image_message(GREY, "mono8"), colour=False)
+
+
+def test_a_definition_in_idl_is_understood() -> None:
+    ruler = "=" * 80 + "\n"
+    parts = {
+        "sensor_msgs/msg/CompressedImage": "std_msgs::msg::Header header; string format; sequence<uint8> data;",
+        "std_msgs/msg/Header": "builtin_interfaces::msg::Time stamp; string frame_id;",
+        "builtin_interfaces/msg/Time": "int32 sec; uint32 nanosec;",
+    }
+    text = ""
+    for name, fields in parts.items():
+        package, _, kind = name.split("/")
+        text += f"{ruler}IDL: {name}\nmodule {package} {{ module msg {{ struct {kind} {{ {fields} }}; }}; }};\n"
+    decoder = Decoders(lambda _: Definition("ros2idl", text.encode())).image(schemas.COMPRESSED_IMAGE, "cdr")
+    assert decoder is not None
+    message = picture_message(encode_picture(GREY, "png"))
+    assert np.array_equal(decoder.pixels(message, colour=False), GREY)
+
+
+def test_the_header_is_read_without_the_rest() -> None:
+    decoder = decoder_of(schemas.IMAGE)
+    message = image_message(GREY, "mono8", header=MAKER.header(1_234_567_890_123_456_789, "/cam"))
+    short = Message("/a", schemas.IMAGE, "cdr", 9, message.data[:40])
+    assert decoder.header(short).stamp_ns == 1_234_567_890_123_456_789
+    assert decoder.header(short).frame_id == "cam"
+
+
+def test_ros_1_headers_have_a_counter() -> None:
+    maker = MessageMaker("ros1")
+    data = maker.raw_image(GREY, "mono8", maker.header(77_000_000_005, "cam"))
+    decoders = Decoders(lambda schema: Definition("ros1msg", maker.definition(schema).encode()))
+    decoder = decoders.image(schemas.IMAGE, "ros1")
+    assert decoder is not None
+    message = Message("/a", schemas.IMAGE, "ros1", 9, data)
+    assert decoder.header(message).stamp_ns == 77_000_000_005
+    assert np.array_equal(decoder.pixels(message, colour=False), GREY)
