@@ -33,6 +33,7 @@ from auditor.rig import Rig, RigKind, Triple
 from auditor.store import (
     JudgementRecord,
     MeasurementRecord,
+    Picture,
     RecordingRecord,
     Store,
     StoredJudgement,
@@ -143,7 +144,7 @@ def _measure(
                 remedy="see auditor inspect for its topics and sensors",
             )
         for number, picture in pictures.pages():
-            store.write_picture(known, number, picture.views[picture.reference], picture.mask)
+            store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         writer.commit(
             MeasurementRecord(
                 recording_id=recording.recording_id,

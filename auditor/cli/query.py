@@ -34,7 +34,11 @@ def command(
         emit(run_sql(Store.open(store), sql), form)
     elif name is None:
         rows = [
-            {"query": q.name, "answers": q.text, "parameters": " ".join(p.name for p in q.parameters)}
+            {
+                "query": q.name,
+                "answers": q.text.split(". ")[0].rstrip("."),
+                "parameters": " ".join(p.name for p in q.parameters),
+            }
             for q in list_queries()
         ]
         print_rows(rows, ("query", "answers", "parameters"))

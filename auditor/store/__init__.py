@@ -1,6 +1,7 @@
 """KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
 
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from auditor.store.records import (
     FrameErrors,
@@ -19,6 +20,7 @@ __all__ = [
     "FramesWriter",
     "JudgementRecord",
     "MeasurementRecord",
+    "Picture",
     "RecordingRecord",
     "Store",
     "StoredJudgement",

@@ -276,7 +276,10 @@ def _median(values: NDArray[np.float64]) -> float | None:
 
 
 def _views(store: Store, audit: _Audit, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
-    """The strongest pictured frame of an incident: its reference view, with and without inconsistent pixels."""
+    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the accused.
+
+    Where no camera is accused, every other camera is shown, and the reference view itself where there is none.
+    """
     measurement_id = audit.measurement.measurement_id
     inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
     pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
@@ -284,20 +287,16 @@ def _views(store: Store, audit: _Audit, errors: FrameErrors, incident: IncidentP
         return ()
     strongest = int(pictured[np.argmax(np.nansum(errors.E[pictured], axis=1))])
     picture = store.picture(measurement_id, int(errors.frames[strongest]))
-    reference = _reference(audit.rig, errors.states[strongest])
-    if picture is None or reference is None:
+    if picture is None or picture.reference not in picture.views:
         return ()
-    image = _data_uri("image/jpeg", picture.jpeg)
+    images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}
+    accused = [sensor for sensor in incident.attacked if sensor in images]
+    others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
+    mask = _data_uri("image/png", picture.mask_png)
     return (
-        View(reference, picture.frame, image, _data_uri("image/png", picture.mask_png)),
-        View(reference, picture.frame, image),
+        View(picture.reference, picture.frame, images[picture.reference], mask),
+        *(View(sensor, picture.frame, images[sensor]) for sensor in accused or others or [picture.reference]),
     )
-
-
-def _reference(rig: Rig, states: NDArray[np.str_]) -> int | None:
-    """The leftmost reference camera of which a triple was there: the one whose picture is kept."""
-    present = {sensor for sensor, state in zip(rig.sensors, states, strict=True) if state == SensorState.PRESENT}
-    return max((triple.k for triple in rig.triples if present.issuperset(triple)), default=None)
 
 
 def _data_uri(media_type: str, data: bytes) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from decimal import Decimal, InvalidOperation
 
 from auditor.errors import QueryError
+from auditor.results import Statistic
 from auditor.store.sql_files import Parameter, SqlFile
 
 Value = str | int | float | bool | Decimal | list[str] | None
@@ -84,6 +85,7 @@ _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "VARCHAR": _text,
     "BIGINT": _integer,
     "DOUBLE": _number,
+    "STATISTIC": lambda value: Statistic(_text(value)).value,
     "RATE": _rate,
     "RATE[]": _rates,
 }
@@ -91,6 +93,7 @@ _MEANING = {
     "VARCHAR": "a text",
     "BIGINT": "a whole number",
     "DOUBLE": "a number",
+    "STATISTIC": "plain or gated",
     "RATE": "a number between 0 and 1",
     "RATE[]": "a list of numbers between 0 and 1",
 }

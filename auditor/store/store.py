@@ -204,9 +204,9 @@ class Store:
 
     # Pictures
 
-    def write_picture(self, measurement_id: str, frame: int, jpeg: bytes, mask_png: bytes) -> None:
-        """Keep the reference image of a frame and the mask of its inconsistent pixels."""
-        write_picture(self.folder / "pictures", measurement_id, Picture(frame, jpeg, mask_png))
+    def write_picture(self, measurement_id: str, picture: Picture) -> None:
+        """Keep what the cameras saw in a frame, and the mask of its inconsistent pixels."""
+        write_picture(self.folder / "pictures", measurement_id, picture)
 
     def picture(self, measurement_id: str, frame: int) -> Picture | None:
         """The picture of a frame; None where none was kept."""

@@ -13,6 +13,7 @@ from auditor.identification.verdicts import judge_frames
 from auditor.results import AttackLabel, Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.rig import Camera, Lidar, Rig
 from auditor.store.calibrations import make_calibration
+from auditor.store.pictures import Picture
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 
@@ -77,7 +78,7 @@ def add_recording(
                 writer.add(_measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured))
         writer.commit(record)
     for frame in pictured:
-        store.write_picture(record.measurement_id, frame, *_picture())
+        store.write_picture(record.measurement_id, Picture(frame, rig.n, *_picture(rig)))
     if judged:
         _judge(store, rig, record.measurement_id, r)
     return record.measurement_id
@@ -143,8 +144,9 @@ def _judge(store, rig, measurement_id, r):
     store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, WHEN), rows)
 
 
-def _picture():
+def _picture(rig):
     grey = np.tile(np.linspace(0, 255, 621).astype(np.uint8), (187, 1))
     mask = np.zeros((187, 621, 4), np.uint8)
     mask[60:120, 200:300] = (0, 110, 255, 150)
-    return cv2.imencode(".jpg", grey)[1].tobytes(), cv2.imencode(".png", mask)[1].tobytes()
+    views = {camera.number: cv2.imencode(".jpg", grey)[1].tobytes() for camera in rig.cameras}
+    return views, cv2.imencode(".png", mask)[1].tobytes()

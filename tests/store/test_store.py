@@ -16,12 +16,14 @@ from auditor.errors import StoreError
 from auditor.frames import Presence, SensorState, TopicBalance
 from auditor.results import AttackLabel, Counts, Coverage, Measurement, Statistic, Verdict, VerdictKind
 from auditor.store import files
+from auditor.store.pictures import Picture
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES
 from tests.store.making import (
+    add_frames,
     NOON,
     PROCEDURE,
     add_judgement,
@@ -220,10 +222,10 @@ def test_an_answer_without_a_name_differs_from_nobody_named(tmp_path):
 
 def test_pictures_come_back(tmp_path):
     store = new_store(tmp_path)
-    store.write_picture("a" * 32, 7, b"jpeg", b"png")
-    store.write_picture("a" * 32, 12, b"jpeg", b"png")
-    picture = store.picture("a" * 32, 7)
-    assert (picture.frame, picture.jpeg, picture.mask_png) == (7, b"jpeg", b"png")
+    first = Picture(7, 3, {1: b"right", 3: b"left"}, b"mask")
+    store.write_picture("a" * 32, first)
+    store.write_picture("a" * 32, Picture(12, 2, {2: b"only"}, b"mask"))
+    assert store.picture("a" * 32, 7) == first
     assert store.picture("a" * 32, 8) is None
     assert store.pictured_frames("a" * 32) == [7, 12]
 
@@ -278,9 +280,13 @@ def test_an_interrupted_measurement_leaves_the_finished_one_as_it_was(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
     before = digests(store.folder)
-    with pytest.raises(KeyboardInterrupt), store.frames_writer(measurement_id, rig) as writer:
-        writer.add(make_measurement(rig, 1))
+
+    def interrupted():
+        yield make_measurement(rig, 1)
         raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        add_measurement(store, rig, interrupted())
     assert digests(store.folder) == before
 
 
@@ -304,14 +310,9 @@ def test_a_full_disk_is_told_and_leaves_finished_tables_whole(tmp_path, monkeypa
     add_measurement(store, rig, [make_measurement(rig, 0)])
     before = digests(store.folder)
     monkeypatch.setattr(files, "open_part", lambda path: open("/dev/full", "wb"))  # noqa: PTH123, SIM115
-    record = MeasurementRecord("b" * 64, rig.rig_id, PROCEDURE, (), {}, NOON, 1.0)
-    with (
-        pytest.raises(StoreError, match="No space left on device"),
-        store.frames_writer(record.measurement_id, rig) as writer,
-    ):
-        for number in range(rows):
-            writer.add(make_measurement(rig, number))
-        writer.commit(record)
+    full = (make_measurement(rig, number) for number in range(rows))
+    with pytest.raises(StoreError, match="No space left on device"):
+        add_frames(store, rig, "b" * 64, full)
     monkeypatch.undo()
     assert digests(store.folder) == before
     assert run_query(store, "summary").num_rows == 1
@@ -398,6 +399,6 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     assert leftovers
     last = run_killed(killed, "never")
     assert last.returncode == 0, last.stderr
-    assert [path for path in killed.rglob("*.part")] == []
+    assert list(killed.rglob("*.part")) == []
     for table in ("frames", "verdicts", "triples", "rigs"):
         assert digests(killed / "audit" / table) == digests(tmp_path / "undisturbed" / "audit" / table)
