@@ -1,6 +1,6 @@
 -- How the disparity errors E of each triple are distributed, by rig kind, with and without an attacked sensor in it.
 --
--- param statistic VARCHAR = gated: Which pixels E counts: plain or gated.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
 -- param bins BIGINT = 50: Number of bins of equal width between 0 and 1.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --

@@ -3,7 +3,7 @@
 -- Thresholds are taken anew from the calibration's samples at every r. Rates stand with Wilson's 95 % interval.
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
--- param statistic VARCHAR = gated: Which pixels E counts: plain or gated.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
 -- param calibration VARCHAR = NULL: The calibration whose id begins so; by default that of each measurement's current judgement.
 --
 -- column kind: The rig kind in words.

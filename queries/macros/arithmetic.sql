@@ -4,16 +4,19 @@
 CREATE MACRO disparity_error(inconsistent_px, valid_px) AS
     CASE WHEN valid_px >= min_valid_px() THEN inconsistent_px / valid_px END;
 
+-- r N in exact arithmetic; a DECIMAL of 18 digits would overflow.
+CREATE MACRO outliers(r, N) AS CAST(r AS DECIMAL(38, 17)) * N;
+
 -- theta_r (Eq. 3): of N samples in ascending order that of rank N - floor(r N); -1 at r = 1, NULL without samples.
 CREATE MACRO threshold(samples, r) AS
     CASE
         WHEN len(samples) = 0 THEN NULL
-        WHEN len(samples) = floor(r * len(samples)) THEN -1.0
-        ELSE samples[len(samples) - CAST(floor(r * len(samples)) AS BIGINT)]
+        WHEN floor(outliers(r, len(samples))) = len(samples) THEN -1.0
+        ELSE samples[len(samples) - CAST(floor(outliers(r, len(samples))) AS BIGINT)]
     END;
 
 -- FALSE where 0 < r < 1/N: N samples cannot tell such a rate from r = 0.
-CREATE MACRO resolvable_with(N, r) AS r = 0 OR r * N >= 1;
+CREATE MACRO resolvable_with(N, r) AS r = 0 OR outliers(r, N) >= 1;
 
 -- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n; NULL where n = 0.
 CREATE MACRO wilson(k, n, side) AS

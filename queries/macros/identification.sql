@@ -2,13 +2,15 @@
 --
 -- `e` has one character a triple ('0', '1', '-' not measured); `triples` is the list of its (i, j, k) in the same order.
 
--- True where an attack on the sensors `attacked` explains every measured element of e (Eq. 7).
+-- True where an attack on the sensors `attacked` explains every measured element of e (Eq. 7); NULL where it is NULL.
 CREATE MACRO explains(attacked, e, triples) AS
-    len(list_filter(
-        triples,
-        lambda t, p: substr(e, p, 1) <> '-'
-            AND (substr(e, p, 1) = '1') <> list_has_any(attacked, [t['i'], t['j'], t['k']])
-    )) = 0;
+    CASE
+        WHEN attacked IS NOT NULL THEN len(list_filter(
+            triples,
+            lambda t, p: substr(e, p, 1) <> '-'
+                AND (substr(e, p, 1) = '1') <> list_has_any(attacked, [t['i'], t['j'], t['k']])
+        )) = 0
+    END;
 
 -- For each distinct (e, triples) of the table named by `patterns`: `system`, the sensors that belong to a measured
 -- triple and so take part, and `named`, the attacked among them: NULL where e leaves one of them undetermined.

@@ -51,6 +51,10 @@ def add_measurement(store, rig, frames, *, recording="a", name=None, clock="rela
         RecordingRecord(recording_id, name or f"{recording}.mcap", f"/logs/{recording}.mcap", clock=clock)
     )
     store.write_rig(rig)
+    return add_frames(store, rig, recording_id, frames, **record)
+
+
+def add_frames(store, rig, recording_id, frames, **record):
     settings = {"procedure": PROCEDURE, "balance": (), "versions": {}, "measured_at": NOON, "seconds": 1.0, **record}
     measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
     with store.frames_writer(measurement.measurement_id, rig) as writer:
@@ -65,8 +69,8 @@ def make_thresholds(rig, theta=0.1, *, r="0", calibration_id="c" * 32, statistic
         calibration_id,
         statistic,
         Decimal(r),
-        theta={triple: theta for triple in rig.triples},
-        samples={triple: 100 for triple in rig.triples},
+        theta=dict.fromkeys(rig.triples, theta),
+        samples=dict.fromkeys(rig.triples, 100),
         resolvable=resolvable,
     )
 

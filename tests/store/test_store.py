@@ -23,9 +23,9 @@ from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES
 from tests.store.making import (
-    add_frames,
     NOON,
     PROCEDURE,
+    add_frames,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -278,7 +278,7 @@ def test_without_a_commit_there_is_no_measurement(tmp_path):
 
 def test_an_interrupted_measurement_leaves_the_finished_one_as_it_was(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
+    add_measurement(store, rig, [make_measurement(rig, 0)])
     before = digests(store.folder)
 
     def interrupted():

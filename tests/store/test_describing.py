@@ -1,0 +1,57 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from auditor.errors import QueryError
+from auditor.store.describing import describe, describe_table, list_views
+from auditor.store.parameters import bind
+from auditor.store.queries import list_queries
+from auditor.store.schema import TABLES, table_schema
+
+PAGE = Path(__file__).parents[2] / "docs" / "store.md"
+NAMES = [*(query.name for query in list_queries()), *(view.name for view in list_views())]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_column_of_every_view_and_query_has_its_sentence(name):
+    description = describe(name)
+    assert description.text.endswith(".")
+    for column in description.columns:
+        assert column.sentence.endswith("."), column
+        assert column.type
+
+
+@pytest.mark.parametrize("file", [*list_queries(), *list_views()], ids=lambda file: file.name)
+def test_no_column_is_described_that_is_not_there(file):
+    assert set(file.columns) <= {column.name for column in describe(file.name).columns}
+
+
+@pytest.mark.parametrize("query", list_queries(), ids=lambda query: query.name)
+def test_every_parameter_is_used_and_its_default_is_of_its_type(query):
+    assert set(re.findall(r"\$(\w+)", query.sql)) == {parameter.name for parameter in query.parameters}
+    required = {parameter.name: "0" for parameter in query.parameters if parameter.required}
+    assert bind(query, required).keys() == {parameter.name for parameter in query.parameters}
+
+
+def test_tables_are_described_by_their_schema_files():
+    assert describe_table("frames").columns == table_schema("frames").columns
+
+
+def test_what_is_not_there_is_not_described():
+    with pytest.raises(QueryError, match=r"no such query or view.*incidents.*verdicts"):
+        describe("incident")
+
+
+def test_the_page_tells_every_table_view_query_and_parameter_in_their_own_words():
+    page = PAGE.read_text(encoding="utf-8")
+    for table in map(table_schema, TABLES):
+        assert f"| `{table.name}` | `{table.file}` | {table.sentence} |\n" in page
+    for view in list_views():
+        assert f"| `{view.name}` | {view.text} |\n" in page
+    for query in list_queries():
+        assert f"### {query.name}\n\n{query.text}\n" in page
+        for parameter in query.parameters:
+            default = "required" if parameter.required else f"default {parameter.default or 'NULL'}"
+            assert f"* `{parameter.name}` {parameter.type}, {default}: {parameter.sentence}" in page
+    assert set(re.findall(r"^### (\w+)$", page, re.MULTILINE)) == {query.name for query in list_queries()}
