@@ -129,7 +129,7 @@ class FrameStream:
         decoders = Decoders(self._recording.definition)
         window = _Window(self._rig, self.timing, self._counts)
         maker = _FrameMaker(self._rig, decoders, self._counts, colour=self._colour)
-        for group in _Edges(self.timing.period_ns).groups(self._groups(window, decoders)):
+        for group in _Edges(self.timing).groups(self._groups(window, decoders)):
             yield maker.make(group)
 
     def _groups(self, window: "_Window", decoders: Decoders) -> "Iterator[_Group]":
@@ -358,8 +358,9 @@ class _Window:
 class _Edges:
     """Tells incomplete frames at the edges of a recording from those in its middle."""
 
-    def __init__(self, period_ns: int) -> None:
-        self._period_ns = period_ns
+    def __init__(self, timing: Timing) -> None:
+        # The neighbour of the first and last frame is no edge, though jitter may bring it nearer than one period.
+        self._period_ns = timing.period_ns - timing.tolerance_ns
 
     def groups(self, groups: Iterator[_Group]) -> Iterator[_Group]:
         """The same groups; those within one period of the start or the end that are incomplete are marked."""

@@ -1,0 +1,74 @@
+import shutil
+from pathlib import Path
+
+import pytest
+
+from auditor.errors import RecordingError
+from auditor.recordings import find_recordings, open_recording, write_bag, write_db3, write_mcap
+from tests.recordings.drives import make_frames, make_rig
+
+RIG = make_rig(2)
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fleet")
+    frames = make_frames(RIG, 2)
+    write_mcap(folder / "b" / "two.mcap", RIG, frames)
+    write_mcap(folder / "b" / "one.MCAP", RIG, frames)
+    write_bag(folder / "a" / "deep" / "three.bag", RIG, frames)
+    write_db3(folder / "c", RIG, frames)
+    (folder / "notes.txt").write_text("not a recording")
+    (folder / ".hidden").mkdir()
+    shutil.copy(folder / "b" / "two.mcap", folder / ".hidden" / "x.mcap")
+    return folder
+
+
+def names(paths: tuple[Path, ...]) -> list[str]:
+    return [path.name for path in paths]
+
+
+def test_files_and_folders_give_their_recordings_each_once_in_order(fleet: Path) -> None:
+    assert names(find_recordings([fleet]).recordings) == ["three.bag", "one.MCAP", "two.mcap", "c"]
+    found = find_recordings([fleet / "b" / "two.mcap", fleet / "b", fleet / "c" / "c.db3", fleet / "b" / "two.mcap"])
+    assert names(found.recordings) == ["two.mcap", "one.MCAP", "c.db3"]
+    assert not found.errors
+
+
+def test_a_rosbag2_folder_without_its_metadata_is_a_recording(fleet: Path, tmp_path: Path) -> None:
+    shutil.copytree(fleet / "c", tmp_path / "c")
+    (tmp_path / "c" / "metadata.yaml").unlink()
+    assert names(find_recordings([tmp_path]).recordings) == ["c"]
+    with open_recording(tmp_path / "c") as recording:
+        assert len(list(recording.messages())) == 1 + 2 * 5 + 1
+
+
+def test_what_gives_no_recording_is_told_and_the_others_go_on(fleet: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty.mcap").touch()
+    (tmp_path / "nothing").mkdir()
+    wrong = [tmp_path / "missing.mcap", tmp_path / "empty.mcap", tmp_path / "nothing", fleet / "notes.txt"]
+    found = find_recordings([wrong[0], fleet / "c", *wrong[1:]])
+    assert names(found.recordings) == ["c"]
+    assert [error.where for error in found.errors] == [str(path) for path in wrong]
+    told = ["no such file", "is empty", "no recording in this folder", "no recording of a known kind"]
+    assert all(words in error.what for words, error in zip(told, found.errors, strict=True))
+    assert all(error.remedy and "\n" not in str(error) for error in found.errors)
+
+
+@pytest.mark.parametrize("name", ["missing.mcap", "empty.bag", "text.txt"])
+def test_opening_what_is_no_recording_is_a_clear_error(tmp_path: Path, name: str) -> None:
+    (tmp_path / "empty.bag").touch()
+    (tmp_path / "text.txt").write_text("x")
+    with pytest.raises(RecordingError, match=name):
+        open_recording(tmp_path / name)
+
+
+def test_a_folder_that_links_to_itself_ends(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to(tmp_path)
+    assert not find_recordings([tmp_path]).recordings
+
+
+def test_the_real_data_are_found(real_data: Path) -> None:
+    found = names(find_recordings([real_data]).recordings)
+    kitti = [f"kitti_raw_2011_09_26_drive_{number}" for number in ("0001", "0009", "0048")]
+    assert found == [*kitti, "ros1_tilt_laser.bag", "ros2_vlp16"]

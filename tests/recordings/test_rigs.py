@@ -1,0 +1,274 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.errors import RigError
+from auditor.geometry import Matrix, invert, motion, rotation_from_quaternion
+from auditor.recordings import check_rig, find_rigs, read_rig, write_rig
+from auditor.recordings.decoding import CameraInfo, Header, Transform
+from auditor.recordings.interface import Topic
+from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
+from tests.recordings.drives import make_rig
+
+K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
+LIDAR_AT = motion(rotation_from_quaternion(0.5, -0.5, 0.5, -0.5), np.array([0.0, -0.1, -0.3]))
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> Matrix:
+    return motion(np.eye(3), np.array([x, y, z]))
+
+
+def turned(degrees: float, matrix: Matrix) -> Matrix:
+    half = np.radians(degrees) / 2
+    return matrix @ motion(rotation_from_quaternion(0, np.sin(half), 0, np.cos(half)), np.zeros(3))
+
+
+def P(x: float) -> Matrix:
+    return K @ np.hstack([np.eye(3), [[-x], [0], [0]]])
+
+
+def info(
+    frame: str, projection: Matrix, *, distortion: tuple[float, ...] = (), rotation: Matrix | None = None
+) -> CameraInfo:
+    return CameraInfo(
+        Header(0, frame), 640, 480, distortion, K, np.eye(3) if rotation is None else rotation, projection
+    )
+
+
+def look(
+    infos: dict[str, CameraInfo],
+    transforms: dict[str, Matrix],
+    *,
+    clouds: dict[str, int] | None = None,
+    images: str = "image_rect",
+    parent: str = "base",
+) -> Survey:
+    image_topics = tuple(
+        ImageTopic(Topic(f"/{name}/{images}", "sensor_msgs/msg/Image", "cdr"), known.header.frame_id, (640, 480), ())
+        for name, known in infos.items()
+    )
+    cloud_topics = tuple(
+        CloudTopic(Topic(f"/{name}/points", "sensor_msgs/msg/PointCloud2", "cdr"), name, points, ())
+        for name, points in ({"top": 1000} if clouds is None else clouds).items()
+    )
+    return Survey(
+        topics=tuple(sensor.topic for sensor in (*image_topics, *cloud_topics)),
+        images=image_topics,
+        clouds=cloud_topics,
+        camera_infos={f"/{name}/camera_info": known for name, known in infos.items()},
+        transforms=tuple(Transform(parent, child, matrix) for child, matrix in transforms.items()),
+        problems=(),
+        interleaved=True,
+    )
+
+
+def x_of(survey: Survey) -> dict[str, float]:
+    (rig,) = find_rigs(survey)
+    return {camera.name: round(float(camera.centre_m[0]), 9) for camera in rig.cameras}
+
+
+def test_offsets_in_p_place_the_cameras_from_right_to_left() -> None:
+    infos = {"left": info("left", P(0.0)), "middle": info("middle", P(0.2)), "right": info("right", P(0.5))}
+    survey = look(infos, {"left": at(0), "middle": at(0.2), "right": at(0.5), "top": LIDAR_AT})
+    (rig,) = find_rigs(survey)
+    assert [(camera.number, camera.name) for camera in rig.cameras] == [(1, "right"), (2, "middle"), (3, "left")]
+    assert rig.topic(1) == "/right/image_rect"
+    assert np.allclose([camera.centre_m[0] for camera in rig.cameras], [0.5, 0.2, 0])
+    assert rig.lidar
+    assert rig.lidar.name == "top"
+    assert np.allclose(rig.lidar.rig_SE3_lidar, LIDAR_AT)
+
+
+def test_offsets_in_p_and_in_tf_are_not_added() -> None:
+    infos = {"left": info("left", P(0.0)), "right": info("right", P(0.5))}
+    assert x_of(look(infos, {"left": at(7), "right": at(7.5), "top": LIDAR_AT})) == {"right": 0.5, "left": 0.0}
+
+
+def test_tf_places_cameras_whose_p_has_no_offsets() -> None:
+    infos = {"left": info("left", P(0.0)), "right": info("right", P(0.0))}
+    survey = look(infos, {"left": at(7), "right": at(7.5), "top": at(7) @ LIDAR_AT})
+    assert x_of(survey) == {"right": 0.5, "left": 0.0}
+    (rig,) = find_rigs(survey)
+    assert rig.lidar
+    assert np.allclose(rig.lidar.rig_SE3_lidar, LIDAR_AT)
+
+
+def test_the_rig_origin_is_found_where_its_own_camera_is_absent() -> None:
+    infos = {"a": info("a", P(0.2)), "b": info("b", P(0.5))}
+    (rig,) = find_rigs(look(infos, {"a": at(7.2), "b": at(7.5), "top": at(7) @ LIDAR_AT}))
+    assert rig.lidar
+    assert np.allclose(rig.lidar.rig_SE3_lidar, LIDAR_AT)
+
+
+def test_a_frame_that_cameras_share_is_the_one_that_p_projects_from() -> None:
+    infos = {"a": info("head", P(0.2)), "b": info("head", P(0.5))}
+    (rig,) = find_rigs(look(infos, {"head": at(7), "top": at(7) @ LIDAR_AT}))
+    assert rig.lidar
+    assert np.allclose(rig.lidar.rig_SE3_lidar, LIDAR_AT)
+
+
+def test_two_stereo_pairs_that_each_start_at_zero_are_placed_by_tf() -> None:
+    infos = {"a": info("a", P(0.0)), "b": info("b", P(0.3)), "c": info("c", P(0.0)), "d": info("d", P(0.3))}
+    survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(1.0), "d": at(1.3), "top": LIDAR_AT})
+    assert x_of(survey) == {"d": 1.3, "c": 1.0, "b": 0.3, "a": 0.0}
+
+
+def test_tf_is_followed_in_any_direction_over_several_steps() -> None:
+    infos = {"left": info("left", P(0.0)), "right": info("right", P(0.5))}
+    survey = look(infos, {"left": at(0), "right": at(0.5)})
+    chain = (Transform("top", "mount", at(0, 0, 2)), Transform("mount", "base", invert(LIDAR_AT @ at(0, 0, 2))))
+    survey = Survey(**{**survey.__dict__, "transforms": (*survey.transforms, *chain)})
+    (rig,) = find_rigs(survey)
+    assert rig.lidar
+    assert np.allclose(rig.lidar.rig_SE3_lidar, LIDAR_AT)
+
+
+def test_transforms_that_run_in_a_circle_end() -> None:
+    infos = {"left": info("left", P(0.0)), "right": info("right", P(0.5))}
+    survey = look(infos, {"left": at(0), "right": at(0.5)})
+    circle = (Transform("a", "b", at(1)), Transform("b", "a", at(1)), Transform("left", "left", at(3)))
+    survey = Survey(**{**survey.__dict__, "transforms": (*survey.transforms, *circle)})
+    with pytest.raises(RigError, match="tf does not connect /top/points"):
+        find_rigs(survey)
+
+
+def test_cameras_that_look_elsewhere_give_no_triple_and_are_named() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("front", "left", "back")}
+    turns = {"front": at(0), "left": turned(60, at(0.5)), "back": turned(180, at(1)), "top": LIDAR_AT}
+    with pytest.raises(RigError, match=r"no triple possible.*\(front\).*LiDAR top"):
+        find_rigs(look(infos, turns))
+
+
+def test_two_groups_of_cameras_are_two_rigs() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("a", "b", "c", "d", "e")}
+    places = {"a": at(0), "b": at(0.3), "c": turned(90, at(0)), "d": turned(90, at(0)) @ at(0.4)}
+    places |= {"e": turned(90, at(0)) @ at(0.9), "top": LIDAR_AT}
+    first, second = find_rigs(look(infos, places))
+    assert [camera.name for camera in first.cameras] == ["e", "d", "c"]
+    assert [camera.name for camera in second.cameras] == ["b", "a"]
+    assert first.lidar
+    assert second.lidar
+
+
+def test_a_camera_off_the_line_is_left_out() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("a", "b", "high")}
+    survey = look(infos, {"a": at(0), "b": at(0.5), "high": at(0.3, -0.4), "top": LIDAR_AT})
+    assert list(x_of(survey)) == ["b", "a"]
+
+
+def test_cameras_of_other_intrinsics_are_not_one_rig() -> None:
+    other = P(0.5) * np.array([[1.2], [1.2], [1]])
+    with pytest.raises(RigError, match="no triple possible"):
+        find_rigs(look({"a": info("a", P(0.0)), "b": info("b", other)}, {"a": at(0), "b": at(0.5), "top": LIDAR_AT}))
+
+
+def test_three_cameras_without_a_lidar_are_a_rig_and_two_are_not() -> None:
+    infos = {"a": info("a", P(0.0)), "b": info("b", P(0.2)), "c": info("c", P(0.4))}
+    (rig,) = find_rigs(look(infos, {}, clouds={}))
+    assert rig.sensors == (1, 2, 3)
+    del infos["c"]
+    with pytest.raises(RigError, match="there is no LiDAR; 2 cameras looking the same way"):
+        find_rigs(look(infos, {}, clouds={}))
+
+
+def test_of_several_lidars_the_one_with_the_most_points_is_taken() -> None:
+    infos = {"a": info("a", P(0.0)), "b": info("b", P(0.2))}
+    survey = look(
+        infos, {"a": at(0), "b": at(0.2), "top": LIDAR_AT, "bumper": LIDAR_AT}, clouds={"bumper": 9, "top": 99}
+    )
+    (rig,) = find_rigs(survey)
+    assert rig.topic(0) == "/top/points"
+
+
+def test_no_images_and_no_camera_info_are_told_apart() -> None:
+    with pytest.raises(RigError, match="there are no camera images"):
+        find_rigs(look({}, {}))
+    survey = look({"a": info("a", P(0.0))}, {})
+    with pytest.raises(RigError, match="there is no camera info"):
+        find_rigs(Survey(**{**survey.__dict__, "camera_infos": {}}))
+
+
+def test_an_uncalibrated_camera_is_named() -> None:
+    with pytest.raises(RigError, match="/b/image_rect is uncalibrated"):
+        find_rigs(look({"a": info("a", P(0.0)), "b": info("b", np.zeros((3, 4)))}, {"a": at(0)}))
+
+
+def test_a_camera_info_elsewhere_is_found_by_its_frame() -> None:
+    survey = look({"a": info("a", P(0.0)), "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT})
+    moved = {f"/calibration{topic}": known for topic, known in survey.camera_infos.items()}
+    assert x_of(Survey(**{**survey.__dict__, "camera_infos": moved})) == {"b": 0.2, "a": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("known", "images", "rectified"),
+    [
+        (info("a", P(0), distortion=(-0.3, 0.1, 0, 0, 0)), "image_raw", False),
+        (info("a", P(0), rotation=rotation_from_quaternion(0, 0.01, 0, 1)), "image_raw", False),
+        (info("a", P(0), distortion=(-0.3, 0.1, 0, 0, 0)), "image_rect", True),
+        (info("a", P(0), distortion=(0.0, 0, 0, 0, 0)), "image_raw", True),
+        (info("a", P(0), rotation=np.zeros((3, 3))), "image_raw", True),
+    ],
+)
+def test_whether_images_are_rectified_is_told_from_name_distortion_and_rotation(
+    known: CameraInfo, images: str, rectified: bool
+) -> None:
+    survey = look({"a": known, "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT}, images=images)
+    (rig,) = find_rigs(survey)
+    assert rig.camera(2).rectified is rectified
+    if rectified:
+        check_rig(rig, survey)
+    else:
+        with pytest.raises(RigError, match="/a/image_raw are not rectified, which is not supported yet"):
+            check_rig(rig, survey)
+
+
+def test_images_of_kitti_converters_are_rectified_whatever_their_name_says() -> None:
+    known = info("camera_gray_left", P(0.0), distortion=(-0.3, 0.1, 0, 0, 0))
+    infos = {"kitti/camera_gray_left": known, "kitti/camera_gray_right": info("camera_gray_right", P(0.5))}
+    places = {"camera_gray_left": at(0), "camera_gray_right": at(0.5), "top": LIDAR_AT}
+    survey = look(infos, places, images="image_raw")
+    check_rig(find_rigs(survey)[0], survey)
+
+
+def test_the_rectified_topic_of_a_camera_is_preferred_and_the_compressed_one_last() -> None:
+    survey = look({"a": info("a", P(0.0)), "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT})
+    names = ["/a/image_raw", "/a/image_rect/compressed", "/a/image_rect_color/compressed"]
+    more = tuple(ImageTopic(Topic(name, "sensor_msgs/msg/Image", "cdr"), "a", (640, 480), ()) for name in names)
+    (rig,) = find_rigs(Survey(**{**survey.__dict__, "images": (*more, *survey.images)}))
+    assert rig.topic(2) == "/a/image_rect"
+    (rig,) = find_rigs(Survey(**{**survey.__dict__, "images": (*more, survey.images[1])}))
+    assert rig.topic(2) == "/a/image_rect/compressed"
+
+
+def test_a_rig_file_keeps_every_digit_and_every_name(tmp_path: Path) -> None:
+    rig = make_rig(4)
+    description = rig.to_dict()
+    description["cameras"][1]["projection"][0][2] = 0.1 + 0.2
+    description["cameras"][0]["name"] = 'odd "name"\n\\ \x7f \u20ac [table]'
+    odd = type(rig).from_dict(description)
+    write_rig(odd, tmp_path / "rig.toml")
+    assert read_rig(tmp_path / "rig.toml").to_dict() == odd.to_dict()
+    assert read_rig(tmp_path / "rig.toml").rig_id == odd.rig_id
+    no_lidar = make_rig(3, lidar=False)
+    write_rig(no_lidar, tmp_path / "rig.toml")
+    assert read_rig(tmp_path / "rig.toml").rig_id == no_lidar.rig_id
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
+
+
+@pytest.mark.parametrize("text", ["", "nonsense = ", "[[cameras]]\nnumber = 1\n", "\xff"])
+def test_a_rig_file_that_holds_no_rig_is_a_clear_error(tmp_path: Path, text: str) -> None:
+    (tmp_path / "rig.toml").write_text(text, "latin-1")
+    with pytest.raises(RigError, match=r"rig\.toml"):
+        read_rig(tmp_path / "rig.toml")
+
+
+def test_a_rig_file_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"missing.toml.*No such file"):
+        read_rig(tmp_path / "missing.toml")
+
+
+def test_a_rig_that_names_other_topics_is_refused_by_their_names() -> None:
+    survey = look({"a": info("a", P(0.0))}, {})
+    with pytest.raises(RigError, match=r"no topic /top/points, /cam1/image_rect.*it has /a/image_rect"):
+        check_rig(make_rig(3), Survey(**{**survey.__dict__, "topics": survey.topics[:1]}))
