@@ -1,4 +1,4 @@
-"""Counts of valid and inconsistent pixels on a coarse grid: enough to judge portions of an image again."""
+"""Counts on a coarse grid: enough to judge every portion of an image again without the image."""
 
 from dataclasses import dataclass
 
@@ -6,55 +6,57 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.adjudication import LidarElement
-from auditor.evidence.comparing import inconsistent
-from auditor.evidence.stereo import StereoMap
+from auditor.evidence.contradiction import Adjudication
+from auditor.evidence.likeness import Likeness
 
 CELL_PX = 8
 """Width and height of a cell in full-resolution pixels."""
 
+_HALF_SIDE = CELL_PX // 2
+
 Grid = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """One triple's counts in cells of 8 x 8 full-resolution pixels, (rows, columns) uint8 each."""
+    """How many pixels of each cell were looked at and how many of them stand against somebody: (rows, columns) uint8."""
 
     valid: Grid
-    inconsistent: Grid
+    against: Grid
+
+    def sparse(self) -> tuple[NDArray[np.uint16], Grid, Grid]:
+        """Row-major indices of the cells that hold anything, and their two counts: as they are stored."""
+        index = np.flatnonzero(self.valid)
+        return index.astype(np.uint16), self.valid.ravel()[index], self.against.ravel()[index]
 
 
-def cells_of_lidar(element: LidarElement, height_px: int, width_px: int) -> Cells:
-    """Count a LiDAR element's points; 64 a cell at most."""
+def dense(index: NDArray[np.uint16], valid: Grid, against: Grid, shape: tuple[int, int]) -> Cells:
+    """Read back what `Cells.sparse` gave, on a grid of (rows, columns)."""
+    grids = np.zeros((2, shape[0] * shape[1]), dtype=np.uint8)
+    grids[0, index], grids[1, index] = valid, against
+    return Cells(*grids.reshape(2, *shape))
+
+
+def cells_of_points(adjudication: Adjudication, height_px: int, width_px: int) -> Cells:
+    """Count LiDAR points, valid and contradicted, in an image of that size."""
     rows, columns = -(-height_px // CELL_PX), -(-width_px // CELL_PX)
-    cell = element.row // CELL_PX * columns + element.column // CELL_PX
-    grids = (
+    cell = adjudication.row // CELL_PX * columns + adjudication.column // CELL_PX
+    valid, against = (
         np.bincount(cell[mask], minlength=rows * columns).astype(np.uint8).reshape(rows, columns)
-        for mask in (element.valid, element.inconsistent)
+        for mask in (adjudication.valid, adjudication.contradicted)
     )
-    return Cells(*grids)
+    return Cells(valid, against)
 
 
-def cells_of_cameras(
-    first: StereoMap, second: StereoMap, first_baseline_m: float, second_baseline_m: float
-) -> Cells:
-    """Compare two cameras' maps (Eq. 2, at the smaller baseline) where there is texture, and count grid pixels."""
-    common_m = min(first_baseline_m, second_baseline_m)
-    valid = first.valid & second.valid & (first.textured | second.textured)
-    over = valid & inconsistent(
-        first.disparity_px * np.float32(common_m / first_baseline_m),
-        second.disparity_px * np.float32(common_m / second_baseline_m),
-    )
-    return Cells(_count(valid, CELL_PX // first.step), _count(over, CELL_PX // first.step))
+def cells_of_likeness(pair: Likeness) -> Cells:
+    """Count half-resolution pixels, comparable and unlike: at most 16 a cell."""
+    return Cells(_count(pair.comparable), _count(pair.unlike))
 
 
-def _count(mask: Mask, side: int) -> Grid:
-    """How many of each side x side pixels are set; what is missing at the right and lower edge is not."""
+def _count(mask: NDArray[np.bool_]) -> Grid:
+    """How many of each 4 x 4 pixels are set; beyond the right and lower edge none is."""
     height, width = mask.shape
-    rows, columns = -(-height // side), -(-width // side)
-    padded = cv2.copyMakeBorder(
-        mask.view(np.uint8), 0, rows * side - height, 0, columns * side - width, cv2.BORDER_CONSTANT, value=0
-    )
-    sums = cv2.boxFilter(padded, cv2.CV_16U, (side, side), anchor=(0, 0), normalize=False)
-    return np.asarray(sums[::side, ::side], dtype=np.uint8)
+    below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE
+    padded = cv2.copyMakeBorder(mask.view(np.uint8), 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
+    sums = cv2.boxFilter(padded, cv2.CV_8U, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
+    return np.ascontiguousarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.uint8)

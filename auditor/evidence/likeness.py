@@ -1,84 +1,113 @@
-"""How alike two cameras' pictures are at given disparities."""
+"""How alike the pictures of two cameras are: at the disparities that stereo found, and at the LiDAR's."""
 
+from dataclasses import dataclass
 from functools import cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_REACH = 3  # a 7 x 7 patch
+from auditor.evidence.stereo import StereoMap
+
+_REACH = 3  # patches of 7 x 7
 _SIDE = 2 * _REACH + 1
-_PATCH_FLOOR = 9.0  # grey levels, added to each patch's norm: patches without texture are like nothing
+_AREA = _SIDE * _SIDE
+_PATCH_FLOOR = 9.0  # grey levels, added to each patch's norm: a patch without texture is like nothing
+_TEXTURED = 40.0  # norm of a patch in grey levels: 5.7 a pixel
+_UNLIKE = 0.2
+_NEARBY = (5, 5)
 _OVERSAMPLING = 2
+_HALF = 2
+
+Floats = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 
+@dataclass(frozen=True, eq=False)
 class Likeness:
-    """Zero-mean normalised cross-correlation of 7 x 7 patches between a reference and a witness.
+    """A camera pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
-    Both are half-resolution (h, w) grey images. The witness is oversampled once, so that shifts of half a pixel are
-    indices.
+    `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: there is texture in
+    either picture and the match lies inside the witness's. `unlike`: comparable, and alike nowhere within 5 x 5 pixels:
+    whatever stereo chose there, the two cameras do not see the same thing.
     """
 
-    def __init__(self, reference: NDArray[np.uint8], witness: NDArray[np.uint8]) -> None:
-        self._width = reference.shape[1]
-        self._reference = np.pad(reference, _REACH, mode="edge").astype(np.float32)
-        self._margin = _OVERSAMPLING * (_REACH + 2)
-        self._witness = np.pad(
-            _oversampled(witness.astype(np.float32)),
-            ((_REACH, _REACH), (self._margin, self._margin)),
-            mode="edge",
-        )
-
-    def best(
-        self,
-        row: NDArray[np.integer],
-        column: NDArray[np.integer],
-        disparity: NDArray[np.float32],
-        reach_half_px: int,
-    ) -> NDArray[np.float32]:
-        """(M,) the largest correlation, -1 to 1, over disparities within `reach_half_px` steps of half a pixel.
-
-        `row`, `column` (M,) and `disparity` (M,) are in half-resolution pixels.
-        """
-        patch = self._patches(row, column)
-        middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
-        last = self._width * _OVERSAMPLING - 1
-        start = np.clip(middle - reach_half_px, 0, last) + self._margin - _OVERSAMPLING * _REACH
-        stride = self._witness.shape[1]
-        offsets = _offsets(stride, 2 * reach_half_px + 1 + _OVERSAMPLING * (_SIDE - 1), 1)
-        strips = self._witness.ravel()[(row * stride + start)[:, None] + offsets]
-        strips = strips.reshape(row.size, _SIDE, -1)
-        scores = [
-            _correlation(patch, strips[:, :, s : s + _OVERSAMPLING * (_SIDE - 1) + 1 : _OVERSAMPLING])
-            for s in range(2 * reach_half_px + 1)
-        ]
-        return np.asarray(np.max(scores, axis=0), dtype=np.float32)
-
-    def _patches(self, row: NDArray[np.integer], column: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(M, 7, 7) patches of the reference without their means, divided by their norms."""
-        stride = self._reference.shape[1]
-        flat = self._reference.ravel()[(row * stride + column)[:, None] + _offsets(stride, _SIDE, 1)]
-        flat = flat - flat.mean(axis=1, keepdims=True)
-        norm = np.sqrt(np.einsum("mp,mp->m", flat, flat)) + np.float32(_PATCH_FLOOR)
-        return np.asarray(flat / norm[:, None], dtype=np.float32).reshape(-1, _SIDE, _SIDE)
+    alike: Floats
+    comparable: Mask
+    unlike: Mask
 
 
-def _correlation(patch: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
-    total = np.einsum("mrc->m", other)
-    power = np.einsum("mrc,mrc->m", other, other)
-    norm = np.sqrt(np.maximum(power - total * total / np.float32(_SIDE * _SIDE), 0)) + np.float32(_PATCH_FLOOR)
-    # The patch has no mean, so that of the other need not be taken away.
+def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: StereoMap) -> Likeness:
+    """Warp the witness by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
+    height, width = reference.shape
+    step = _HALF // stereo.step
+    disparity = stereo.disparity_px[::step, ::step] / np.float32(_HALF)
+    column = np.arange(width, dtype=np.float32) - disparity
+    row = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], column.shape)
+    warped = cv2.remap(
+        witness, column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    ).astype(np.float32)
+    still = reference.astype(np.float32)
+    mean_r, mean_w = _mean(still), _mean(warped)
+    norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
+    norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
+    alike = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _PATCH_FLOOR) * (norm_w + _PATCH_FLOOR))
+    comparable = (np.maximum(norm_r, norm_w) > _TEXTURED) & stereo.valid[::step, ::step]
+    nearby = cv2.dilate(alike, np.ones(_NEARBY, dtype=np.uint8))
+    return Likeness(np.asarray(alike, np.float32), np.asarray(comparable), np.asarray(comparable & (nearby < _UNLIKE)))
+
+
+def likeness_at(
+    reference: NDArray[np.uint8],
+    witness: NDArray[np.uint8],
+    row: NDArray[np.integer],
+    column: NDArray[np.integer],
+    disparity: Floats,
+) -> Floats:
+    """(M,) the largest correlation at given disparities and up to one pixel beside them, in steps of half a pixel.
+
+    Images (h, w) grey, rows, columns and disparities (M,) are all at half resolution.
+    """
+    margin = _OVERSAMPLING * (_REACH + _REACH)
+    wide = _OVERSAMPLING * (_SIDE - 1) + 1
+    shifts = 2 * _OVERSAMPLING + 1
+    doubled = cv2.copyMakeBorder(
+        _oversampled(witness), _REACH, _REACH, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
+    )
+    framed = cv2.copyMakeBorder(reference, _REACH, _REACH, _REACH, _REACH, cv2.BORDER_REPLICATE)
+    patch = framed.ravel()[(row * framed.shape[1] + column)[:, None] + _offsets(framed.shape[1], _SIDE)]
+    patch = patch.astype(np.float32)
+    patch -= patch.mean(axis=1, keepdims=True)
+    norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_PATCH_FLOOR)
+    patch = patch.reshape(-1, _SIDE, _SIDE)
+    middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
+    start = np.clip(middle, 0, _OVERSAMPLING * (witness.shape[1] - 1)) - _OVERSAMPLING * (_REACH + 1) + margin
+    stride = doubled.shape[1]
+    strips = doubled.ravel()[(row * stride + start)[:, None] + _offsets(stride, wide + shifts - 1)]
+    strips = strips.astype(np.float32).reshape(row.size, _SIDE, -1)
+    scores = [_projection(patch, strips[:, :, s : s + wide : _OVERSAMPLING]) for s in range(shifts)]
+    return np.asarray(np.max(scores, axis=0) / norm, dtype=np.float32)
+
+
+def _projection(patch: Floats, other: Floats) -> Floats:
+    """(M,) products of patches without their means and others, over the others' norms."""
+    total, power = np.einsum("mrc->m", other), np.einsum("mrc,mrc->m", other, other)
+    norm = np.sqrt(np.maximum(power - total * total / np.float32(_AREA), 0)) + np.float32(_PATCH_FLOOR)
     return np.asarray(np.einsum("mrc,mrc->m", patch, other) / norm, dtype=np.float32)
 
 
-def _oversampled(image: NDArray[np.float32]) -> NDArray[np.float32]:
+def _mean(image: cv2.typing.MatLike) -> cv2.typing.MatLike:
+    return cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE))
+
+
+def _oversampled(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(h, 2 w): each pixel, then its mean with the next."""
     doubled = np.repeat(image, _OVERSAMPLING, axis=1)
-    doubled[:, 1:-1:2] = (image[:, :-1] + image[:, 1:]) / 2
+    doubled[:, 1:-1:2] = (image[:, :-1] & image[:, 1:]) + ((image[:, :-1] ^ image[:, 1:]) >> 1)  # without overflow
     return doubled
 
 
 @cache
-def _offsets(stride: int, width: int, step: int) -> NDArray[np.intp]:
+def _offsets(stride: int, width: int) -> NDArray[np.intp]:
     rows = np.arange(_SIDE, dtype=np.intp) * stride
-    columns = np.arange(0, width, step, dtype=np.intp)
-    return (rows[:, None] + columns).ravel()
+    return np.asarray((rows[:, None] + np.arange(width, dtype=np.intp)).ravel(), dtype=np.intp)

@@ -1,0 +1,96 @@
+"""Where two cameras agree with each other and contradict the LiDAR.
+
+An inconsistent pixel (Eq. 2) accuses one of three sensors and does not say which; on clean frames most of them accuse
+nobody: a surface hidden from one sensor, glass, dark paint, a matcher's mistake. A contradiction is an inconsistent
+pixel that survived adjudication: nothing hides the point, and the pictures are alike at stereo's disparity and unlike at
+the LiDAR's. A facula on a camera makes pictures unlike everywhere, so it contradicts nothing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.comparing import inconsistent
+from auditor.evidence.lidar import LidarView
+from auditor.evidence.likeness import Likeness, likeness_at
+from auditor.evidence.stereo import StereoMap
+from auditor.evidence.visibility import visible_to_witness
+from auditor.rig import Rig
+
+MOST_ADJUDICATED = 1000
+"""Under a strong attack most pixels are inconsistent: of more than this, every so many-th stands for its neighbours."""
+
+_RANGE_MARGIN_PX = 3.0
+_PASSES_OVER_PX = 3.0
+_ALIKE = 0.7
+_CLEARLY_LESS = 0.3
+
+Mask = NDArray[np.bool_]
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Adjudication:
+    """E_{0,j,k} adjudicated, point by point.
+
+    `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): seen by both cameras, with
+    texture, inside the matcher's range. `contradicted` (M,): of those, what the pictures say of the LiDAR is no.
+    """
+
+    row: NDArray[np.int32]
+    column: NDArray[np.int32]
+    valid: Mask
+    contradicted: Mask
+
+
+def adjudicate(
+    view: LidarView,
+    stereo: StereoMap,
+    alike: Likeness,
+    rig: Rig,
+    witness: int,
+    halves: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+) -> Adjudication:
+    """Compare DM_{0,k} at a witness with DM_{j,k}, and keep the inconsistent pixels that the pictures confirm.
+
+    `halves` are the half-resolution grey images of the reference and of the witness, `alike` their likeness.
+    """
+    d0 = view.disparity_px(rig, witness)
+    row, column = view.row // stereo.step, view.column // stereo.step
+    ds = stereo.disparity_px[row, column]
+    valid = stereo.valid[row, column] & stereo.textured[row, column]
+    valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - _RANGE_MARGIN_PX)
+    valid &= visible_to_witness(view, rig, witness, d0)
+    confident = alike.alike[view.row // 2, view.column // 2]
+    flagged = np.flatnonzero(valid & (confident > _ALIKE) & inconsistent(d0, ds))
+    stride = max(-(-flagged.size // MOST_ADJUDICATED), 1)
+    sample = flagged[::stride]
+    n0 = likeness_at(*halves, view.row[sample] // 2, view.column[sample] // 2, d0[sample] / 2)
+    guilty = n0 < confident[sample] - np.float32(_CLEARLY_LESS)
+    guilty[guilty] = ~_merely_hidden(view, stereo, rig, witness, sample[guilty])
+    contradicted = np.zeros(valid.size, dtype=np.bool_)
+    # Points lie in row-major order: those left out are neighbours of the one that stands for them.
+    contradicted[flagged] = guilty.repeat(stride)[: flagged.size]
+    return Adjudication(view.row, view.column, valid, contradicted)
+
+
+def _merely_hidden(view: LidarView, stereo: StereoMap, rig: Rig, witness: int, sample: NDArray[np.intp]) -> Mask:
+    """(S,) mask of points whose beam passes over the surface that stereo sees (free space).
+
+    Stereo sees something nearer than the LiDAR; at its depth z_s = f b / ds the beam runs through a pixel p' whose own
+    disparity is smaller than ds by more than 3 px. Then the point is hidden from the cameras, and nobody is wrong.
+    """
+    assert rig.lidar is not None
+    camera = rig.camera(view.reference)
+    ds = stereo.disparity_px[view.row[sample] // stereo.step, view.column[sample] // stereo.step]
+    P = (camera.projection @ rig.lidar.rig_SE3_lidar).astype(np.float32)
+    origin, ray = P[:, 3:], P[:, :3] @ view.point_m[sample].T  # homogeneous pixels of O and of X - O
+    depth = np.float32(camera.focal_px * rig.baseline_m(witness, view.reference)) / np.maximum(ds, np.float32(1e-3))
+    u, v, w = origin + ray * ((depth - origin[2]) / ray[2])
+    column, row = np.rint(u / w / stereo.step).astype(np.intp), np.rint(v / w / stereo.step).astype(np.intp)
+    height, width = stereo.disparity_px.shape
+    # Where stereo sees something farther than the LiDAR there is nothing to pass over.
+    nearer = (depth < ray[2] + origin[2]) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    there = stereo.disparity_px[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    return np.asarray(nearer & (there < ds - np.float32(_PASSES_OVER_PX)))

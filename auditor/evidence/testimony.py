@@ -1,0 +1,72 @@
+"""What the robust method is told about one frame: who contradicts whom, pair by pair."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.cells import Cells, cells_of_likeness, cells_of_points
+from auditor.evidence.contradiction import Adjudication, adjudicate
+from auditor.evidence.lidar import LidarView
+from auditor.evidence.likeness import Likeness, likeness
+from auditor.evidence.photometric import Light, coarse, compare_light
+from auditor.evidence.stereo import StereoMap
+from auditor.rig import Rig
+
+Pair = tuple[int, int]
+
+_FEWEST_PX_AT_10_M = 9.0
+"""A pair that resolves less cannot tell a surface from one half as far again, and contradicts nobody."""
+
+
+@dataclass(frozen=True, eq=False)
+class Testimony:
+    """Three witnesses, each by camera pair (i, k).
+
+    `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
+    same thing. `light`: brightness that one of them alone sees. `adjudications` and `likenesses` hold the same pixel by
+    pixel, for localising; they are not stored.
+    """
+
+    contradicted: Mapping[Pair, Cells]
+    unlike: Mapping[Pair, Cells]
+    light: Mapping[Pair, Light]
+    adjudications: Mapping[Pair, Adjudication]
+    likenesses: Mapping[Pair, Likeness]
+
+
+def testify(
+    halves: Mapping[int, NDArray[np.uint8]],
+    maps: Mapping[Pair, StereoMap],
+    views: Mapping[int, LidarView],
+    rig: Rig,
+) -> Testimony:
+    """Hear all witnesses of a frame.
+
+    `halves` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (witness, reference),
+    `views` the LiDAR's views by reference; all of them as `measure` makes them.
+    """
+    grids = {camera: coarse(half) for camera, half in halves.items()}
+    likenesses = {(i, k): likeness(halves[k], halves[i], stereo) for (i, k), stereo in maps.items()}
+    adjudications = {
+        (j, k): adjudicate(views[k], stereo, likenesses[j, k], rig, j, (halves[k], halves[j]))
+        for (j, k), stereo in maps.items()
+        if k in views and resolves_depth(rig, j, k)
+    }
+    return Testimony(
+        contradicted={
+            (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
+            for (j, k), points in adjudications.items()
+        },
+        unlike={pair: cells_of_likeness(map_) for pair, map_ in likenesses.items()},
+        light={(i, k): compare_light(grids[i], grids[k]) for i, k in combinations(sorted(grids), 2)},
+        adjudications=adjudications,
+        likenesses=likenesses,
+    )
+
+
+def resolves_depth(rig: Rig, j: int, k: int) -> bool:
+    """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
+    return rig.camera(k).focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M

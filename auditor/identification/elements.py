@@ -1,0 +1,72 @@
+"""The elements of the robust method: what one witness says of one camera pair, and what an attack would make it say."""
+
+from collections.abc import Collection, Iterable, Sequence
+from enum import StrEnum
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.rig import LIDAR, Triple
+
+Bools = NDArray[np.bool_]
+
+
+class Witness(StrEnum):
+    """CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same."""
+
+    CONTRADICTED = "contradicted"
+    UNLIKE = "unlike"
+    LIGHT = "light"
+
+
+class Element(NamedTuple):
+    """One witness's statistic of the camera pair i < k."""
+
+    witness: Witness
+    i: int
+    k: int
+
+    @property
+    def accusable(self) -> tuple[int, ...]:
+        """The sensors one of which must be attacked where the element is raised."""
+        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+
+
+def elements_of(
+    cameras: int, matched: Iterable[tuple[int, int]], contradicting: Iterable[tuple[int, int]]
+) -> tuple[Element, ...]:
+    """All elements in fixed order: pairs that were matched, pairs that may deny a LiDAR, every pair's light."""
+    return (
+        *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
+        *(Element(Witness.UNLIKE, i, k) for i, k in matched),
+        *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
+    )
+
+
+def explains(element: Element, attacked: Collection[int]) -> bool:
+    """Whether an attack on these sensors can raise the element (Eq. 7, with the sensors that the witness can accuse)."""
+    return not set(element.accusable).isdisjoint(attacked)
+
+
+def demands(element: Element, attacked: Collection[int]) -> float:
+    """How surely an attack on these sensors raises the element, 0 to 1.
+
+    A contradiction needs two good cameras and a bad LiDAR. A camera's attack shows as unlikeness, but may be one that
+    keeps its pictures alike; light is a witness of one kind of attack only, and its silence says nothing.
+    """
+    if element.witness is Witness.CONTRADICTED:
+        return float(LIDAR in attacked and element.i not in attacked and element.k not in attacked)
+    if element.witness is Witness.UNLIKE:
+        return 0.5 if explains(element, attacked) else 0.0
+    return 0.0
+
+
+def triple_states(raised: Bools, elements: Sequence[Element], triples: Sequence[Triple]) -> Bools:
+    """(F, T) states of the paper's triples, from (F, M) raised elements: the OR of those inside each triple.
+
+    What Algorithm 2 is given where it is to be compared on the same states.
+    """
+    inside = np.array([[set(element.accusable) <= set(triple) for triple in triples] for element in elements])
+    return np.asarray((raised[:, :, None] & inside).any(axis=1))
