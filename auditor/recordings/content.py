@@ -3,11 +3,16 @@
 import hashlib
 from pathlib import Path
 
+from auditor.errors import RecordingError
+
 _BLOCK = 1 << 20
 
 
 def content_id(path: Path, files: tuple[Path, ...]) -> str:
-    """sha256 (hex) of a file; of a folder, of its sorted relative paths and the hashes of those files."""
+    """sha256 (hex) of a file; of a folder, of its sorted relative paths and the hashes of those files.
+
+    Raises RecordingError where a file cannot be read.
+    """
     if not path.is_dir():
         return _file_hash(path)
     whole = hashlib.sha256()
@@ -18,7 +23,10 @@ def content_id(path: Path, files: tuple[Path, ...]) -> str:
 
 def _file_hash(path: Path) -> str:
     digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK):
-            digest.update(block)
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                digest.update(block)
+    except OSError as error:
+        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
     return digest.hexdigest()

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.geometry import Matrix, camera_centre, invert, motion
-from auditor.recordings.decoding import CameraInfo, Transform
+from auditor.geometry import Matrix, camera_centre, motion
+from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.frame_tree import FrameTree
 from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
 from auditor.rig import Camera, Lidar, Rig
 
@@ -95,7 +96,7 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
 
 
 def check_rig(rig: Rig, survey: Survey) -> None:
-    """Raises RigError where a rig names topics that the recording lacks, or cameras that are not rectified."""
+    """Raises RigError where a rig names topics that are not there, images of another size, or unrectified cameras."""
     there = {topic.name for topic in survey.topics}
     missing = [rig.topic(sensor) for sensor in rig.sensors if rig.topic(sensor) not in there]
     if missing:
@@ -111,35 +112,21 @@ def check_rig(rig: Rig, survey: Survey) -> None:
             where="rig",
             remedy="record rectified images; or, if they are, write a rig file and set rectified = true in it",
         )
+    seen = {image.topic.name: image.size_px for image in survey.images}
+    for camera in rig.cameras:
+        size_px = camera.width_px, camera.height_px
+        if seen.get(camera.topic, size_px) != size_px:
+            raise RigError(
+                f"{camera.topic} has images of {_times(seen[camera.topic])} px, not {_times(size_px)}",
+                where="rig",
+                remedy="take the rig file of this vehicle",
+            )
     if len(rig.sensors) < MIN_SENSORS:
         raise RigError(f"no triple possible: the rig has {len(rig.sensors)} sensors of at least 3", where="rig")
 
 
-class FrameTree:
-    """Coordinate frames connected by transforms, in any direction."""
-
-    def __init__(self, transforms: Sequence[Transform]) -> None:
-        self._edges: dict[str, dict[str, Matrix]] = {}
-        for transform in transforms:
-            self._edges.setdefault(transform.parent, {})[transform.child] = transform.parent_SE3_child
-            self._edges.setdefault(transform.child, {})[transform.parent] = invert(transform.parent_SE3_child)
-
-    def between(self, dst: str, src: str) -> Matrix | None:
-        """dst_SE3_src along the shortest chain, or None where the frames are not connected."""
-        if dst == src:
-            return np.eye(4)
-        reached, front = {dst: np.eye(4)}, [dst]
-        while front:
-            following = []
-            for frame in front:
-                for neighbour, frame_SE3_neighbour in self._edges.get(frame, {}).items():
-                    if neighbour not in reached:
-                        reached[neighbour] = reached[frame] @ frame_SE3_neighbour
-                        following.append(neighbour)
-            if src in reached:
-                return reached[src]
-            front = following
-        return None
+def _times(size_px: tuple[int, int]) -> str:
+    return f"{size_px[0]} x {size_px[1]}"
 
 
 def _views(survey: Survey, findings: _Findings) -> list[_View]:

@@ -16,7 +16,7 @@ SAMPLES = 40
 MAX_BYTES = 512 * 2**20
 """The look ends after so many bytes of sensor data, whatever was not seen by then."""
 
-MAX_SAMPLES = 4000
+MAX_MESSAGES = 20_000
 """The look also ends here: a topic that ticks once a minute must not make it a read of the whole file."""
 
 MAX_LAG_NS = 2 * 10**9
@@ -91,12 +91,13 @@ class _Look:
         self._transforms: dict[tuple[str, str], Transform] = {}
         self._problems: dict[str, None] = {}
         self._bytes = 0
+        self._messages = 0
         self._newest_ns = 0
         self._lag_ns = 0
 
     def run(self) -> Survey:
         known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
-        for message in self._recording.messages(known or None):
+        for message in self._recording.messages(known) if known else ():
             self._take(message)
             if self._enough():
                 break
@@ -111,7 +112,7 @@ class _Look:
             camera_infos=dict(sorted(self._infos.items())),
             transforms=tuple(self._transforms.values()),
             problems=tuple(self._problems),
-            interleaved=unseen == 0 and self._lag_ns <= MAX_LAG_NS,
+            interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
         )
 
     def _by_kind(self, *kinds: str) -> Iterator[str]:
@@ -131,9 +132,10 @@ class _Look:
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
-        return max(map(len, self._samples.values()), default=0) >= MAX_SAMPLES
+        return self._messages >= MAX_MESSAGES
 
     def _take(self, message: Message) -> None:
+        self._messages += 1
         decoder = self._decoders.of(message.schema, message.encoding)
         if decoder is None:
             return

@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from auditor.recordings import check_rig, find_rigs, read_rig, write_rig
 from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.interface import Topic
 from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
+from auditor.rig import Rig
 from tests.recordings.drives import make_rig
 
 K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
@@ -272,3 +274,22 @@ def test_a_rig_that_names_other_topics_is_refused_by_their_names() -> None:
     survey = look({"a": info("a", P(0.0))}, {})
     with pytest.raises(RigError, match=r"no topic /top/points, /cam1/image_rect.*it has /a/image_rect"):
         check_rig(make_rig(3), Survey(**{**survey.__dict__, "topics": survey.topics[:1]}))
+
+
+def test_a_rig_file_of_a_vehicle_with_other_images_is_refused() -> None:
+    survey = look({"a": info("a", P(0.0)), "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT})
+    description = find_rigs(survey)[0].to_dict()
+    description["cameras"][0]["width_px"] = 641
+    with pytest.raises(RigError, match="/b/image_rect has images of 640 x 480 px, not 641 x 480"):
+        check_rig(Rig.from_dict(description), survey)
+
+
+def test_six_real_cameras_that_look_all_around_give_no_triple(real_data: Path) -> None:
+    told = json.loads((real_data / "nuscenes_one_frame" / "calibration.json").read_text())["images"]
+    infos, places = {}, {}
+    for name, camera in told.items():
+        infos[name] = info(name, np.hstack([np.array(camera["cam2img"])[:3, :3], np.zeros((3, 1))]))
+        places[name] = invert(np.array(camera["lidar2cam"]))
+    with pytest.raises(RigError, match="no triple possible") as caught:
+        find_rigs(look(infos, places, parent="top"))
+    assert all(name in caught.value.what for name in infos)

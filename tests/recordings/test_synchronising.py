@@ -7,7 +7,8 @@ from mcap.writer import Writer
 
 from auditor.errors import RigError
 from auditor.frames import Frame, PointCloud, SensorState, Skipped
-from auditor.recordings import find_rigs, open_recording, survey, synchronise, synchronising, write_mcap
+from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.recordings import window as windows
 from auditor.recordings.writers.mcap_file import McapFile
 from auditor.rig import Rig
 from tests.recordings.drives import PERIOD_NS, START_NS, make_frame, make_frames, make_rig, same_frame, split, stream_of
@@ -216,15 +217,15 @@ def test_messages_that_lie_topic_by_topic_are_still_paired(tmp_path: Path) -> No
 def test_the_window_stays_small_whatever_a_silent_sensor_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [make_frame(RIG, n, without={0} if 5 <= n < 45 else ()) for n in range(50)]
     path = written(tmp_path, frames)
-    monkeypatch.setattr(synchronising, "MAX_WINDOW_BYTES", 30_000)
+    monkeypatch.setattr(windows, "MAX_WINDOW_BYTES", 30_000)
     held: list[int] = []
-    add = synchronising._Window.add
+    add = windows.Window.add
 
-    def spied(window: synchronising._Window, sensor: int, waiting: synchronising._Waiting) -> None:
+    def spied(window: windows.Window, sensor: int, waiting: windows.Waiting) -> None:
         add(window, sensor, waiting)
-        held.append(window._bytes)
+        held.append(window.held_bytes)
 
-    monkeypatch.setattr(synchronising._Window, "add", spied)
+    monkeypatch.setattr(windows.Window, "add", spied)
     read_frames, _, _ = read(path)
     assert len(read_frames) == 50
     assert max(held) < 30_000 + 5_000
