@@ -1,9 +1,10 @@
 """How often Algorithm 2 names exactly the attacked sensor on real frames: `python -m tests.benchmarks.identification`.
 
 Drives 0009 (and with --both 0001) of the folder AUDITOR_TEST_DATA; rig of LiDAR, cam1, cam3 and the reference cam2;
-gated E at r = 0. Every frame is attacked three times on each sensor: a facula on each camera (R uniform in 187 to 375 px,
-centre uniform over the image), a wall of 1.5 m x 2.5 m on the LiDAR (6 to 10 m, lateral -3 to 3 m, standing within 0.6 m
-of the road). In sample, thresholds are the maxima over all clean frames; held out, over those of the other blocks of ten.
+gated E at r = 0. Every frame is attacked three times on each sensor: a facula on each camera (R uniform in 187 to 375
+px, centre uniform over the image), a wall of 1.5 m x 2.5 m on the LiDAR (6 to 10 m away, lateral -3 to 3 m, standing
+within 0.6 m of the road). In sample, thresholds are the maxima over all clean frames; held out, over those of the
+other blocks of ten.
 """
 
 import argparse
