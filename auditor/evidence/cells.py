@@ -19,7 +19,7 @@ Grid = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """How many pixels of each cell were looked at and how many of them stand against somebody: (rows, columns) uint8."""
+    """How many pixels of each cell were looked at, and how many stand against somebody: (rows, columns) uint8."""
 
     valid: Grid
     against: Grid

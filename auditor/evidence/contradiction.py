@@ -2,8 +2,8 @@
 
 An inconsistent pixel (Eq. 2) accuses one of three sensors and does not say which; on clean frames most of them accuse
 nobody: a surface hidden from one sensor, glass, dark paint, a matcher's mistake. A contradiction is an inconsistent
-pixel that survived adjudication: nothing hides the point, and the pictures are alike at stereo's disparity and unlike at
-the LiDAR's. A facula on a camera makes pictures unlike everywhere, so it contradicts nothing.
+pixel that survived adjudication: nothing hides the point, and the pictures are alike at stereo's disparity and less so
+at the LiDAR's. A facula on a camera makes pictures unlike at every disparity, so it contradicts nothing.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ def adjudicate(
     flagged = np.flatnonzero(valid & (confident > _ALIKE) & inconsistent(d0, ds))
     stride = max(-(-flagged.size // MOST_ADJUDICATED), 1)
     sample = flagged[::stride]
-    n0 = likeness_at(*halves, view.row[sample] // 2, view.column[sample] // 2, d0[sample] / 2)
+    n0 = likeness_at(*halves, view.row[sample] // 2, view.column[sample] // 2, d0[sample] / np.float32(2))
     guilty = n0 < confident[sample] - np.float32(_CLEARLY_LESS)
     guilty[guilty] = ~_merely_hidden(view, stereo, rig, witness, sample[guilty])
     contradicted = np.zeros(valid.size, dtype=np.bool_)

@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Likeness:
-    """A camera pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
+    """A pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
     `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: there is texture in
     either picture and the match lies inside the witness's. `unlike`: comparable, and alike nowhere within 5 x 5 pixels:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROWS, _COLUMNS = 24, 78
-_MARK = 45.0  # grey levels
+_MARK = 75.0  # grey levels
+_WINDOW = 6  # cells, about 96 px
 _SHIFTS = 6  # 0 to 5 cells: up to 80 px of an image 1242 px wide
 _ROUNDS = 6
 _KEPT_SHARE = 0.6
@@ -18,9 +19,10 @@ Grid = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Light:
-    """Shares of the cells of cameras i < k that are brighter than everything the other camera sees nearby.
+    """How much of cameras i < k is brighter than everything that the other one sees nearby.
 
-    Light thrown into a camera makes its own share large, darkness the other's; a pair cannot tell the two apart.
+    Each is the largest share, 0 to 1, of such cells in any window of 6 x 6. Light thrown into a camera makes its own
+    share large, darkness the other's: a pair cannot tell the two apart.
     """
 
     brighter_i: float
@@ -35,7 +37,7 @@ def coarse(half: NDArray[np.uint8]) -> Grid:
 def compare_light(coarse_i: Grid, coarse_k: Grid) -> Light:
     """Compare the (24, 78) grids of a right camera i and a left camera k.
 
-    A cell stands out where it is more than 45 grey levels brighter than every cell of the other camera within one row
+    A cell stands out where it is more than 75 grey levels brighter than every cell of the other camera within one row
     and 0 to 5 columns: what lies in column u of k lies farther left in i. Gain and offset between the cameras are
     fitted to the cells that agree best; cells whose partners lie outside the other image are not looked at.
     """
@@ -43,13 +45,18 @@ def compare_light(coarse_i: Grid, coarse_k: Grid) -> Light:
     fitted_i = gain * coarse_i + offset
     brighter_i = (fitted_i - _brightest(coarse_k, ahead=True))[:, : _COLUMNS - _SHIFTS + 1] > _MARK
     brighter_k = (coarse_k - _brightest(fitted_i, ahead=False))[:, _SHIFTS - 1 :] > _MARK
-    return Light(float(np.mean(brighter_i)), float(np.mean(brighter_k)))
+    return Light(_largest_share(brighter_i), _largest_share(brighter_k))
 
 
 def _brightest(grid: Grid, *, ahead: bool) -> Grid:
     """For each cell the largest value within one row and 0 to 5 columns to the right (ahead) or left of it."""
     anchor = (0 if ahead else _SHIFTS - 1, 1)
     return np.asarray(cv2.dilate(grid, np.ones((3, _SHIFTS), dtype=np.uint8), anchor=anchor), dtype=np.float32)
+
+
+def _largest_share(cells: NDArray[np.bool_]) -> float:
+    shares = cv2.boxFilter(cells.astype(np.float32), cv2.CV_32F, (_WINDOW, _WINDOW), borderType=cv2.BORDER_CONSTANT)
+    return float(np.max(shares))
 
 
 def _affine(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:

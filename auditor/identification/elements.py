@@ -46,7 +46,7 @@ def elements_of(
 
 
 def explains(element: Element, attacked: Collection[int]) -> bool:
-    """Whether an attack on these sensors can raise the element (Eq. 7, with the sensors that the witness can accuse)."""
+    """Whether an attack on these sensors can raise the element (Eq. 7, over the sensors it can accuse)."""
     return not set(element.accusable).isdisjoint(attacked)
 
 
@@ -63,10 +63,22 @@ def demands(element: Element, attacked: Collection[int]) -> float:
     return 0.0
 
 
-def triple_states(raised: Bools, elements: Sequence[Element], triples: Sequence[Triple]) -> Bools:
-    """(F, T) states of the paper's triples, from (F, M) raised elements: the OR of those inside each triple.
+def triple_states(
+    raised: Bools, measured: Bools, elements: Sequence[Element], triples: Sequence[Triple]
+) -> tuple[Bools, Bools]:
+    """The paper's triples, (F, T) raised and measured, from the same of (F, M) elements.
 
-    What Algorithm 2 is given where it is to be compared on the same states.
+    A triple's state is the OR of the elements inside it. One with the LiDAR is measured where its pair may contradict
+    it, one of cameras where both pairs of the reference were matched. Algorithm 2 is given these states.
     """
-    inside = np.array([[set(element.accusable) <= set(triple) for triple in triples] for element in elements])
-    return np.asarray((raised[:, :, None] & inside).any(axis=1))
+    inside = np.array([[set(e.accusable) <= set(t) for t in triples] for e in elements], dtype=np.bool_)
+    needed = np.array([[e in _needed(t) for t in triples] for e in elements], dtype=np.bool_)
+    found = (measured[:, :, None] & needed).sum(axis=1)
+    return (raised[:, :, None] & inside).any(axis=1), found == [len(_needed(t)) for t in triples]
+
+
+def _needed(triple: Triple) -> tuple[Element, ...]:
+    i, j, k = triple
+    if i == LIDAR:
+        return (Element(Witness.CONTRADICTED, j, k),)
+    return (Element(Witness.UNLIKE, i, k), Element(Witness.UNLIKE, j, k))

@@ -1,9 +1,12 @@
 """The local ratio: the largest share of inconsistent pixels in any window of the cell grid."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from auditor.identification.elements import Witness
 
 Grid = NDArray[np.integer]
 
@@ -17,6 +20,16 @@ class Window:
     fewest_valid: int
 
 
+WINDOWS: Mapping[Witness, Window] = {
+    Witness.CONTRADICTED: Window(rows=10, columns=10, fewest_valid=120),
+    Witness.UNLIKE: Window(rows=7, columns=13, fewest_valid=800),
+}
+"""By witness, of cells of 8 x 8 px: 80 x 80 px of LiDAR points, 56 x 104 px of half-resolution pixels.
+
+The light witness brings its own window. 120 points are those of a beam spacing of 0.4 degrees (64 beams).
+"""
+
+
 @dataclass(frozen=True)
 class LocalRatio:
     """The largest B / N, and the first cell (row, column) of the window it was found in."""
@@ -26,12 +39,12 @@ class LocalRatio:
     column: int
 
 
-def local_ratio(valid: Grid, inconsistent: Grid, window: Window) -> LocalRatio | None:
-    """The largest share B / N of inconsistent among valid pixels over all windows with enough of them.
+def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None:
+    """The largest share B / N of valid pixels that stand against somebody over all windows with enough of them.
 
-    `valid` and `inconsistent` are (rows, columns) counts a cell. None where no window has enough valid pixels.
+    `valid` and `against` are (rows, columns) counts a cell. None where no window has enough valid pixels.
     """
-    N, B = _window_sums(valid, window), _window_sums(inconsistent, window)
+    N, B = _window_sums(valid, window), _window_sums(against, window)
     enough = window.fewest_valid <= N
     if not enough.any():
         return None

@@ -1,22 +1,22 @@
-"""Margins z: how far a statistic lies above its threshold, in units that all witnesses share."""
+"""Margins z: how far a local ratio lies above its threshold, in units that all witnesses share."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Witness
+from auditor.identification.elements import Element, Witness
 from auditor.identification.thresholds import threshold
 
 LOWEST, HIGHEST = -2.0, 3.0
 
-_RATIO_CAP = 0.95
-_RATIO_MARGIN = 0.2
-_RATIO_FLOORS = {Witness.CONTRADICTED: 0.5, Witness.UNLIKE: 0.3}
-_LIGHT_FACTOR = 2.0
-_LIGHT_FLOOR = 0.02
+FLOORS: Mapping[Witness, float] = {Witness.CONTRADICTED: 0.5, Witness.UNLIKE: 0.3, Witness.LIGHT: 0.3}
+"""theta is never smaller: a few easy drives must not make the thresholds of all others."""
+
+_CAP = 0.95
+_MARGIN = 0.1
 _SPREAD_QUANTILE = 0.95
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Yardstick:
-    """theta of one element, and the scale of its margins: z = (x - theta) / scale, clipped to -2 .. 3."""
+    """theta of one element and the scale of its margins, from N clean samples."""
 
     theta: float
     scale: float
@@ -32,24 +32,32 @@ class Yardstick:
 
 
 def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardstick:
-    """Take theta at r from N clean statistics in ascending order, and add what carries it to other drives.
+    """Take theta at r from N clean local ratios in ascending order, and add what carries it to other drives.
 
     Local ratios end at 1, and one clean window at 1 would silence an element for good: their quantile is capped at
-    0.95 before a fifth of what is left is added. A few easy drives must not make the threshold of all others: theta
-    never falls below a floor, half of a window's beams for contradictions. Raises ThresholdsError where N = 0.
+    0.95 before a tenth of what is left is added. Raises ThresholdsError where N = 0, SettingError for an r outside
+    0 to 1.
     """
-    quantile = threshold(samples, r)
-    if witness is Witness.LIGHT:
-        theta = max(_LIGHT_FACTOR * quantile, _LIGHT_FLOOR)
-    else:
-        capped = min(quantile, _RATIO_CAP)
-        theta = max(capped + _RATIO_MARGIN * (1 - capped), _RATIO_FLOORS[witness])
+    quantile = min(threshold(samples, r), _CAP)
+    theta = max(quantile + _MARGIN * (1 - quantile), FLOORS[witness])
     spread = float(np.quantile(samples, _SPREAD_QUANTILE) - np.median(samples))
     return Yardstick(theta, max(spread, theta / 4), len(samples))
 
 
-def margins(statistics: Floats, yardsticks: Sequence[Yardstick | None]) -> Floats:
-    """(F, M) margins z of (F, M) statistics, NaN where not measured or without a yardstick; raised where z > 0."""
-    theta = np.array([np.nan if y is None else y.theta for y in yardsticks])
-    scale = np.array([np.nan if y is None else y.scale for y in yardsticks])
-    return np.asarray(np.clip((statistics - theta) / scale, LOWEST, HIGHEST))
+def yardsticks(ratios: Floats, elements: Sequence[Element], r: Decimal) -> tuple[Yardstick | None, ...]:
+    """One yardstick an element from (F, M) clean local ratios, NaN where not measured; None where none was."""
+    columns = [np.sort(column[~np.isnan(column)]) for column in ratios.T]
+    return tuple(
+        yardstick(element.witness, column.tolist(), r) if column.size else None
+        for element, column in zip(elements, columns, strict=True)
+    )
+
+
+def margins(ratios: Floats, scales: Sequence[Yardstick | None]) -> Floats:
+    """(F, M) margins z = (x - theta) / scale, clipped to -2 .. 3: above zero an element is raised.
+
+    `ratios` are (F, M) local ratios; NaN where not measured or without a yardstick.
+    """
+    theta = np.array([np.nan if y is None else y.theta for y in scales], dtype=np.float64)
+    scale = np.array([np.nan if y is None else y.scale for y in scales], dtype=np.float64)
+    return np.asarray(np.clip((ratios - theta) / scale, LOWEST, HIGHEST))
