@@ -46,7 +46,7 @@ def draw(evidence: Evidence) -> Picture | None:
     triples = [triple for triple in evidence.comparisons if triple.k == reference]
     _paint(mask, evidence, [triple for triple in triples if triple.i != LIDAR], _CAMERA_COLOUR, size=1)
     _paint(mask, evidence, [triple for triple in triples if triple.i == LIDAR], _LIDAR_COLOUR, size=_DOT_PX)
-    return Picture(reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 9]))
+    return Picture(reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 6]))
 
 
 def _paint(
@@ -66,28 +66,52 @@ def _encoded(form: str, pixels: NDArray[np.uint8], options: list[int]) -> bytes:
 
 
 class PictureBook:
-    """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all."""
+    """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all.
+
+    Only the strongest frame of a second is drawn, once the second is over: encoding costs as much as matching.
+    """
 
     def __init__(self) -> None:
-        self._best: dict[int, tuple[float, int, Picture]] = {}
+        self._candidate: _Candidate | None = None
+        self._kept: list[tuple[float, int, Picture]] = []
 
     def offer(self, measurement: Measurement, evidence: Evidence) -> None:
-        """Take a frame's picture if its disparity errors are the largest of its second, and large enough to stay."""
+        """Consider a frame; frames come in the order of their stamps."""
         errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
         strength = sum(E for E in errors if E is not None)
         second = measurement.stamp_ns // _SECOND_NS
-        rival = self._best.get(second)
-        if rival is None and len(self._best) >= _MOST_PICTURES:
-            second = min(self._best, key=lambda key: self._best[key][0])
-            rival = self._best[second]
-        if rival is not None and rival[0] >= strength:
+        if self._candidate is None or self._candidate.second != second:
+            self._settle()
+        elif self._candidate.strength >= strength:
             return
-        picture = draw(evidence)
-        if picture is not None:
-            self._best.pop(second, None)
-            self._best[measurement.stamp_ns // _SECOND_NS] = (strength, measurement.number, picture)
+        self._candidate = _Candidate(second, strength, measurement.number, evidence)
 
     def pages(self) -> Iterator[tuple[int, Picture]]:
         """The frame numbers and pictures kept, in the order of the frames."""
-        for _, number, picture in sorted(self._best.values(), key=lambda kept: kept[1]):
+        self._settle()
+        for _, number, picture in sorted(self._kept, key=lambda kept: kept[1]):
             yield number, picture
+
+    def _settle(self) -> None:
+        """Draw the candidate if it is among the strongest so far."""
+        candidate, self._candidate = self._candidate, None
+        if candidate is None:
+            return
+        if len(self._kept) >= _MOST_PICTURES:
+            weakest = min(self._kept, key=lambda kept: kept[0])
+            if weakest[0] >= candidate.strength:
+                return
+            self._kept.remove(weakest)
+        picture = draw(candidate.evidence)
+        if picture is not None:
+            self._kept.append((candidate.strength, candidate.number, picture))
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """The strongest frame of the second that is going by."""
+
+    second: int
+    strength: float
+    number: int
+    evidence: Evidence

@@ -1,6 +1,6 @@
 """What a scan costs: `python -m tests.benchmarks.cost`.
 
-CPU time per frame (LiDAR and three cameras, from an MCAP file to the finished Parquet tables, one process) as a ratio to
+CPU time per frame (LiDAR and three cameras, from an MCAP file to the finished tables, one process) as a ratio to
 two bare SGBM calls on the same frames, rounds interleaved; and with --memory the peak memory of `auditor scan` over a
 0.5 GB and a 3 GB recording made of the same frames. Needs AUDITOR_TEST_DATA.
 """
