@@ -1,4 +1,4 @@
--- What was found in each recording: one row a recording and rig that was measured.
+-- What was found in each recording: one row a recording, and one for each further rig or procedure it was measured with.
 --
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --

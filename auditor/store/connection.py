@@ -25,6 +25,9 @@ _CONSTANTS = {
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
 }
+_LARGE = {"frames": "measurements", "verdicts": "judgements", "calibrations": None}
+"""Tables too large to be read into memory, and the manifest that lists their finished files."""
+
 _WORD = re.compile(r"\w+")
 
 
@@ -44,8 +47,8 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
                 paths = store.finished_paths(table) if store else []
-                readable += [name for path in paths for name in (str(path), _literal(path))]
                 _create_stored(connection, table_schema(table), paths)
+                readable += [name for path in paths for name in (str(path), _literal(path)) if table in _LARGE]
             for view in _in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
         except (duckdb.IOException, duckdb.InvalidInputException) as error:
@@ -62,15 +65,29 @@ def first_line(error: duckdb.Error) -> str:
 
 
 def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:
-    """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL."""
+    """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
+
+    Small tables are read here and now: thousands of files of one row each would else be opened whenever a view over
+    them is made. Files of large tables are opened all only where their manifest says that they differ in their columns.
+    """
     present: set[str] = set()
     if paths:
-        raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=True)
+        manifest = _LARGE.get(schema.name)
+        mixed = manifest is None or _versions(connection, manifest) > 1
+        raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=mixed)
         raw.create_view(f"raw_{schema.name}")
         present = set(raw.columns)
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
     source = f"FROM raw_{schema.name}" if paths else "WHERE false"
-    connection.execute(f"CREATE VIEW stored_{schema.name} AS SELECT {columns} {source}")  # our own names
+    what = "VIEW" if schema.name in _LARGE else "TABLE"
+    connection.execute(f"CREATE {what} stored_{schema.name} AS SELECT {columns} {source}")  # our own names
+
+
+def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
+    """How many schema versions the finished files of a manifest were written with."""
+    distinct = f"SELECT count(DISTINCT schema_version) FROM stored_{manifest}"  # noqa: S608  # our own name
+    [(versions,)] = connection.execute(distinct).fetchall()
+    return int(versions)
 
 
 def _literal(path: Path) -> str:
@@ -86,6 +103,9 @@ def _needed(text: str) -> set[str]:
         return names
     while True:
         behind = {word for name in found & views().keys() for word in _WORD.findall(views()[name].sql)} & names
+        behind |= {
+            f"stored_{manifest}" for table, manifest in _LARGE.items() if manifest and f"stored_{table}" in found
+        }
         if behind <= found:
             return found
         found |= behind

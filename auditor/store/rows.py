@@ -11,6 +11,7 @@ from auditor.results import Procedure, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement, to_utc
+from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
 
 _DIGITS_OF_R = 17
@@ -55,6 +56,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "versions": dict(sorted(measurement.versions.items())),
         "measured_at": to_utc(measurement.measured_at),
         "seconds": measurement.seconds,
+        "schema_version": SCHEMA_VERSION,
     }
 
 
@@ -96,6 +98,7 @@ def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictK
         "samples": [thresholds.samples.get(triple) for triple in rig.triples],
         "judged_at": to_utc(judgement.judged_at),
         **{kind.value: counts.get(kind, 0) for kind in VerdictKind},
+        "schema_version": SCHEMA_VERSION,
     }
 
 

@@ -1,3 +1,4 @@
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -145,6 +146,21 @@ def test_columns_that_old_files_lack_are_null(store):
     assert run_sql(store, "SELECT vehicle, damage, clock FROM recordings").to_pylist() == [
         {"vehicle": None, "damage": None, "clock": "relative"}
     ]
+
+
+@pytest.mark.parametrize("old", ["a", "b"])
+def test_frames_of_older_versions_are_read_beside_new_ones(tmp_path, old):
+    store, rig = new_store(tmp_path), make_rig(3)
+    ids = {name: add_measurement(store, rig, [make_measurement(rig, 0)], recording=name) for name in "ab"}
+    path = store.path("frames", ids[old])
+    pq.write_table(pq.read_table(path).drop_columns(["valid_px"]), path)
+    row = store.path("measurements", ids[old])
+    measurement = pq.read_table(row)
+    at = measurement.schema.get_field_index("schema_version")
+    pq.write_table(measurement.set_column(at, measurement.schema.field(at), pa.array([0], pa.int32())), row)
+    rows = run_sql(store, "SELECT measurement_id, valid_px, E_gated FROM errors WHERE position = 1").to_pylist()
+    seen = {row["measurement_id"]: (row["valid_px"], row["E_gated"]) for row in rows}
+    assert seen == {ids[name]: (None if name == old else 2000, 0.01) for name in "ab"}
 
 
 def test_no_table_is_left_without_a_view_that_reads_it():
