@@ -1,0 +1,154 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from tests.small_drives import write_drive
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two clean drives and one whose S_2 and S_0 are attacked in turn, in the three formats."""
+    folder = tmp_path_factory.mktemp("fleet")
+    write_drive(folder / "clean.mcap", seed=1, count=30)
+    write_drive(folder / "quiet.bag", seed=1, count=30)
+    write_drive(folder / "attacked.db3", seed=1, count=30, attacked={2: range(5, 12), 0: range(20, 26)})
+    return folder
+
+
+def summary(store: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
+    capfd.readouterr()
+    assert run(["query", "summary", "--store", str(store), "--format", "json"]) == 0
+    return {row["name"]: row for row in json.loads(capfd.readouterr().out)}
+
+
+def test_an_attack_is_found_identified_and_exits_with_1(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    assert run(["calibrate", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store)]) == 0
+    recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
+    assert run(["scan", *recordings, "-r", "0", "--store", str(store), "--jobs", "1"]) == 1
+    rows = summary(store, capfd)
+    assert rows["clean.mcap"]["clean"] == 30
+    assert rows["quiet.bag"]["clean"] == 30
+    assert rows["attacked.db3"]["attacked_sensors"] == [0, 2]
+    assert (rows["attacked.db3"]["attacked"], rows["attacked.db3"]["clean"]) == (13, 17)
+
+
+def test_a_clean_scan_exits_with_0_in_every_format(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+    for form in ("table", "json", "csv", "parquet"):
+        assert run(["scan", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store), "--format", form]) == 0
+    capfd.readouterr()
+    assert run(["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store), "--format", "json"]) == 1
+    assert [row["name"] for row in json.loads(capfd.readouterr().out)] == ["attacked.db3"]
+
+
+def test_recordings_are_scanned_side_by_side_with_the_same_result(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
+    stores = {jobs: tmp_path / jobs for jobs in ("1", "2")}
+    for jobs, store in stores.items():
+        run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+        assert run(["scan", *recordings, "-r", "0", "--store", str(store), "--jobs", jobs]) == 1
+    one, two = ({p.name: p.read_bytes() for p in (store / "frames").iterdir()} for store in stores.values())
+    assert len(one) == 3
+    assert one == two
+
+
+def test_without_thresholds_nothing_is_called_clean(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["scan", str(fleet / "clean.mcap"), "--store", str(tmp_path / "audit")]) == 3
+    assert "auditor calibrate" in capfd.readouterr().err
+
+
+def test_measuring_only_says_so_and_judging_comes_later(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+    assert run(["scan", str(fleet / "attacked.db3"), "--measure-only", "--store", str(store)]) == 3
+    assert "no verdicts were reached" in capfd.readouterr().err
+    assert run(["judge", str(store), "-r", "0"]) == 1
+    assert summary(store, capfd)["attacked.db3"]["attacked"] == 13
+
+
+def test_judging_again_at_another_r_needs_no_recording(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store, copy = tmp_path / "audit", tmp_path / "drive.mcap"
+    copy.write_bytes((fleet / "clean.mcap").read_bytes())
+    run(["calibrate", str(copy), "--store", str(store)])
+    assert run(["scan", str(copy), "-r", "0", "--store", str(store)]) == 0
+    copy.unlink()
+    assert run(["judge", str(store), "-r", "0.5"]) == 1
+    assert run(["judge", str(store), "-r", "0"]) == 0
+    assert summary(store, capfd)["drive.mcap"]["clean"] == 30
+
+
+def test_a_rate_below_one_sample_is_marked_and_strict_refuses_it(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    assert run(["calibrate", str(fleet / "clean.mcap"), "-r", "1%", "--store", str(store)]) == 0
+    assert run(["scan", str(fleet / "clean.mcap"), "-r", "1%", "--store", str(store)]) == 0
+    shown = capfd.readouterr()
+    assert "not resolvable" in shown.out
+    assert "not resolvable" in shown.err
+    assert summary(store, capfd)["clean.mcap"]["resolvable"] is False
+    assert run(["scan", str(fleet / "clean.mcap"), "-r", "1%", "--strict", "--store", str(store)]) == 2
+    assert run(["calibrate", str(fleet / "clean.mcap"), "-r", "1%", "--strict", "--store", str(store)]) == 2
+
+
+def test_three_sensors_detect_but_name_nobody(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for name, positions, lidar, sensor in (("two", (0.6, 0.0), True, 1), ("three", (0.6, 0.3, 0.0), False, 2)):
+        store = tmp_path / name
+        how = {"positions_m": positions, "lidar": lidar, "count": 12}
+        clean = write_drive(tmp_path / f"{name}_clean.mcap", **how)
+        attacked = write_drive(tmp_path / f"{name}_attacked.mcap", attacked={sensor: range(4, 8)}, **how)
+        run(["calibrate", str(clean), "--store", str(store)])
+        assert run(["scan", str(clean), str(attacked), "-r", "0", "--store", str(store), "--jobs", "1"]) == 1
+        row = summary(store, capfd)[attacked.name]
+        assert (row["unidentified"], row["attacked"], row["clean"]) == (4, 0, 8)
+
+
+def test_a_rig_file_takes_the_place_of_the_recordings_own(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    assert run(["inspect", str(fleet / "clean.mcap"), "--write-rig", str(rig)]) == 0
+    store = tmp_path / "audit"
+    assert run(["calibrate", str(fleet / "clean.mcap"), "--rig", str(rig), "--store", str(store)]) == 0
+    rig.write_text(rig.read_text().replace("/camera_1", "/camera_9"))
+    assert run(["scan", str(fleet / "clean.mcap"), "--rig", str(rig), "--store", str(store)]) == 3
+    assert "/camera_9" in capfd.readouterr().err
+
+
+def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "auditor",
+            "scan",
+            str(fleet / "clean.mcap"),
+            "--store",
+            str(tmp_path / "audit"),
+            "--format",
+            "json",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert json.loads(done.stdout)[0]["frames"] == 30
