@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from auditor.lab.road.noise import Plane
 
-_EXPOSURE = 430.0
+_EXPOSURE = 560.0
 """Grey levels of white in full sunlight: bright walls and the sky saturate, as they do on the road."""
 
 _MAX_ROW_ERROR_PX = 0.3

@@ -116,7 +116,7 @@ def _in_view(surfaces: Surfaces, seen: View, rays: Rays) -> Iterator[tuple[int, 
 
 
 def _outline(seen: View, candidate: NDArray[np.intp]) -> tuple[Plane, NDArray[np.bool_]]:
-    """(M, 12, 3) points that span the outlines of surfaces cut off at NEAREST_M, and (M,) whether anything is left."""
+    """(M, 20, 3) points that span the outlines of surfaces cut off at NEAREST_M, and (M,) whether anything is left."""
     corner, edge_s, edge_r = seen.corner[candidate], seen.edge_s[candidate], seen.edge_r[candidate]
     start = np.stack([corner, corner + edge_s, corner + edge_s + edge_r, corner + edge_r], axis=1)
     end = np.roll(start, -1, axis=1)
@@ -131,11 +131,22 @@ def _outline(seen: View, candidate: NDArray[np.intp]) -> tuple[Plane, NDArray[np
     step = (last - first)[..., [0, 2]]
     share = -np.einsum("...i,...i", first[..., [0, 2]], step) / np.maximum(np.einsum("...i,...i", step, step), 1e-9)
     middle = first + np.clip(share, 0, 1)[..., None] * (last - first)
-    points = np.concatenate([first, last, middle], axis=1)
+    points = np.concatenate([first, last, middle, _along_cut(first, last, rise)], axis=1)
     # An edge that lies wholly behind has no part in the outline: replace its points by one that has.
     ahead = points[..., 2] > NEAREST_M
     some = np.take_along_axis(points, ahead.argmax(1)[:, None, None], axis=1)
     return np.where(ahead[..., None], points, some).astype(np.float32), before
+
+
+def _along_cut(first: Plane, last: Plane, rise: Plane) -> Plane:
+    """(M, 8, 3) the ends of edges; those at the cut are moved along it to where it passes the vertical axis nearest."""
+    ends = np.concatenate([first, last], axis=1)
+    is_cut = np.concatenate([rise > 0, rise < 0], axis=1) & (ends[..., 2] < NEAREST_M * 1.02)
+    x = ends[..., 0]
+    low, high = np.where(is_cut, x, np.inf).min(1), np.where(is_cut, x, -np.inf).max(1)
+    nearest = np.where(low <= high, np.clip(0, low, np.maximum(low, high)), 0)
+    ends[..., 0] = np.where(is_cut, nearest[:, None], x)
+    return ends
 
 
 def _meet(seen: View, number: int, rays: Rays, box: Box) -> tuple[Plane, Plane, Plane]:

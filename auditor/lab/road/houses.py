@@ -20,6 +20,8 @@ def block(rng: np.random.Generator, side: int, x: float, near: float, far: float
     look = _facade(rng, str(kind), far - near, height)
     base = 3.2 if rng.random() < 0.5 and kind != "bare" else 0.0
     surfaces = [facing_road(x, near, far, base, height, look, side)]
+    room = Look("weathered", ((far - near) / 8, 1.0), albedo=0.3, both_sided=True)
+    surfaces.append(facing_road(x + side * 1.5, near, far, 0.0, height, room, side))
     if base:
         shop = Look("shopfront", ((far - near) / 6.4, 1.0), detail=0.04, gloss=1.0)
         surfaces.append(facing_road(x, near, far, 0.0, base, shop, side))
@@ -75,6 +77,7 @@ def cottage(rng: np.random.Generator, side: int, x: float, near: float, far: flo
         Surface((back, -ridge, start), (0.0, 0.0, along), (front - back, rise, 0.0), roof),
     ]
     end = Look("weathered", (0.7, 0.4), albedo=wall.albedo, detail=0.02)
+    surfaces.append(facing_road(x + side * 1.5, near, far, 0.0, eaves, end, side))
     left, right = sorted([x, x + side * deep])
     surfaces.append(upright((left, near), (right, near), 0.0, eaves, end))
     surfaces.append(upright((left, near), (right, near), eaves, ridge, Look("gable", albedo=wall.albedo, detail=0.02)))

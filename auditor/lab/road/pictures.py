@@ -42,10 +42,10 @@ def _grain(rng: np.random.Generator) -> Plane:
 
 def _surroundings(rng: np.random.Generator) -> Plane:
     """Rows from straight up to straight down, columns by the sideways share of the direction."""
-    height = np.linspace(-1, 1, 256, dtype=np.float32)[:, None]
-    skyline = 0.12 + 0.10 * rough(rng, (1, 512), 0.7, 2)
-    clutter = np.clip(0.16 + 0.14 * rough(rng, (256, 512), 0.6, 3), 0.01, 0.8)
-    ground = np.clip(0.28 + 0.05 * rough(rng, (256, 512), 0.8, 2), 0, 1)
+    height = np.linspace(-1, 1, 512, dtype=np.float32)[:, None]
+    skyline = 0.12 + 0.10 * rough(rng, (1, 1024), 0.9, 2)
+    clutter = np.clip(0.16 + 0.14 * rough(rng, (512, 1024), 1.1, 3), 0.01, 0.8)
+    ground = np.clip(0.28 + 0.05 * rough(rng, (512, 1024), 1.1, 2), 0, 1)
     sky = 1.3 - 0.7 * np.clip(-height, 0, 1)
     return np.where(height < -skyline, sky, np.where(height < 0.06, clutter, ground)).astype(np.float32)
 

@@ -38,7 +38,7 @@ def draw_lidar(rng: np.random.Generator) -> LidarCharacter:
     sx, sy, sz = (float(value) for value in rng.normal(0, 0.008, 3))
     tx, ty, tz = (float(value) for value in rng.normal(0, np.deg2rad(0.05), 3))
     return LidarCharacter(
-        range_m=0.02, dropouts=0.03, weakest=0.03, shift_m=(sx, sy, sz), turn=(tx, ty, tz), late_s=0.004
+        range_m=0.02, dropouts=0.03, weakest=0.006, shift_m=(sx, sy, sz), turn=(tx, ty, tz), late_s=0.004
     )
 
 

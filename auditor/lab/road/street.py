@@ -24,6 +24,7 @@ _KERBS = (-7.4, 4.2)
 _PARKED = (-6.2, 3.1)
 _ONCOMING_X = -3.3
 _KERB_M = 0.12
+_SHADOW_TEXELS = 192
 
 
 @dataclass
@@ -88,7 +89,7 @@ def make_scenery(seed: int, length_m: float, style: Style) -> Scenery:
     light = Light(
         to_sun=to_sun,
         sun=float(rng.uniform(0.75, 1.0)),
-        sky=float(rng.uniform(0.12, 0.22)),
+        sky=float(rng.uniform(0.16, 0.3)),
         shadow="sunshine",
         shadow_corner=(-_MAP_HALF_M, far),
         shadow_size_m=(2 * _MAP_HALF_M, near - far),
@@ -188,13 +189,13 @@ def _street_furniture(plot: _Plot, side: int, tree_gap_m: float) -> None:
         z += tree_gap_m * float(rng.uniform(0.6, 1.5))
     for lamp in np.arange(plot.near + rng.uniform(0, 20), plot.far, 28.0):
         plot.surfaces += lamp_post(kerb + side * 0.5, float(lamp), side)
-    for sign in np.arange(plot.near + rng.uniform(0, 20), plot.far, 24.0):
+    for sign in np.arange(plot.near + rng.uniform(0, 20), plot.far, 60.0):
         plot.surfaces += road_sign(rng, kerb + side * 0.6, float(sign))
 
 
 def _plant_tree(plot: _Plot, x: float, z: float) -> None:
     rng = plot.rng
-    height, crown = float(rng.uniform(6, 10)), float(rng.uniform(1.6, 3.0))
+    height, crown = float(rng.uniform(7, 12)), float(rng.uniform(2.2, 3.6))
     plot.surfaces += tree(rng, x, z, height, crown)
     reach = (height - crown) / -float(plot.to_sun[1])
     x, z = x - reach * float(plot.to_sun[0]), z - reach * float(plot.to_sun[2])
@@ -207,9 +208,9 @@ def _stamp(plot: _Plot, x: float, z: float, radius_m: float) -> None:
     here = plot.sunshine[part]
     if here.size == 0:
         return
-    shadow = tree_shadow(plot.rng, 64)
-    rows = np.arange(here.shape[0]) * 64 // here.shape[0]
-    columns = np.arange(here.shape[1]) * 64 // here.shape[1]
+    shadow = tree_shadow(plot.rng, _SHADOW_TEXELS)
+    rows = np.arange(here.shape[0]) * _SHADOW_TEXELS // here.shape[0]
+    columns = np.arange(here.shape[1]) * _SHADOW_TEXELS // here.shape[1]
     here *= shadow[np.ix_(rows, columns)]
 
 
