@@ -1,6 +1,7 @@
 """ROS 1 .bag files, and ROS 2 recordings (.db3 files and rosbag2 folders), through rosbags' readers."""
 
 import json
+import struct
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,23 @@ from auditor.recordings.labels import METADATA_TOPIC, label_from_dict
 from auditor.recordings.mcap import McapRecording
 from auditor.recordings.schemas import STRING, schema_name
 from auditor.results import AttackLabel
+
+ROSBAGS_ERRORS = (
+    BagError,
+    Rosbag2Error,
+    apsw.Error,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+"""What rosbags' readers let through from damaged files: their checks are partly asserts, and sizes are believed."""
 
 _MAX_METADATA_BYTES = 64 * 2**20
 
@@ -98,11 +116,13 @@ class RosbagRecording:
     def _open(self, reader: BagReader | Rosbag2Reader, file: Path) -> None:
         try:
             reader.open()
-        # rosbags' own checks are partly asserts, and a cut header is read as text.
-        except (BagError, Rosbag2Error, apsw.Error, AssertionError, ValueError, KeyError, IndexError) as error:
+        except ROSBAGS_ERRORS as error:
             self._damage.add(f"it cannot be read ({_one_line(error)})", file=file.name)
         else:
             self._readers.append(reader)
+            if not all(isinstance(name, str) for c in reader.connections for name in (c.topic, c.msgtype)):
+                self._readers.pop().close()
+                self._damage.add("it cannot be read (its list of topics is damaged)", file=file.name)
 
     def __enter__(self) -> Self:
         return self
@@ -180,24 +200,25 @@ class RosbagRecording:
                 else:
                     counts[connection.topic] += connection.msgcount
             if wanted:
+                names = {connection.topic for connection in wanted}
                 for message in self._read_file(reader, wanted, damage):
-                    counts[message.topic] += 1
-                    yield message
+                    counts[message.topic] = counts.get(message.topic, 0) + 1
+                    if message.topic in names:  # a damaged index can lead to others
+                        yield message
 
     def _read_file(
         self, reader: BagReader | Rosbag2Reader, wanted: list[Connection], damage: DamageLog
     ) -> Iterator[Message]:
-        schemas = {connection.id: schema_name(connection.msgtype) for connection in wanted}
         stream = reader.messages(wanted)
         while True:
             try:
                 connection, log_time_ns, data = next(stream)
             except StopIteration:
                 return
-            except (BagError, apsw.Error, OSError, RuntimeError, ValueError, EOFError, AssertionError) as error:
+            except ROSBAGS_ERRORS as error:
                 damage.add(f"it cannot be read further ({_one_line(error)})", file=Path(str(reader.path)).name)
                 return
-            yield Message(connection.topic, schemas[connection.id], self._encoding, log_time_ns, data)
+            yield Message(connection.topic, schema_name(connection.msgtype), self._encoding, log_time_ns, data)
 
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""

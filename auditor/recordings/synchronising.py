@@ -72,6 +72,7 @@ class FrameStream:
     ) -> Iterator[tuple[int, Waiting]]:
         for order, message in enumerate(messages):
             sensor = by_topic[message.topic]
+            self._counts[sensor].read += 1
             stamp_ns, problem = self._stamp(sensor, message, decoders)
             yield sensor, Waiting(stamp_ns - self.timing.offset_ns[sensor], order, stamp_ns, message, problem)
 
@@ -102,15 +103,22 @@ class FrameStream:
         sensors = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         balance = []
         for topic in self._recording.topics():
-            read = self._recording.counts.get(topic.name, 0)
             sensor = sensors.get(topic.name)
             if sensor is None or sensor not in self._counts:
+                read = self._recording.counts.get(topic.name, 0)
                 balance.append(TopicBalance(topic.name, topic.schema, sensor, read=read, unused=read))
             else:
                 counts = self._counts[sensor]
                 balance.append(
                     TopicBalance(
-                        topic.name, topic.schema, sensor, read, counts.used, 0, counts.damaged, dict(counts.skipped)
+                        topic.name,
+                        topic.schema,
+                        sensor,
+                        counts.read,
+                        counts.used,
+                        0,
+                        counts.damaged,
+                        dict(counts.skipped),
                     )
                 )
         return tuple(balance)

@@ -35,6 +35,7 @@ class Waiting(NamedTuple):
 class Counts:
     """Where the messages of one sensor went."""
 
+    read: int = 0
     used: int = 0
     damaged: int = 0
     skipped: dict[str, int] = field(default_factory=dict)

@@ -62,7 +62,7 @@ def make_frame(
 
 
 def make_frames(rig: Rig, count: int, **settings: object) -> list[Frame]:
-    return [make_frame(rig, number, **settings) for number in range(count)]  # type: ignore[arg-type]
+    return [make_frame(rig, number, **settings) for number in range(count)]
 
 
 def stream_of(recording: Recording, rig: Rig | None = None, *, colour: bool = False) -> FrameStream:
@@ -89,7 +89,7 @@ def rechunk(
 ) -> None:
     """The same messages in the same order by mcap's own writer, with its settings."""
     with source.open("rb") as stream, target.open("wb") as out:
-        writer = Writer(out, chunk_size=chunk_bytes, compression=CompressionType[compression], **settings)  # type: ignore[arg-type]
+        writer = Writer(out, chunk_size=chunk_bytes, compression=CompressionType[compression], **settings)
         writer.start("ros2")
         channels: dict[str, int] = {}
         for schema, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -98,7 +98,7 @@ def rechunk(
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
             writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
 
 
 def chunk_ends(path: Path) -> list[tuple[int, int, int]]:
@@ -122,7 +122,7 @@ def chunk_ends(path: Path) -> list[tuple[int, int, int]]:
 def mcap_file(path: Path, messages: Sequence[tuple[str, int, bytes]], **settings: object) -> None:
     """A file of raw messages (topic, log time, data) without a decodable schema."""
     with path.open("wb") as out:
-        writer = Writer(out, **settings)  # type: ignore[arg-type]
+        writer = Writer(out, **settings)
         writer.start("")
         schema = writer.register_schema("test/Raw", "jsonschema", b"{}")
         channels = {
@@ -130,4 +130,4 @@ def mcap_file(path: Path, messages: Sequence[tuple[str, int, bytes]], **settings
         }
         for topic, log_time, data in messages:
             writer.add_message(channels[topic], log_time, data, log_time)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()

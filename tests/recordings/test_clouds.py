@@ -128,7 +128,7 @@ def test_an_empty_cloud_has_no_points() -> None:
 )
 def test_a_cloud_that_does_not_hold_what_it_declares_is_damaged(given_fields: dict[str, object]) -> None:
     settings_of = {"fields": xyz_fields(), "point_step": 12, **given_fields}
-    cloud = message(settings_of.pop("data", XYZ.view(np.uint8)), **settings_of)  # type: ignore[arg-type]
+    cloud = message(settings_of.pop("data", XYZ.view(np.uint8)), **settings_of)
     with pytest.raises(DecodingError):
         decoder().xyz_m(cloud)
 
@@ -160,3 +160,9 @@ def test_a_kitti_scan_cut_inside_a_point_is_damaged() -> None:
     for data in (points[:-1], b""):
         with pytest.raises(DecodingError):
             found.xyz_m(Message("/a", SCAN, "bin", 9, data))
+
+
+def test_points_of_opposite_infinity_are_dropped_silently() -> None:
+    points = XYZ.copy()
+    points[3] = np.inf, -np.inf, 0
+    assert len(decoder().xyz_m(message(points.view(np.uint8), xyz_fields(), 12))) == 29

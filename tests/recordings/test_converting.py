@@ -41,7 +41,7 @@ def nearer(cloud: PointCloud) -> PointCloud:
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize("form", ["raw", "png"])
 def test_every_kind_of_recording_is_converted_without_loss(tmp_path: Path, name: str, form: str) -> None:
-    WRITERS[name](tmp_path / name, RIG, FRAMES, [LABEL], vehicle="V1", image=form)  # type: ignore[operator]
+    WRITERS[name](tmp_path / name, RIG, FRAMES, [LABEL], vehicle="V1", image=form)
     with open_recording(tmp_path / name) as recording:
         report = convert(recording, tmp_path / "out.mcap")
         source = recording.recording_id
@@ -62,7 +62,7 @@ def test_every_kind_of_recording_is_converted_without_loss(tmp_path: Path, name:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_readers_of_mcap_and_rosbags_read_what_is_converted(tmp_path: Path, name: str) -> None:
-    WRITERS[name](tmp_path / name, RIG, FRAMES)  # type: ignore[operator]
+    WRITERS[name](tmp_path / name, RIG, FRAMES)
     with open_recording(tmp_path / name) as recording:
         total = sum(convert(recording, tmp_path / "out.mcap").messages.values())
     with (tmp_path / "out.mcap").open("rb") as stream:
@@ -84,7 +84,7 @@ def test_real_recordings_without_cameras_are_converted_as_far_as_they_are_define
     with AnyReader([tmp_path / "a.mcap"]) as ros, AnyReader([bags / "ros1_tilt_laser.bag"]) as source:
         ours = [ros.deserialize(d, c.msgtype) for c, _, d in ros.messages() if c.topic == "/imu_data"]
         theirs = [source.deserialize(d, c.msgtype) for c, _, d in source.messages() if c.topic == "/imu_data"]
-    assert [m.orientation.x for m in ours] == [m.orientation.x for m in theirs]  # type: ignore[attr-defined]
+    assert [m.orientation.x for m in ours] == [m.orientation.x for m in theirs]
     with open_recording(bags / "ros2_vlp16") as recording:
         report = convert(recording, tmp_path / "b.mcap")
     assert report.left_out == {"/velodyne_packets": "the recording does not define velodyne_msgs/msg/VelodyneScan"}
@@ -107,10 +107,10 @@ def test_a_changed_copy_differs_only_where_it_was_changed(tmp_path: Path, form: 
     for frame in frames:
         for image in frame.images.values():
             image.pixels[:] = cv2.GaussianBlur(image.pixels, (0, 0), 8)
-    write_mcap(tmp_path / "a.mcap", RIG, frames, vehicle="V1", image=form)  # type: ignore[arg-type]
+    write_mcap(tmp_path / "a.mcap", RIG, frames, vehicle="V1", image=form)
     with open_recording(tmp_path / "a.mcap") as recording:
         changes = {"/cam1/image_rect": darker, "/top/points": nearer}
-        rewrite(recording, tmp_path / "b.mcap", changes, [LABEL])  # type: ignore[arg-type]
+        rewrite(recording, tmp_path / "b.mcap", changes, [LABEL])
         before, _ = split(stream_of(recording, colour=True))
     with open_recording(tmp_path / "b.mcap") as recording:
         after, skipped = split(stream_of(recording, RIG, colour=True))
@@ -176,14 +176,14 @@ def test_a_writer_that_fails_leaves_nothing_behind(tmp_path: Path, write: object
         raise RuntimeError("the scene fell over")
 
     with pytest.raises(RuntimeError):
-        write(tmp_path / "a.x", RIG, frames())  # type: ignore[operator]
+        write(tmp_path / "a.x", RIG, frames())
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("write", [write_mcap, write_bag, write_db3])
 def test_a_full_disk_is_a_clear_error(write: object) -> None:
     with pytest.raises(RecordingError, match="cannot be written"):
-        write(Path("/proc/nowhere/a.mcap"), RIG, FRAMES)  # type: ignore[operator]
+        write(Path("/proc/nowhere/a.mcap"), RIG, FRAMES)
 
 
 def test_a_cut_recording_is_converted_as_far_as_it_goes_and_the_damage_is_told(tmp_path: Path) -> None:

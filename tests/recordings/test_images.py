@@ -154,7 +154,7 @@ def test_padding_at_the_end_of_rows_is_left_out() -> None:
 )
 def test_an_image_that_does_not_hold_what_it_declares_is_damaged(fields: dict[str, object]) -> None:
     given_fields = {"encoding": "mono8", **fields}
-    message = image_message(given_fields.pop("data", GREY), **given_fields)  # type: ignore[arg-type]
+    message = image_message(given_fields.pop("data", GREY), **given_fields)
     with pytest.raises(DecodingError):
         pixels(message, size_px=None)
 

@@ -245,7 +245,7 @@ def test_a_message_on_an_unknown_channel_is_damage(tmp_path: Path) -> None:
         channel = writer.register_channel("/a", "json", 0)
         writer.add_message(channel, 1, b"{}", 1)
         writer.add_message(77, 2, b"{}", 2)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     with open_recording(tmp_path / "a.mcap") as recording:
         assert len(list(recording.messages())) == 1
         assert "77" in str(recording.damage[0])
@@ -286,7 +286,7 @@ def test_ill_formed_ground_truth_is_a_clear_error(tmp_path: Path, text: bytes) -
         writer = Writer(out)
         writer.start("")
         writer.add_attachment(0, 0, "auditor-labels.json", "application/json", text)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     with open_recording(tmp_path / "a.mcap") as recording, pytest.raises(RecordingError, match="ground truth"):
         recording.labels()
 

@@ -18,7 +18,7 @@ OFFSETS = {0: -10_500_000, 1: 6_000_000, 2: -500_000}
 
 
 def written(path: Path, frames: list[Frame], rig: Rig = RIG, **settings: object) -> Path:
-    write_mcap(path / "a.mcap", rig, frames, **settings)  # type: ignore[arg-type]
+    write_mcap(path / "a.mcap", rig, frames, **settings)
     return path / "a.mcap"
 
 
@@ -60,7 +60,7 @@ def test_a_missing_sensor_does_not_lose_the_frame(tmp_path: Path, sensor: int) -
     assert read_frames[5].number == 5
     assert read_frames[5].presence[sensor].state is SensorState.MISSING
     assert all(same_frame(a, b) for a, b in zip(read_frames, frames, strict=True))
-    assert balance[RIG.topic(sensor)].used == 19  # type: ignore[attr-defined]
+    assert balance[RIG.topic(sensor)].used == 19
 
 
 def test_a_sensor_that_stops_for_good_leaves_frames_without_it(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_incomplete_frames_at_both_edges_are_edge_and_not_lost(tmp_path: Path) -
     read_frames, skipped, balance = read(written(tmp_path, frames))
     assert [(s.number, s.reason) for s in skipped] == [(0, "edge"), (19, "edge")]
     assert [frame.number for frame in read_frames] == list(range(1, 19))
-    assert balance["/cam3/image_rect"].skipped == {"edge": 2}  # type: ignore[attr-defined]
+    assert balance["/cam3/image_rect"].skipped == {"edge": 2}
 
 
 def test_fewer_than_three_sensors_are_skipped_with_their_number(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_fewer_than_three_sensors_are_skipped_with_their_number(tmp_path: Path) 
     read_frames, skipped, balance = read(written(tmp_path, frames))
     assert [(s.number, s.reason, s.sensor) for s in skipped] == [(9, "too few sensors", None)]
     assert len(read_frames) == 19
-    assert balance["/cam2/image_rect"].skipped == {"too few sensors": 1}  # type: ignore[attr-defined]
+    assert balance["/cam2/image_rect"].skipped == {"too few sensors": 1}
 
 
 def damaged(path: Path, target: Path, topic: str, number: int, keep: int) -> Path:
@@ -108,7 +108,7 @@ def damaged(path: Path, target: Path, topic: str, number: int, keep: int) -> Pat
                 data = data[:keep] if seen == number else data
                 seen += 1
             writer.add_message(channels[channel.topic], message.log_time, data, message.publish_time)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     return target
 
 
@@ -122,8 +122,8 @@ def test_a_cut_message_is_damaged_in_its_frame_and_not_missing(tmp_path: Path, s
     assert frames[8].presence[sensor].state is SensorState.DAMAGED
     assert frames[8].presence[sensor].reason
     assert sensor not in frames[8].images
-    assert balance[RIG.topic(sensor)].damaged == 1  # type: ignore[attr-defined]
-    assert balance[RIG.topic(sensor)].used == 19  # type: ignore[attr-defined]
+    assert balance[RIG.topic(sensor)].damaged == 1
+    assert balance[RIG.topic(sensor)].used == 19
 
 
 def test_damage_that_leaves_too_few_sensors_skips_the_frame(tmp_path: Path) -> None:
@@ -132,8 +132,8 @@ def test_damage_that_leaves_too_few_sensors_skips_the_frame(tmp_path: Path) -> N
     path = damaged(written(tmp_path, frames), tmp_path / "b.mcap", RIG.topic(2), 8, 500)
     _, skipped, balance = read(path)
     assert [(s.number, s.reason) for s in skipped] == [(8, "too few sensors")]
-    assert balance["/cam2/image_rect"].damaged == 1  # type: ignore[attr-defined]
-    assert balance["/cam3/image_rect"].skipped == {"too few sensors": 1}  # type: ignore[attr-defined]
+    assert balance["/cam2/image_rect"].damaged == 1
+    assert balance["/cam3/image_rect"].skipped == {"too few sensors": 1}
 
 
 def test_stamps_of_zero_fall_back_to_the_time_of_recording(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_stamps_of_zero_fall_back_to_the_time_of_recording(tmp_path: Path) -> No
             if channel.topic == "/cam2/image_rect":
                 data[4:12] = bytes(8)
             writer.add_message(channels[channel.topic], message.log_time, bytes(data), message.log_time)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     frames, skipped, _ = read(tmp_path / "b.mcap")
     assert len(frames) == 10
     assert not skipped
@@ -173,8 +173,8 @@ def test_a_faster_sensor_gives_the_nearest_message_and_the_others_lie_between_fr
     assert not skipped
     assert len(read_frames) == 20
     assert all(frame.presence[0].skew_ns == 0 for frame in read_frames)
-    assert balance["/top/points"].used == 20  # type: ignore[attr-defined]
-    assert balance["/top/points"].skipped == {"between frames": 40}  # type: ignore[attr-defined]
+    assert balance["/top/points"].used == 20
+    assert balance["/top/points"].skipped == {"between frames": 40}
 
 
 def test_frames_go_on_at_their_pace_when_the_slow_sensor_stops(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_a_repeated_message_is_not_a_frame_of_its_own(tmp_path: Path) -> None:
     read_frames, skipped, balance = read(written(tmp_path, frames))
     assert [frame.number for frame in read_frames] == list(range(10))
     assert not skipped
-    assert sum(balance["/top/points"].skipped.values()) == 1  # type: ignore[attr-defined]
+    assert sum(balance["/top/points"].skipped.values()) == 1
 
 
 def test_messages_that_lie_topic_by_topic_are_still_paired(tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_a_stamp_from_another_century_costs_only_its_own_message(tmp_path: Path)
     read_frames, _, balance = read(written(tmp_path, frames))
     assert len(read_frames) == 20
     assert [frame.number for frame in read_frames if frame.presence[0].state is SensorState.MISSING] == [10]
-    assert balance["/top/points"].used == 19  # type: ignore[attr-defined]
+    assert balance["/top/points"].used == 19
 
 
 def test_colours_are_kept_only_where_asked_for(tmp_path: Path) -> None:

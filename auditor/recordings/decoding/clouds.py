@@ -57,7 +57,8 @@ def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is g
 def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """The points without NaN and infinity: LiDARs write them where nothing came back."""
     # A sum is finite only where all three are; the other way round overflow would need coordinates of 1e38 m.
-    good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
+    with np.errstate(invalid="ignore", over="ignore"):
+        good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
     return xyz_m if good.all() else xyz_m[good]
 
 

@@ -10,6 +10,9 @@ from auditor.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
 
+ABSURD = 1e9
+"""No focal length in pixels and no distance in metres is so large; map coordinates reach 1e7."""
+
 
 class RosCameraInfoDecoder:
     """sensor_msgs/CameraInfo: K, D, R, P in ROS 1 and k, d, r, p in ROS 2."""
@@ -24,7 +27,7 @@ class RosCameraInfoDecoder:
         return read_header(message)
 
     def camera_info(self, message: Message) -> CameraInfo:
-        """The calibration. Raises DecodingError where a number is not finite."""
+        """The calibration. Raises DecodingError where a number is absurd or not finite."""
         info = self._types.decode(message)
         d, k, r, p = (getattr(info, name, None) for name in (("D", "K", "R", "P") if hasattr(info, "K") else "dkrp"))
         if d is None or k is None or r is None or p is None:
@@ -42,7 +45,7 @@ class RosCameraInfoDecoder:
 
 def _finite(values: Matrix, columns: int, topic: str) -> Matrix:
     matrix = np.array(values, dtype=np.float64)
-    if matrix.size != 3 * columns or not np.isfinite(matrix).all():
+    if matrix.size != 3 * columns or not np.all(np.abs(matrix) < ABSURD):
         raise DecodingError("the camera info holds a matrix that is none", where=topic)
     return matrix.reshape(3, columns)
 
@@ -67,8 +70,8 @@ class RosTransformsDecoder:
                 )
             except ValueError as error:
                 raise DecodingError(str(error), where=message.topic) from error
-            if not np.isfinite(matrix).all():
-                raise DecodingError("a transform is not finite", where=message.topic)
+            if not np.all(np.abs(matrix) < ABSURD):
+                raise DecodingError("a transform is absurdly large or not finite", where=message.topic)
             parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
             transforms.append(Transform(parent, child, matrix))
         return tuple(transforms)

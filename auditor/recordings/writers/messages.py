@@ -25,6 +25,7 @@ class MessageMaker:
     def __init__(self, encoding: Literal["cdr", "ros1"]) -> None:
         self.encoding = encoding
         self.store = _ros1_store() if encoding == "ros1" else get_typestore(Stores.ROS2_HUMBLE)
+        self._definitions: dict[str, str] = {}
 
     def serialise(self, schema: str, message: object) -> bytes:
         """The bytes of a message object."""
@@ -34,7 +35,10 @@ class MessageMaker:
 
     def definition(self, schema: str) -> str:
         """The text that defines a schema and all it is made of."""
-        return self.store.generate_msgdef(schema, ros_version=1 if self.encoding == "ros1" else 2)[0]
+        if schema not in self._definitions:
+            version = 1 if self.encoding == "ros1" else 2
+            self._definitions[schema] = self.store.generate_msgdef(schema, ros_version=version)[0]
+        return self._definitions[schema]
 
     def image(self, pixels: NDArray[np.uint8], stamp_ns: int, frame_id: str, form: Form) -> tuple[str, bytes]:
         """Schema and bytes of an image, (H, W) grey or (H, W, 3) BGR: raw, or as a PNG or JPEG file."""
