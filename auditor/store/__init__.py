@@ -1,6 +1,8 @@
 """KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
 
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.describing import Description, describe, list_views
+from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from auditor.store.records import (
@@ -13,9 +15,10 @@ from auditor.store.records import (
     measurement_id,
 )
 from auditor.store.report import render_incident_report
-from auditor.store.store import FramesWriter, Store
+from auditor.store.store import Store
 
 __all__ = [
+    "Description",
     "FrameErrors",
     "FramesWriter",
     "JudgementRecord",
@@ -25,7 +28,9 @@ __all__ = [
     "Store",
     "StoredJudgement",
     "StoredMeasurement",
+    "describe",
     "list_queries",
+    "list_views",
     "make_calibration",
     "measurement_id",
     "query",

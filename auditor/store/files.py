@@ -42,7 +42,12 @@ class PartFile:
         with self.reporting():
             target.parent.mkdir(parents=True, exist_ok=True)
             self.file = open_part(self._part)
-            fcntl.flock(self.file, fcntl.LOCK_EX)
+        try:
+            with self.reporting():
+                fcntl.flock(self.file, fcntl.LOCK_EX)
+        except StoreError:
+            self.discard()
+            raise
 
     def commit(self) -> None:
         """Make what was written durable and give it its place."""

@@ -8,24 +8,22 @@ from pathlib import Path
 from typing import Any, Self
 
 from auditor.errors import StoreError
-from auditor.frames import Skipped
-from auditor.results import AttackLabel, Calibration, Measurement, Statistic, Verdict, VerdictKind
+from auditor.results import AttackLabel, Calibration, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import read_calibration, write_calibration
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
-from auditor.store.frame_rows import measured_row, read_errors, skipped_row
+from auditor.store.frame_rows import read_errors
+from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
     FrameErrors,
     JudgementRecord,
-    MeasurementRecord,
     RecordingRecord,
     StoredJudgement,
     StoredMeasurement,
 )
 from auditor.store.rows import (
     judgement_row,
-    measurement_row,
     rig_row,
     stored_judgement,
     stored_measurement,
@@ -33,7 +31,7 @@ from auditor.store.rows import (
     verdict_row,
 )
 from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.tables import TableWriter, newer_version, read_rows, write_rows, writing
+from auditor.store.tables import newer_version, read_rows, write_rows, writing
 
 MARKER = "store.json"
 _FORMAT = "auditor store"
@@ -141,10 +139,10 @@ class Store:
     # Measurements
 
     @contextmanager
-    def frames_writer(self, measurement_id: str, rig: Rig) -> Iterator["FramesWriter"]:
+    def frames_writer(self, measurement_id: str, rig: Rig) -> Iterator[FramesWriter]:
         """Write the frames of a measurement; without a `commit` inside the block, nothing of them stays."""
         with writing("frames", self.path("frames", measurement_id)) as table:
-            yield FramesWriter(self, measurement_id, rig, table)
+            yield FramesWriter(measurement_id, rig, table, self.path("measurements", measurement_id))
 
     def has_measurement(self, measurement_id: str) -> bool:
         """True where a measurement was finished."""
@@ -245,57 +243,6 @@ class Store:
         if len(rows) != 1:
             raise StoreError(f"it has {len(rows)} rows in place of one", where=self.path(table, row_id))
         return rows[0]
-
-
-class FramesWriter:
-    """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
-
-    def __init__(self, store: Store, measurement_id: str, rig: Rig, table: TableWriter) -> None:
-        self._store = store
-        self._measurement_id = measurement_id
-        self._rig = rig
-        self._table = table
-        self._measured = 0
-        self._skipped: Counter[str] = Counter()
-        self._first_stamp_ns: int | None = None
-        self._last_stamp_ns: int | None = None
-
-    @property
-    def measured(self) -> int:
-        """How many measured frames were added."""
-        return self._measured
-
-    def add(self, frame: Measurement | Skipped) -> None:
-        """Take a measured frame or a skipped tick. Raises StoreError where it does not fit the rig."""
-        if isinstance(frame, Skipped):
-            self._table.add(skipped_row(self._measurement_id, frame))
-            self._skipped[frame.reason] += 1
-        else:
-            self._table.add(measured_row(self._measurement_id, frame, self._rig))
-            self._measured += 1
-        stamps = [stamp for stamp in (self._first_stamp_ns, frame.stamp_ns, self._last_stamp_ns) if stamp is not None]
-        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)
-
-    def commit(self, measurement: MeasurementRecord) -> None:
-        """Put the frames in their place, then write the row that makes the measurement finished.
-
-        Raises StoreError where the record is of another measurement.
-        """
-        if measurement.measurement_id != self._measurement_id:
-            raise StoreError(
-                f"the record is of measurement {measurement.measurement_id}",
-                where=f"measurement {self._measurement_id}",
-            )
-        self._table.commit()
-        row = {
-            **measurement_row(measurement),
-            "frames": self._measured + self._skipped.total(),
-            "measured": self._measured,
-            "skipped": dict(sorted(self._skipped.items())),
-            "first_stamp_ns": self._first_stamp_ns,
-            "last_stamp_ns": self._last_stamp_ns,
-        }
-        write_rows("measurements", self._store.path("measurements", self._measurement_id), [row])
 
 
 def _check_free(folder: Path, *, create: bool) -> None:

@@ -352,7 +352,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from auditor.store import store as module
+from auditor.store import frames_writer, store
 from tests.store.making import *
 point, rows = sys.argv[3], 10_000
 die = lambda: os.kill(os.getpid(), signal.SIGKILL)
@@ -363,12 +363,12 @@ def frames(rig):
             die()
         yield make_measurement(rig, number, [number % 90, None, 5])
 
-def write_rows(table, path, content, write=module.write_rows):
+def write_rows(table, path, content, write=store.write_rows):
     if point == f"before {table}":
         die()
     write(table, path, content)
 
-module.write_rows = write_rows
+store.write_rows = frames_writer.write_rows = write_rows
 rig = make_rig(3)
 store = new_store(Path(sys.argv[2]))
 if store.ids("measurements"):

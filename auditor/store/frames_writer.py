@@ -1,0 +1,64 @@
+"""The frames of one measurement on their way into the store, one at a time."""
+
+from collections import Counter
+from pathlib import Path
+
+from auditor.errors import StoreError
+from auditor.frames import Skipped
+from auditor.results import Measurement
+from auditor.rig import Rig
+from auditor.store.frame_rows import measured_row, skipped_row
+from auditor.store.records import MeasurementRecord
+from auditor.store.rows import measurement_row
+from auditor.store.tables import TableWriter, write_rows
+
+
+class FramesWriter:
+    """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
+
+    def __init__(self, measurement_id: str, rig: Rig, table: TableWriter, manifest: Path) -> None:
+        self._manifest = manifest
+        self._measurement_id = measurement_id
+        self._rig = rig
+        self._table = table
+        self._measured = 0
+        self._skipped: Counter[str] = Counter()
+        self._first_stamp_ns: int | None = None
+        self._last_stamp_ns: int | None = None
+
+    @property
+    def measured(self) -> int:
+        """How many measured frames were added."""
+        return self._measured
+
+    def add(self, frame: Measurement | Skipped) -> None:
+        """Take a measured frame or a skipped tick. Raises StoreError where it does not fit the rig."""
+        if isinstance(frame, Skipped):
+            self._table.add(skipped_row(self._measurement_id, frame))
+            self._skipped[frame.reason] += 1
+        else:
+            self._table.add(measured_row(self._measurement_id, frame, self._rig))
+            self._measured += 1
+        stamps = [stamp for stamp in (self._first_stamp_ns, frame.stamp_ns, self._last_stamp_ns) if stamp is not None]
+        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)
+
+    def commit(self, measurement: MeasurementRecord) -> None:
+        """Put the frames in their place, then write the row that makes the measurement finished.
+
+        Raises StoreError where the record is of another measurement.
+        """
+        if measurement.measurement_id != self._measurement_id:
+            raise StoreError(
+                f"the record is of measurement {measurement.measurement_id}",
+                where=f"measurement {self._measurement_id}",
+            )
+        self._table.commit()
+        row = {
+            **measurement_row(measurement),
+            "frames": self._measured + self._skipped.total(),
+            "measured": self._measured,
+            "skipped": dict(sorted(self._skipped.items())),
+            "first_stamp_ns": self._first_stamp_ns,
+            "last_stamp_ns": self._last_stamp_ns,
+        }
+        write_rows("measurements", self._manifest, [row])
