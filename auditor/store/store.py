@@ -105,7 +105,7 @@ class Store:
         return Rig.from_dict(json.loads(row["description"]))
 
     def write_labels(self, recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None = None) -> None:
-        """Keep the ground truth of a recording. No labels at all say that it is known to be clean."""
+        """Keep the ground truth of a recording. A recording without a label is not known to be clean."""
         sensors = {rig.topic(sensor): sensor for sensor in rig.sensors} if rig else {}
         rows = [
             {
