@@ -79,12 +79,12 @@ def likeness_at(
     patch = patch.astype(np.float32)
     patch -= patch.mean(axis=1, keepdims=True)
     norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_PATCH_FLOOR)
-    patch = patch.reshape(-1, _SIDE, _SIDE)
+    patch = patch.reshape(row.size, _SIDE, _SIDE)
     middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
     start = np.clip(middle, 0, _OVERSAMPLING * (witness.shape[1] - 1)) - _OVERSAMPLING * (_REACH + 1) + margin
     stride = doubled.shape[1]
     strips = doubled.ravel()[(row * stride + start)[:, None] + _offsets(stride, wide + shifts - 1)]
-    strips = strips.astype(np.float32).reshape(row.size, _SIDE, -1)
+    strips = strips.astype(np.float32).reshape(row.size, _SIDE, wide + shifts - 1)
     scores = [_projection(patch, strips[:, :, s : s + wide : _OVERSAMPLING]) for s in range(shifts)]
     return np.asarray(np.max(scores, axis=0) / norm, dtype=np.float32)
 

@@ -10,8 +10,11 @@ _ROWS, _COLUMNS = 24, 78
 _MARK = 75.0  # grey levels
 _WINDOW = 6  # cells, about 96 px
 _SHIFTS = 6  # 0 to 5 cells: up to 80 px of an image 1242 px wide
+_USUAL_SHIFT = 2  # cells: where most of a street's partners lie
 _ROUNDS = 6
 _KEPT_SHARE = 0.6
+_SATURATED = 250.0
+_FEWEST_CELLS = 100
 _GAINS = (0.5, 2.0)
 
 Grid = NDArray[np.float32]
@@ -41,7 +44,7 @@ def compare_light(coarse_i: Grid, coarse_k: Grid) -> Light:
     and 0 to 5 columns: what lies in column u of k lies farther left in i. Gain and offset between the cameras are
     fitted to the cells that agree best; cells whose partners lie outside the other image are not looked at.
     """
-    gain, offset = _affine(coarse_k[:, _SHIFTS:], coarse_i[:, : _COLUMNS - _SHIFTS])
+    gain, offset = _affine(coarse_k[:, _USUAL_SHIFT:], coarse_i[:, :-_USUAL_SHIFT])
     fitted_i = gain * coarse_i + offset
     brighter_i = (fitted_i - _brightest(coarse_k, ahead=True))[:, : _COLUMNS - _SHIFTS + 1] > _MARK
     brighter_k = (coarse_k - _brightest(fitted_i, ahead=False))[:, _SHIFTS - 1 :] > _MARK
@@ -60,8 +63,14 @@ def _largest_share(cells: NDArray[np.bool_]) -> float:
 
 
 def _affine(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:
-    """Gain and offset that take source to target: least squares over the cells that fit best, repeated."""
-    x, y = source.ravel(), target.ravel()
+    """Gain and offset that take source to target: least squares over the cells that fit best, repeated.
+
+    Saturated cells say nothing of either; where hardly any other is left the cameras are taken to be equal.
+    """
+    told = np.maximum(source, target) < _SATURATED
+    x, y = source[told], target[told]
+    if x.size < _FEWEST_CELLS:
+        return np.float32(1), np.float32(0)
     gain, offset = np.float32(1), np.float32(np.median(y) - np.median(x))
     keep = int(_KEPT_SHARE * x.size)
     for _ in range(_ROUNDS):

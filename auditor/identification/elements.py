@@ -69,12 +69,14 @@ def triple_states(
     """The paper's triples, (F, T) raised and measured, from the same of (F, M) elements.
 
     A triple's state is the OR of the elements inside it. One with the LiDAR is measured where its pair may contradict
-    it, one of cameras where both pairs of the reference were matched. Algorithm 2 is given these states.
+    it, one of cameras where both pairs of the reference were matched; a raised one always is. Algorithm 2 is given
+    these states.
     """
     inside = np.array([[set(e.accusable) <= set(t) for t in triples] for e in elements], dtype=np.bool_)
     needed = np.array([[e in _needed(t) for t in triples] for e in elements], dtype=np.bool_)
     found = (measured[:, :, None] & needed).sum(axis=1)
-    return (raised[:, :, None] & inside).any(axis=1), found == [len(_needed(t)) for t in triples]
+    above = np.asarray((raised[:, :, None] & inside).any(axis=1))
+    return above, np.asarray(above | (found == [len(_needed(t)) for t in triples]))
 
 
 def _needed(triple: Triple) -> tuple[Element, ...]:

@@ -1,0 +1,27 @@
+import numpy as np
+
+from auditor.evidence.cells import cells_of_likeness, cells_of_points
+from auditor.evidence.contradiction import Adjudication
+from auditor.evidence.likeness import Likeness
+
+
+def test_points_are_counted_in_the_cell_they_lie_in():
+    row, column = np.array([0, 7, 8, 20, 20]), np.array([0, 7, 7, 30, 31])
+    valid = np.array([True, True, True, True, False])
+    contradicted = np.array([False, True, False, True, False])
+    cells = cells_of_points(Adjudication(row, column, valid, contradicted), height_px=21, width_px=33)
+    assert cells.valid.shape == (3, 5)
+    assert cells.valid.tolist() == [[2, 0, 0, 0, 0], [1, 0, 0, 0, 0], [0, 0, 0, 1, 0]]
+    assert cells.against.tolist() == [[1, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, 0, 0, 1, 0]]
+
+
+def test_half_resolution_pixels_are_counted_in_fours_and_the_ragged_edge_is_kept():
+    rng = np.random.default_rng(0)
+    comparable = rng.random((13, 22)) < 0.7
+    unlike = comparable & (rng.random((13, 22)) < 0.3)
+    cells = cells_of_likeness(Likeness(np.zeros((13, 22), np.float32), comparable, unlike))
+    assert cells.valid.shape == (4, 6)
+    for grid, mask in ((cells.valid, comparable), (cells.against, unlike)):
+        by_hand = [[mask[4 * r : 4 * r + 4, 4 * c : 4 * c + 4].sum() for c in range(6)] for r in range(4)]
+        assert grid.tolist() == by_hand
+        assert grid.dtype == np.uint8

@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from auditor.evidence.likeness import likeness, likeness_at
+from auditor.evidence.reduction import halve
+from auditor.evidence.stereo import StereoMap
+from tests.evidence.scenes import HEIGHT, WIDTH, plane_images, plane_rig
+
+DEPTH_M = 9.0  # disparity 20 px between S_1 and S_3
+
+
+def flat_map(disparity_px, step=2):
+    shape = (HEIGHT // step, WIDTH // step)
+    disparity = np.full(shape, disparity_px, dtype=np.float32)
+    valid = np.arange(shape[1]) - disparity / step >= 0
+    return StereoMap(disparity, valid, np.ones(shape, dtype=bool), step, 128)
+
+
+@pytest.fixture
+def halves():
+    images = plane_images(plane_rig(), DEPTH_M)
+    return halve(images[3]), halve(images[1])
+
+
+def test_pictures_of_one_plane_are_alike_at_its_disparity(halves):
+    pair = likeness(*halves, flat_map(20))
+    assert np.median(pair.alike[:, 20:]) > 0.9
+    assert pair.comparable[:, 10:].all()
+    assert not pair.unlike.any()
+
+
+def test_a_full_resolution_map_gives_the_same_likeness(halves):
+    coarse, fine = likeness(*halves, flat_map(20)), likeness(*halves, flat_map(20, step=1))
+    np.testing.assert_array_equal(coarse.alike, fine.alike)
+    np.testing.assert_array_equal(coarse.comparable, fine.comparable)
+
+
+def test_a_change_of_brightness_and_contrast_is_not_unlike(halves):
+    reference, witness = halves
+    pair = likeness(reference, (witness * 0.7 + 40).astype(np.uint8), flat_map(20))
+    assert not pair.unlike.any()
+
+
+def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(halves):
+    reference, witness = halves
+    witness = witness.copy()
+    witness[10:50, 60:110] = 255
+    pair = likeness(reference, witness, flat_map(20))
+    assert pair.unlike[16:44, 78:112].all()  # ten half-resolution pixels to the right of it, less the patch's reach
+    assert not pair.unlike[:, 125:].any()
+
+
+def test_where_neither_has_texture_nothing_is_compared():
+    grey = np.full((60, 160), 128, dtype=np.uint8)
+    pair = likeness(grey, grey, flat_map(20))
+    assert not pair.comparable.any()
+    assert not pair.unlike.any()
+
+
+def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_not_unlike(halves):
+    stereo = flat_map(20)
+    stereo.disparity_px[30, 80] = 90
+    assert not likeness(*halves, stereo).unlike.any()
+
+
+def test_pixels_without_a_disparity_are_not_comparable(halves):
+    nothing = StereoMap(
+        np.full((60, 160), np.nan, np.float32), np.zeros((60, 160), bool), np.ones((60, 160), bool), 2, 128
+    )
+    assert not likeness(*halves, nothing).comparable.any()
+
+
+def test_single_points_are_alike_at_the_right_disparity_and_a_pixel_beside_it_only(halves):
+    row, column = np.array([30, 40, 0, 59]), np.array([80, 100, 60, 150])
+    right = likeness_at(*halves, row, column, np.full(4, 10, np.float32))
+    assert right.min() > 0.8
+    assert likeness_at(*halves, row, column, np.full(4, 11, np.float32)).min() > 0.8
+    assert likeness_at(*halves, row, column, np.full(4, 14, np.float32)).max() < 0.6
+
+
+def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(halves):
+    row, column = np.array([30]), np.array([5])
+    assert -1 <= likeness_at(*halves, row, column, np.array([60], np.float32))[0] <= 1
+
+
+def test_no_points_have_no_likeness(halves):
+    nothing = np.zeros(0, dtype=np.int64)
+    assert likeness_at(*halves, nothing, nothing, np.zeros(0, np.float32)).shape == (0,)

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from auditor.identification.accusing import System, accuse
+from auditor.identification.elements import Element, Witness, elements_of
+from auditor.results import VerdictKind
+from auditor.rig import triples_of
+
+PAIRS = ((1, 3), (2, 3))
+SYSTEM = System(elements_of(3, PAIRS, PAIRS), triples_of(3, lidar=True), (0, 1, 2, 3))
+NONE = frozenset()
+X13, X23 = (Element(Witness.CONTRADICTED, *pair) for pair in PAIRS)
+U13, U23 = (Element(Witness.UNLIKE, *pair) for pair in PAIRS)
+L12 = Element(Witness.LIGHT, 1, 2)
+
+
+def one(raised, *, system=SYSTEM, missing=NONE, silent=-1.0, threshold=0.0):
+    z = np.array([[raised.get(element, silent) for element in system.elements]])
+    (verdict,) = accuse(z, system, [missing], threshold)
+    return verdict
+
+
+def test_a_silent_frame_is_clean():
+    verdict = one({})
+    assert (verdict.kind, verdict.attacked, verdict.e, verdict.reason) == (VerdictKind.CLEAN, (), "000", "")
+
+
+@pytest.mark.parametrize(
+    ("raised", "attacked", "e"),
+    [
+        ({X13: 2.0, X23: 1.0}, (0,), "110"),
+        ({U13: 2.0, L12: 1.0}, (1,), "101"),
+        ({U23: 2.0}, (2,), "011"),
+        ({U13: 0.5, U23: 2.0}, (3,), "111"),
+    ],
+)
+def test_what_the_witnesses_say_together_names_the_sensor(raised, attacked, e):
+    verdict = one(raised)
+    assert (verdict.kind, verdict.attacked, verdict.named, verdict.e) == (VerdictKind.ATTACKED, attacked, attacked, e)
+
+
+def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
+    verdict = one({X13: 2.0, X23: 1.0})
+    assert verdict.reason.startswith("contradicted S_1 S_3 +2.0, contradicted S_2 S_3 +1.0; next: ")
+    assert "S_3 +" in verdict.reason
+    assert verdict.margin == pytest.approx(1.0)  # {S_3} would explain both, but for two silent pairs at half price
+
+
+def test_below_the_score_s_threshold_a_frame_is_clean():
+    assert one({U23: 0.5}, threshold=0.6).kind is VerdictKind.CLEAN
+    assert one({U23: 0.5}, threshold=0.4).kind is VerdictKind.ATTACKED
+
+
+def test_two_attacked_of_four_are_not_named_as_one():
+    verdict = one({U13: 3.0, U23: 3.0, L12: 3.0})
+    assert verdict.kind is VerdictKind.UNIDENTIFIED
+    assert verdict.attacked == ()
+    assert "no attack on at most 1 of 4 sensors explains" in verdict.reason
+
+
+def test_two_explanations_as_good_name_nobody():
+    only = System((L12,), SYSTEM.triples, SYSTEM.sensors)
+    verdict = one({L12: 2.0}, system=only)
+    assert verdict.kind is VerdictKind.UNIDENTIFIED
+    assert "as good" in verdict.reason
+
+
+def test_with_three_sensors_an_attack_is_found_and_not_attributed():
+    verdict = one({U23: 2.0}, missing=frozenset({0}))
+    assert verdict.kind is VerdictKind.UNIDENTIFIED
+    assert verdict.out_of_system == (0,)
+    assert verdict.named is None
+    assert one({}, missing=frozenset({0})).kind is VerdictKind.CLEAN
+
+
+def test_a_missing_sensor_s_elements_are_not_heard():
+    verdict = one({U13: 3.0}, missing=frozenset({1}))
+    assert verdict.kind is VerdictKind.CLEAN
+    assert verdict.e == "-0-"
+
+
+def test_nothing_measured_is_not_auditable():
+    assert one({}, silent=np.nan).kind is VerdictKind.NOT_AUDITABLE
+    assert one({}, missing=frozenset({3, 2, 1})).kind is VerdictKind.NOT_AUDITABLE
+
+
+def test_frames_keep_their_order_whatever_each_of_them_lacks():
+    z = np.full((4, len(SYSTEM.elements)), -1.0)
+    z[1, SYSTEM.elements.index(U23)] = 2.0
+    z[3, SYSTEM.elements.index(U13)] = 2.0
+    verdicts = accuse(z, SYSTEM, [NONE, frozenset({0}), frozenset({1}), NONE])
+    kinds = [VerdictKind.CLEAN, VerdictKind.UNIDENTIFIED, VerdictKind.CLEAN, VerdictKind.ATTACKED]
+    assert [v.kind for v in verdicts] == kinds
+    assert verdicts[3].attacked == (1,)

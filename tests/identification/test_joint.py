@@ -1,0 +1,116 @@
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from auditor.identification import joint
+from auditor.identification.elements import Element, Witness, demands, elements_of, explains, triple_states
+from auditor.identification.joint import attack_sets, explain
+from auditor.rig import triples_of
+
+
+def full_elements(n):
+    """Every pair that a rig with a LiDAR and n cameras matches, all of them able to contradict the LiDAR."""
+    matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=True) for w in t[:2] if w))
+    return elements_of(n, matched, matched)
+
+
+def states(attacked, elements, *, hidden):
+    """What exact witnesses say: `hidden`: a contradiction by an attacked camera is not heard."""
+    z = []
+    for element in elements:
+        said = explains(element, attacked)
+        if element.witness is Witness.CONTRADICTED:
+            said = 0 in attacked and (not hidden or demands(element, attacked) == 1)
+        z.append(1.0 if said else -1.0)
+    return z
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
+@pytest.mark.parametrize("hidden", [False, True])
+def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
+    elements, sets = full_elements(n), attack_sets(range(n + 1), n - 2)
+    z = np.array([states(s, elements, hidden=hidden) for s in sets])
+    found = explain(z, elements, sets)
+    assert [sets[b] for b in found.best] == list(sets)
+    assert (found.lead > 0.4).all()
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+def test_cameras_alone_are_named_too(n):
+    matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=False) for w in t[:2]))
+    elements = elements_of(n, matched, ())
+    sets = attack_sets(range(1, n + 1), n - 3)
+    z = np.array([states(s, elements, hidden=True) for s in sets])
+    assert [sets[b] for b in explain(z, elements, sets).best] == list(sets)
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
+    elements, sets = full_elements(n), attack_sets(range(n + 1), n - 2)
+    z = np.random.default_rng(n).uniform(-2, 3, (30, len(elements)))
+    z[np.random.default_rng(n + 1).random(z.shape) < 0.2] = np.nan
+    found = explain(z, elements, sets)
+    for f, s in np.ndindex(found.cost.shape):
+        cost = 0.02 * len(sets[s])
+        for value, element in zip(z[f], elements, strict=True):
+            if value > 0 and not explains(element, sets[s]):
+                cost += value
+            elif value < 0:
+                cost -= value * demands(element, sets[s])
+        assert found.cost[f, s] == pytest.approx(cost)
+    np.testing.assert_allclose(found.score, found.cost[:, 0] - found.cost[:, 1:].min(axis=1))
+    ranked = found.ranked(0)
+    assert [cost for _, cost in ranked] == sorted(cost for _, cost in ranked)
+    assert ranked[1][1] - ranked[0][1] == pytest.approx(found.lead[0])
+
+
+def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():
+    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    found = explain(np.full((1, len(elements)), np.nan), elements, sets)
+    assert sets[found.best[0]] == ()
+    assert found.cost[0].tolist() == [0.0, 0.02, 0.02, 0.02, 0.02]
+    assert found.score[0] < 0
+
+
+def test_light_s_silence_clears_nobody_but_a_contradiction_s_clears_the_lidar():
+    assert demands(Element(Witness.LIGHT, 1, 3), (1,)) == 0.0
+    assert demands(Element(Witness.UNLIKE, 1, 3), (1,)) == 0.5
+    assert demands(Element(Witness.CONTRADICTED, 1, 3), (0,)) == 1.0
+    assert demands(Element(Witness.CONTRADICTED, 1, 3), (0, 3)) == 0.0
+
+
+def test_a_pair_contradicting_the_lidar_alone_accuses_a_camera_rather_than_the_lidar():
+    # A camera whose picture is shifted sees the same things at wrong places: only its own pair contradicts the LiDAR.
+    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    z = [3.0 if e == Element(Witness.CONTRADICTED, 1, 3) else -2.0 for e in elements]
+    found = explain(np.array([z]), elements, sets)
+    assert sets[found.best[0]] == (1,)
+
+
+def test_without_elements_nothing_is_raised():
+    found = explain(np.zeros((2, 0)), (), attack_sets(range(4), 1))
+    assert found.best.tolist() == [0, 0]
+
+
+def test_a_system_too_large_to_weigh_all_sets_weighs_whole_sizes(monkeypatch):
+    monkeypatch.setattr(joint, "MOST_SETS", 60)
+    sets = attack_sets(range(10), 7)
+    assert sets == ((), *combinations(range(10), 1), *combinations(range(10), 2))
+
+
+def test_with_the_empty_set_alone_the_lead_is_infinite():
+    elements = full_elements(3)
+    assert explain(np.zeros((1, len(elements))), elements, ((),)).lead.tolist() == [np.inf]
+
+
+def test_a_triple_is_raised_by_any_element_inside_it_and_measured_when_its_own_are():
+    elements, triples = full_elements(3), triples_of(3, lidar=True)  # triples 013, 023, 123
+    raised, measured = np.zeros((4, len(elements)), bool), np.ones((4, len(elements)), bool)
+    raised[0, elements.index(Element(Witness.CONTRADICTED, 1, 3))] = True
+    raised[1, elements.index(Element(Witness.UNLIKE, 1, 3))] = True
+    raised[2, elements.index(Element(Witness.LIGHT, 1, 2))] = True
+    measured[3, elements.index(Element(Witness.CONTRADICTED, 2, 3))] = False
+    above, known = triple_states(raised, measured, elements, triples)
+    assert above.astype(int).tolist() == [[1, 0, 0], [1, 0, 1], [0, 0, 1], [0, 0, 0]]
+    assert known.astype(int).tolist() == [[1, 1, 1], [1, 1, 1], [1, 1, 1], [1, 0, 1]]

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from auditor.identification.local_ratio import Window, local_ratio
+
+
+def by_hand(valid, against, window):
+    best = None
+    for r in range(valid.shape[0] - window.rows + 1):
+        for c in range(valid.shape[1] - window.columns + 1):
+            part = np.s_[r : r + window.rows, c : c + window.columns]
+            N, B = int(valid[part].sum()), int(against[part].sum())
+            if window.fewest_valid <= N and (best is None or best[0] < B / N):
+                best = (B / N, r, c)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_summed_area_table_finds_the_window_that_trying_all_of_them_finds(seed):
+    rng = np.random.default_rng(seed)
+    valid = rng.integers(0, 17, (11, 17)).astype(np.uint8)
+    against = np.minimum(valid, rng.integers(0, 17, (11, 17))).astype(np.uint8)
+    window = Window(rows=int(rng.integers(1, 12)), columns=int(rng.integers(1, 18)), fewest_valid=20)
+    found, expected = local_ratio(valid, against, window), by_hand(valid, against, window)
+    assert (found and (found.ratio, found.row, found.column)) == expected
+
+
+def test_a_full_window_does_not_overflow_the_counts_own_type():
+    full = np.full((20, 20), 64, dtype=np.uint8)
+    assert local_ratio(full, full, Window(10, 10, 6400)).ratio == 1.0
+
+
+def test_windows_with_too_few_valid_pixels_do_not_count():
+    valid = np.zeros((10, 10), np.uint8)
+    valid[0, 0] = 9
+    assert local_ratio(valid, valid, Window(2, 2, 10)) is None
+    assert local_ratio(valid, valid, Window(2, 2, 9)).ratio == 1.0
+
+
+def test_a_grid_smaller_than_the_window_has_no_local_ratio():
+    small = np.full((3, 40), 16, dtype=np.uint8)
+    assert local_ratio(small, small, Window(7, 13, 1)) is None
+    assert local_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
