@@ -11,7 +11,8 @@ from auditor.lab.textures import Atlas, level_of
 
 _NEAR_M = 0.2
 _FAR_M = 180.0
-_FAR_CUT = 0.5
+_THERE = 0.5
+_GLASS = 0.11
 
 Floats = NDArray[np.float32]
 
@@ -114,32 +115,32 @@ def _meet(
         else:
             met &= (s >= 0) & (s <= 1)
     if surfaces.cut[piece]:
-        _cut(rays, surfaces, atlas, piece, met, (s, t, distance))
-    if rng is not None and surfaces.see_through[piece]:
-        met &= rng.random(met.shape, dtype=np.float32) >= surfaces.see_through[piece]
+        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
+        met.ravel()[at] = mask > _THERE
+    elif rng is not None and surfaces.see_through[piece]:
+        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
+        passed = rng.random(at.size, dtype=np.float32) < surfaces.see_through[piece]
+        met.ravel()[at] = (mask < _GLASS) | ~passed
     for grid, new in ((hits.distance, distance), (hits.s, s), (hits.t, t), (hits.piece, np.int32(piece))):
         np.copyto(grid[window], new, where=met)
 
 
-def _cut(
+def _masks(
     rays: Rays,
     surfaces: Surfaces,
     atlas: Atlas,
     piece: int,
     met: NDArray[np.bool_],
     place: tuple[Floats, Floats, Floats],
-) -> None:
-    """Take out of `met` the holes in a piece."""
+) -> tuple[NDArray[np.intp], Floats]:
+    """The (flat) indices of `met` and what a piece's mask says there."""
     at = np.flatnonzero(met)
-    if at.size == 0:
-        return
     s, t, distance = (values.ravel()[at] for values in place)
     repeats, shift = surfaces.repeats[piece], surfaces.shift[piece]
     width_m = float(np.linalg.norm(surfaces.across[piece])) / float(repeats[0])
     level = level_of(distance * np.float32(rays.pixel / width_m))
     tile = np.full(at.size, surfaces.tile[piece], dtype=np.int32)
-    mask = atlas.masks(tile, s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
-    met.ravel()[at] = mask > _FAR_CUT
+    return at, atlas.masks(tile, s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
 
 
 def _part(values: Floats, window: tuple[slice, slice]) -> Floats:

@@ -139,7 +139,7 @@ def make_drive(
         start_ns=start_ns,
         speed_m_s=speed,
         lane_m=look.road_m * 0.3,
-        light=Light(sun=(x, y, z), direct=float(rng.uniform(0.8, 1.4)), ambient=float(rng.uniform(0.25, 0.4))),
+        light=Light(sun=(x, y, z), direct=float(rng.uniform(1.1, 1.7)), ambient=float(rng.uniform(0.28, 0.42))),
         atlas=make_atlas(rng),
         surfaces=gather(street(look, frames * PERIOD_NS / 1e9 * speed, rng), rng),
     )

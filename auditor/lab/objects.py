@@ -36,7 +36,7 @@ class Look:
             stains=self.stains,
             gloss=self.gloss,
             ambient=self.ambient,
-            see_through=0.8 * self.gloss if self.tile is Tile.WINDOWS else 0.0,
+            see_through=0.3 if self.gloss else 0.0,
         )
 
 
@@ -66,16 +66,16 @@ def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0)
     inward = 0.16 if x_m > 0 else -0.16
 
     def face(corner: Vector, across: Vector, up: Vector, tile: Tile, **more: float) -> Piece:
-        given = {"albedo": albedo, "gloss": 1.0, "bulge": 0.5, "stains": 0.0, "see_through": 0.0, **more}
+        given = {"albedo": albedo, "gloss": 1.0, "bulge": 1.2, "stains": 0.0, "see_through": 0.0, **more}
         size = (float(np.linalg.norm(across)), float(np.linalg.norm(up)))
         return Piece(corner, across, up, tile, size, speed=speed, cut=tile is Tile.WHEEL, **given)  # type: ignore[arg-type]
 
-    lost = 0.55 if albedo < 0.1 else 0.05  # dark paint mirrors a LiDAR's pulses away
+    lost = 0.6 if albedo < 0.1 else 0.05  # dark paint mirrors a LiDAR's pulses away
     yield face((left, -0.01, z_m), (width, 0, 0), (0, 0, length), Tile.ASPHALT, albedo=0.03, ambient=0.3, gloss=0.0)
-    yield face((left, -0.25, z_m), (width, 0, 0), (0, -(waist - 0.25), 0.06), Tile.REAR, see_through=lost * 0.6)
-    yield face((side, -0.25, z_m), (0, 0, length), (0, -(waist - 0.25), 0), Tile.PAINT, see_through=lost)
-    yield face((left, -waist, z_m), (width, 0, 0), (0, -0.03, length), Tile.PAINT, see_through=lost)
-    glass = {"albedo": 0.12, "see_through": 0.75, "bulge": 0.9}
+    yield face((left, -0.25, z_m), (width, 0, 0), (0, -(waist - 0.25), 0.06), Tile.REAR, lost=lost * 0.6)
+    yield face((side, -0.25, z_m), (0, 0, length), (0, -(waist - 0.25), 0), Tile.PAINT, lost=lost)
+    yield face((left, -waist, z_m), (width, 0, 0), (0, -0.03, length), Tile.PAINT, lost=lost)
+    glass = {"albedo": 0.12, "see_through": 0.25, "lost": 0.5, "bulge": 1.6}
     cabin, back = 0.58 * length, z_m + rng.uniform(0.15, 0.5)
     rise = roof - waist
     yield face(
@@ -83,9 +83,7 @@ def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0)
     )
     yield face((side, -waist, back), (0, 0, cabin), (inward, -rise, 0), Tile.GLASS, taper=0.17, **glass)
     top = back + rise * 0.9
-    yield face(
-        (left + 0.2, -roof, top), (width - 0.4, 0, 0), (0, -0.02, cabin - rise * 1.7), Tile.PAINT, see_through=lost
-    )
+    yield face((left + 0.2, -roof, top), (width - 0.4, 0, 0), (0, -0.02, cabin - rise * 1.7), Tile.PAINT, lost=lost)
     for wheel in (z_m + 0.55, far - 1.15):
         at = side - 0.01 if x_m > 0 else side + 0.01
         yield face((at, 0.0, wheel), (0, 0, 0.62), (0, -0.62, 0), Tile.WHEEL, albedo=0.08, gloss=0.0, oval=True)

@@ -93,7 +93,8 @@ def echoes(
     """(N, 3) points in the LiDAR frame, beam by beam; faint echoes are lost."""
     distance = hits.distance
     there = (hits.piece >= 0) & (distance > _RANGES_M[0]) & (distance < _RANGES_M[1])
-    there &= rng.random(rays.shape, dtype=np.float32) >= flaws.dropout
+    lost = np.maximum(surfaces.lost, np.float32(flaws.dropout))
+    there &= rng.random(rays.shape, dtype=np.float32) >= lost[hits.piece]
     at = np.flatnonzero(there)
     piece, r = hits.piece.ravel()[at], distance.ravel()[at]
     normal = surfaces.normal

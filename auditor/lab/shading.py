@@ -12,6 +12,7 @@ from auditor.lab.textures import Atlas, Tile, level_of
 
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
 _HAZE_M = 400.0
+_GRAZING = np.float32(0.3)
 
 Floats = NDArray[np.float32]
 
@@ -60,7 +61,7 @@ def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Li
             atlas, surfaces, normal, mine, (x[glossy], y[glossy], z[glossy]), facing[glossy], (s[glossy], t[glossy])
         )
         # Schlick: a surface mirrors more the flatter it is looked at.
-        grazing = gloss[glossy] + (1 - gloss[glossy]) * (1 - slant[glossy]) ** 5
+        grazing = gloss[glossy] + _GRAZING * (1 - slant[glossy]) ** 5
         bright[glossy] += grazing * (mirrored - bright[glossy])
     haze = 1 - np.exp(-distance / np.float32(_HAZE_M))
     bright += haze * (np.float32(0.7) - bright)

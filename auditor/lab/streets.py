@@ -40,7 +40,7 @@ class Style:
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "city": Style(
-            road_m=4.6, path_m=2.6, paving=Tile.PAVING, verge=Tile.PAVING, parked=0.62, trees=0.55, tree_layers=10,
+            road_m=4.6, path_m=2.6, paving=Tile.PAVING, verge=Tile.PAVING, parked=0.5, trees=0.55, tree_layers=10,
             bushes=0.15, poles=0.4, signs=0.25, traffic=1.0, setback_m=(0.3, 3.0),
             fronts={"windows": 3, "bricks": 1, "plain": 1, "ribs": 1, "glass": 0.7, "wall": 1, "fence": 0.5, "open": 1},
         ),
@@ -103,7 +103,7 @@ def _lined(style: Style, side: int, end: float, rng: np.random.Generator) -> Ite
     names, weights = list(style.fronts), np.array(list(style.fronts.values()))
     z = -BEHIND_M + rng.uniform(-4, 4)
     while z < end:
-        length = rng.uniform(7, 20)
+        length = rng.uniform(6, 13)
         x = side * (style.road_m + style.path_m + rng.uniform(*style.setback_m))
         name = str(rng.choice(names, p=weights / weights.sum()))
         yield from _FRONTS[name](x, z, z + length, rng)
@@ -153,7 +153,7 @@ def _bright(rng: np.random.Generator) -> float:
 
 
 def _windows(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
-    look = Look(Tile.WINDOWS, (6.4, 6.2), albedo=_bright(rng) * 0.9, gloss=1.0, stains=0.12)
+    look = Look(Tile.WINDOWS, (6.4, 6.2), albedo=_bright(rng) * 0.9, gloss=0.7, stains=0.2)
     return house(x, z0, z1, rng.uniform(6, 13), look)
 
 
@@ -168,7 +168,7 @@ def _plain(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator
 
 
 def _ribs(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
-    look = Look(Tile.RIBS, (3.2, 3.2), albedo=_bright(rng), contrast=rng.uniform(0.3, 1), stains=0.05)
+    look = Look(Tile.RIBS, (3.2, 3.2), albedo=_bright(rng), contrast=rng.uniform(0.1, 0.6), stains=0.15)
     return house(x, z0, z1, rng.uniform(5, 9), look)
 
 
@@ -196,7 +196,7 @@ def _hedged(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterato
 
 
 def _cottage(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
-    look = Look(Tile.WINDOWS, (6.0, 5.6), albedo=_bright(rng), gloss=1.0, stains=0.05)
+    look = Look(Tile.WINDOWS, (6.0, 5.6), albedo=_bright(rng), gloss=0.7, stains=0.15)
     return house(x, z0, z1, rng.uniform(3, 6), look, roof=Look(Tile.ROOF, (4.0, 4.0), albedo=rng.uniform(0.15, 0.35)))
 
 

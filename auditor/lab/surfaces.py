@@ -18,8 +18,9 @@ class Piece:
 
     It spans `corner` + s `across` + t `up`, s and t in 0..1, the two at right angles; at t = 1 it is narrower by `taper`
     of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask that
-    mirrors; with `cut` the mask says instead where the piece is there at all, within an ellipse with `round_`. `see_through` is the share
-    of a LiDAR's beams that pass. `speed` moves it along the road, in m/s.
+    mirrors; with `cut` the mask says instead where the piece is there at all. An `oval` piece ends at its ellipse. Of a
+    LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed` moves the
+    piece along the road, in m/s.
     """
 
     corner: Vector
@@ -36,6 +37,7 @@ class Piece:
     cut: bool = False
     oval: bool = False
     see_through: float = 0.0
+    lost: float = 0.0
     speed: float = 0.0
     ambient: float = 1.0
 
@@ -59,6 +61,7 @@ class Surfaces:
     cut: NDArray[np.bool_]
     oval: NDArray[np.bool_]
     see_through: Floats
+    lost: Floats
     speed: Floats
     ambient: Floats
 
@@ -100,6 +103,7 @@ def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
         cut=column("cut").astype(bool),
         oval=column("oval").astype(bool),
         see_through=column("see_through"),
+        lost=column("lost"),
         speed=column("speed"),
         ambient=column("ambient"),
     )

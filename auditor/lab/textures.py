@@ -127,7 +127,7 @@ def _paving(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _grass(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    return 1 + 0.3 * cloud_noise(rng, -0.6) + 0.15 * cloud_noise(rng, -1.5), _nothing()
+    return 1 + 0.24 * cloud_noise(rng, -0.7) + 0.15 * cloud_noise(rng, -1.5), _nothing()
 
 
 def _plaster(rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -136,7 +136,8 @@ def _plaster(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def _ribs(rng: np.random.Generator) -> tuple[Floats, Floats]:
     wave = np.cos(2 * np.pi * 16 * np.arange(SIZE) / SIZE)
-    return 1 + 0.22 * np.sign(wave) * np.abs(wave) ** 0.5 * np.ones((SIZE, 1)) + 0.03 * cloud_noise(rng, -1), _nothing()
+    ribs = 0.2 * np.sign(wave) * np.abs(wave) ** 0.5 + np.repeat(0.12 * rng.standard_normal(16), SIZE // 16)
+    return 1 + ribs * np.ones((SIZE, 1)) + 0.05 * cloud_noise(rng, -1), _nothing()
 
 
 def _bricks(rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -152,7 +153,7 @@ def _windows(rng: np.random.Generator) -> tuple[Floats, Floats]:
             columns = slice(column * half + 36, column * half + 92)
             value[rows.start - 6 : rows.stop + 4, columns.start - 4 : columns.stop + 4] = 1.35
             value[rows, columns] = rng.uniform(0.12, 0.4)
-            mask[rows, columns] = 0.55
+            mask[rows, columns] = 0.25
             if rng.random() < 0.5:  # a blind
                 value[rows.stop - 30 : rows.stop, columns], mask[rows.stop - 30 : rows.stop, columns] = 1.2, 0.05
             value[rows, columns.start + 27 : columns.start + 30] = 1.3
@@ -180,7 +181,7 @@ def _concrete(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.12)
+    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.06)
     for column in (8, 90, 170, 250):
         value[:, column : column + 2] = 0.3
     value[150:156] = 1.5
@@ -190,7 +191,7 @@ def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 0.4 + 0.15 * np.abs(cloud_noise(rng, -1.2)), np.full((SIZE, SIZE), 0.3)
+    value, mask = 0.4 + 0.15 * np.abs(cloud_noise(rng, -1.2)), np.full((SIZE, SIZE), 0.12)
     value[60:130, 60:95] = value[60:130, 160:195] = 0.9  # headrests
     value[:6] = value[-6:] = 0.2
     mask[:6] = mask[-6:] = 0.1
@@ -199,7 +200,7 @@ def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _rear(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.1)
+    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.06)
     value[:50] = 0.3
     value[150:210, 4:52] = value[150:210, 204:252] = 2.2
     value[176:184, 4:52] = value[176:184, 204:252] = 0.8

@@ -95,7 +95,7 @@ def make_vehicle(rig: Rig, seed: int) -> Vehicle:
             vignetting=float(rng.uniform(0.05, 0.2)),
             read_noise=float(rng.uniform(0.7, 1.3)),
             photon_noise=float(rng.uniform(0.006, 0.012)),
-            row_shift_px=float(rng.uniform(-0.3, 0.3)),
+            row_shift_px=float(rng.uniform(-0.2, 0.2)),
             stamp_error_s=float(rng.uniform(-0.001, 0.004)),
         )
         for _ in rig.cameras
