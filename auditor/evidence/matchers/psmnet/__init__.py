@@ -1,0 +1,27 @@
+"""PSMNet, the matcher of the paper's experiments: compatible with the published checkpoints, safe to load."""
+
+from auditor.evidence.matchers.psmnet.checking import PrecisionCheck, ScaleCheck, check_precision, check_scale
+from auditor.evidence.matchers.psmnet.cost import Cost, frame_cost
+from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+from auditor.evidence.matchers.psmnet.weights import (
+    Weights,
+    WeightsReport,
+    convert_weights,
+    inspect_weights,
+    load_weights,
+)
+
+__all__ = [
+    "Cost",
+    "PrecisionCheck",
+    "PsmnetMatcher",
+    "ScaleCheck",
+    "Weights",
+    "WeightsReport",
+    "check_precision",
+    "check_scale",
+    "convert_weights",
+    "frame_cost",
+    "inspect_weights",
+    "load_weights",
+]

@@ -1,0 +1,95 @@
+"""Checks on the first frames for what goes wrong without a sound: the wrong upsampling, too low a precision."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+
+_LEAST_PIXELS = 500
+_NEAREST_TRUST_PX = 4.0  # below it a pixel of LiDAR misalignment is already a quarter of the disparity
+_RATIO_BOUND = 0.03
+_BETTER_BY_PX = 0.25
+_PRECISION_BOUND_PX = 0.1
+
+Pixels = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class ScaleCheck:
+    """How PSMNet's disparities stand to the LiDAR's on the same pixels.
+
+    `ratio` is the median of PSMNet / LiDAR, `residual_px` the median of |PSMNet - LiDAR|, `other_residual_px` the same
+    had the weights been used with the other `align_corners`. `warning` is None where nothing looks wrong.
+    """
+
+    pixels: int
+    ratio: float
+    residual_px: float
+    other_residual_px: float
+    warning: str | None
+
+
+def check_scale(
+    pairs: Iterable[tuple[Pixels, Pixels]], *, align_corners: bool, max_disparity: int
+) -> ScaleCheck | None:
+    """Compare (M,) disparities of PSMNet with the LiDAR's at the same pixels, in a pair of arrays a frame or view.
+
+    Pixels where either is NaN, where the LiDAR has under 4 px or where it leaves PSMNet's range are not used; None
+    where under 500 are left. Upsampling D / 4 levels to D puts level i at i (D - 1) / (D / 4 - 1) with aligned corners
+    and at 4 i + 1.5 without: with the wrong convention d becomes a line of d, which is undone here to see whether the
+    LiDAR likes that better.
+    """
+    parts = list(pairs)
+    if not parts:
+        return None
+    network, lidar = (np.concatenate([np.ravel(part[side]) for part in parts]) for side in (0, 1))
+    used = (lidar >= _NEAREST_TRUST_PX) & (lidar < max_disparity) & ~np.isnan(network)
+    network, lidar = network[used], lidar[used]
+    if lidar.size < _LEAST_PIXELS:
+        return None
+    ratio = float(np.median(network / lidar))
+    residual = float(np.median(np.abs(network - lidar)))
+    other = float(np.median(np.abs(_under_other(network, align_corners, max_disparity) - lidar)))
+    return ScaleCheck(int(lidar.size), ratio, residual, other, _warning(ratio, residual, other, align_corners))
+
+
+def _under_other(disparity: Pixels, align_corners: bool, max_disparity: int) -> Pixels:  # noqa: FBT001 - private
+    step = (max_disparity - 1) / (max_disparity / 4 - 1)
+    return disparity / step * 4 + 1.5 if align_corners else (disparity - 1.5) / 4 * step
+
+
+def _warning(ratio: float, residual: float, other: float, align_corners: bool) -> str | None:  # noqa: FBT001 - private
+    figures = f"PSMNet / LiDAR has the median {ratio:.3f}, they differ by {residual:.2f} px"
+    if other + _BETTER_BY_PX < residual:
+        return (
+            f"PSMNet's disparities are off scale: {figures}, but by {other:.2f} px with align_corners="
+            f"{not align_corners}; the weights were probably trained with that"
+        )
+    if abs(ratio - 1) > _RATIO_BOUND:
+        return f"PSMNet's disparities are off scale: {figures}; check the weights and the camera calibration"
+    return None
+
+
+@dataclass(frozen=True)
+class PrecisionCheck:
+    """Mean and largest difference in pixels of a lower precision's disparities from those of fp32."""
+
+    mean_px: float
+    largest_px: float
+    warning: str | None
+
+
+def check_precision(
+    matcher: PsmnetMatcher, images: Sequence[NDArray[np.uint8]], pairs: Sequence[tuple[int, int]]
+) -> PrecisionCheck:
+    """Match some pairs once more in fp32; warns where the disparities differ by over 0.1 px on average."""
+    exact = matcher.exact().match_pairs(images, pairs)
+    differences = np.abs(np.stack(matcher.match_pairs(images, pairs)) - np.stack(exact))
+    mean, largest = float(differences.mean()), float(differences.max())
+    warning = None
+    if not mean <= _PRECISION_BOUND_PX:  # an overflow's NaN is over it too
+        warning = f"{matcher.precision} changes PSMNet's disparities by {mean:.2f} px on average; use fp32 or tf32"
+    return PrecisionCheck(mean, largest, warning)
