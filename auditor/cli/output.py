@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    import pyarrow
-    from rich.table import Table
+    from rich.table import Table as TableOnScreen
+
+    from auditor.store.export import Table
 
 _WIDEST_TABLE = 200
 
@@ -22,7 +23,7 @@ format_option = click.option(
 )
 
 
-def emit(table: "pyarrow.Table", form: str, title: str = "") -> None:
+def emit(table: "Table", form: str, title: str = "") -> None:
     """Print rows to stdout in one of FORMATS."""
     if form == "table":
         print_rows(table.to_pylist(), table.column_names, title)
@@ -55,7 +56,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
         console.print()
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "Table":
+def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "TableOnScreen":
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415

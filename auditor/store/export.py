@@ -8,6 +8,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+Table = pa.Table
+"""The form of every answer: an Arrow table."""
+
 
 def encode(table: pa.Table, form: str) -> bytes:
     """The bytes of a table in the form 'json' (a list of objects), 'csv' or 'parquet'."""

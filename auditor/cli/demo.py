@@ -1,0 +1,107 @@
+"""`auditor demo`: the first thing a newcomer runs."""
+
+import shutil
+from decimal import Decimal
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import Exit, options
+from auditor.cli.output import print_rows, progress, say
+
+if TYPE_CHECKING:
+    from auditor.demo import Take
+    from auditor.store import Store
+
+_MARKER = ".auditor-demo"
+
+
+@click.command("demo")
+@click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
+@options.jobs_option
+def command(folder: Path, jobs: int) -> int:
+    """Make a small fleet, attack three of its drives, audit them all, and write the incident page.
+
+    \b
+    auditor demo
+    auditor demo /tmp/demo
+
+    Everything lands in the folder: the recordings, the store, the page. Exits with 0 when the audit names exactly the
+    sensors that were attacked.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.showing import show_audit  # noqa: PLC0415
+    from auditor.demo import fleet  # noqa: PLC0415
+    from auditor.pipeline import calibrate  # noqa: PLC0415
+    from auditor.store import Store, render_incident_report  # noqa: PLC0415
+
+    _prepare(folder)
+    clean, suspected = fleet(folder)
+    store = folder / "audit"
+    tally = Tally()
+    _record((*clean, *suspected), jobs)
+    measured = partial(measure_all, store=store, tally=tally, matcher="sgbm", rig=None, vehicle=None, jobs=jobs)
+    learnt = measured([take.file for take in clean])
+    kept = Store.open(store)
+    calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
+    kept.write_calibration(calibration)
+    audited = measured([take.file for take in suspected])
+    judging = Judging(Decimal(0), "gated", calibration.calibration_id, transfer=False, strict=True)
+    judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
+    show_audit(kept, "table", {one.recording_id for one in audited})
+    exact = _compare(kept, suspected)
+    page = render_incident_report(kept, out=store / "reports" / "incident.html")
+    click.echo(f"The incident page: {page}")
+    click.echo(f"Ask further:       auditor query --store {store}")
+    return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
+
+
+def _prepare(folder: Path) -> None:
+    """An empty folder; what an earlier demo left there is removed, anything else is not touched."""
+    from auditor.errors import SettingError  # noqa: PLC0415
+
+    if folder.exists() and any(folder.iterdir()) and not (folder / _MARKER).exists():
+        raise SettingError("the folder is not empty", where=folder, remedy="name an empty or a new one")
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    (folder / _MARKER).touch()
+
+
+def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
+    from auditor.demo import record  # noqa: PLC0415
+    from auditor.engines import run_all  # noqa: PLC0415
+
+    say(f"making {len(takes)} drives of three vehicles (LiDAR and three cameras), three of them attacked")
+    with progress(len(takes), "rendering") as (advanced, finished):
+        for outcome in run_all(record, takes, jobs, advanced):
+            if outcome.error:
+                raise outcome.error
+            finished("")
+
+
+def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
+    """Print what was planted beside what was found; True where they are the same."""
+    from auditor.store import run_query  # noqa: PLC0415
+
+    summary = {row["name"]: row for row in run_query(store, "summary", {}).to_pylist()}
+    rows = []
+    for take in takes:
+        found = summary[take.file.name]
+        planted = [] if take.attacked is None else [take.attacked]
+        rows.append(
+            {
+                "recording": take.file.name,
+                "vehicle": take.street.vehicle,
+                "planted": [f"S_{sensor}" for sensor in planted],
+                "found": [f"S_{sensor}" for sensor in found["attacked_sensors"]],
+                "frames attacked": len(take.attacked_frames),
+                "frames named": found["attacked"],
+                "exact": found["attacked_sensors"] == planted,
+            }
+        )
+    print_rows(rows, tuple(rows[0]), title="Planted and found")
+    return all(row["exact"] for row in rows)

@@ -1,0 +1,108 @@
+"""The whole chain on real frames: KITTI drives 0009 and 0001, from the folder that AUDITOR_TEST_DATA names."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.evidence.lidar import lidar_view
+from auditor.frames import Frame
+from auditor.rig import Rig
+from tests.benchmarks import identification
+from tests.benchmarks.real_drives import frames
+
+DEPTH_FRAMES = (5, 25, 45, 65, 85)
+ANNOTATED_PER_METRE = 256
+
+
+@pytest.fixture(scope="module")
+def converted(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("converted")
+    for number in ("0009", "0001"):
+        source = real_data / f"kitti_raw_2011_09_26_drive_{number}"
+        assert run(["convert", str(source), str(folder / f"{number}.mcap")]) == 0
+    return folder
+
+
+def test_a_drive_calibrated_on_its_first_half_is_audited_whole(
+    converted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store, recording = str(tmp_path / "audit"), str(converted / "0009.mcap")
+    assert run(["calibrate", recording, "--frames", "0:20", "-r", "0", "--store", store]) == 0
+    code = run(["scan", recording, "-r", "0", "--store", store])
+    capfd.readouterr()
+    assert run(["query", "--store", store, "--format", "json", "--sql", "SELECT frame, kind FROM verdicts"]) == 0
+    raised = [row["frame"] for row in json.loads(capfd.readouterr().out) if row["kind"] != "clean"]
+    assert not [frame for frame in raised if frame < 20]
+    assert len(raised) <= 4
+    assert code == (1 if raised else 0)
+
+
+def test_four_cameras_name_the_attacked_one_and_the_page_tells_it(
+    converted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store, clean, attacked = tmp_path / "audit", converted / "0009.mcap", tmp_path / "attacked.mcap"
+    assert run(["attack", str(clean), str(attacked), "--on", "S_2", "--from", "1", "--to", "3"]) == 0
+    assert run(["calibrate", str(clean), "-r", "0", "--store", str(store)]) == 0
+    assert run(["scan", str(attacked), "-r", "0", "--store", str(store)]) == 1
+    capfd.readouterr()
+    assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
+    [incident] = json.loads(capfd.readouterr().out)
+    assert incident["attacked"] == [2]
+    assert (incident["first_frame"], incident["last_frame"]) == (10, 28)
+    page = tmp_path / "incident.html"
+    assert run(["report", "--store", str(store), "--out", str(page)]) == 0
+    assert "camera_color_right" in page.read_text()
+
+
+def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -> None:
+    rig, stream = frames("0009")
+    clean: dict[int, identification.Errors] = {}
+    cases = []
+    for frame in stream:
+        clean[frame.number] = identification.disparity_errors(frame, rig)
+        rng = np.random.default_rng(frame.number)
+        for sensor in rig.sensors:
+            changed = identification.attacked(frame, rig, sensor, "opaque", rng)
+            cases.append((frame.number, sensor, identification.disparity_errors(changed, rig)))
+    named = {mode: defaultdict(int) for mode in ("in sample", "held out")}
+    for number, sensor, E in cases:
+        for mode, counts in named.items():
+            block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "held out" else ()
+            theta = identification.maxima([E for other, E in clean.items() if other not in block])
+            counts[sensor] += identification.named(E, theta, rig) == (sensor,)
+    assert len(cases) == 160
+    assert sum(named["in sample"].values()) >= 0.94 * 160, named
+    assert sum(named["held out"].values()) >= 0.88 * 160, named
+
+
+@pytest.mark.parametrize("witness", [1, 2])
+def test_lidar_disparities_agree_with_the_annotated_depth(real_data: Path, witness: int) -> None:
+    rig, stream = frames("0001")
+    folder = real_data / "kitti_raw_2011_09_26_drive_0001" / "annotated_depth" / "image_02"
+    off = []
+    for number, frame in zip((0, 1, 2, 3, 4, *DEPTH_FRAMES), stream, strict=True):
+        if number in DEPTH_FRAMES:
+            depth_m = cv2.imread(str(folder / f"{number:010d}.png"), cv2.IMREAD_UNCHANGED) / ANNOTATED_PER_METRE
+            off.append(_off_px(frame, rig, witness, depth_m))
+    off_px = np.concatenate(off)
+    print(f"S_{witness}: {off_px.size} pixels, median {np.median(off_px):.3f} px, over 1 px {np.mean(off_px > 1):.4f}")
+    assert off_px.size > 30_000
+    assert np.median(off_px) < 0.1
+    assert np.mean(off_px > 1) < 0.03
+
+
+def _off_px(frame: Frame, rig: Rig, witness: int, depth_m: np.ndarray) -> np.ndarray:
+    """|DM_{0,3} - annotated disparity| at the pixels that have both."""
+    view = lidar_view(frame.cloud, rig, 3)
+    z = depth_m[view.row, view.column]
+    known = z > 0
+    u, v, z = view.column[known], view.row[known], z[known]
+    P, P_witness = rig.camera(3).projection, rig.camera(witness).projection
+    points = np.linalg.solve(P[:, :3], np.stack([u * z, v * z, z]) - P[:, 3:])
+    seen = P_witness[:, :3] @ points + P_witness[:, 3:]
+    return np.abs(view.disparity_px(rig, witness)[known] - (u - seen[0] / seen[2]))
