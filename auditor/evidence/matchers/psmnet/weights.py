@@ -20,6 +20,7 @@ _WIDTHS = range(1, 257)
 _FIRST = "feature_extraction.firstconv.0.0.weight"
 _COUNTER = "num_batches_tracked"  # no disparity depends on it, and checkpoints of 2018 lack it
 _SHOWN = 6
+_NAME_LENGTH = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +185,8 @@ def _problems(file: WeightsFile) -> tuple[str, ...]:
         problems.append(f"{len(unexpected)} unexpected: {_some(unexpected)}")
     shapes = _shapes(_width(file.tensors))
     known = [name for name in file.tensors if name in shapes]
-    wrong = [f"{n} {tuple(file.tensors[n].shape)} for {shapes[n]}" for n in known if file.tensors[n].shape != shapes[n]]
+    found = {name: tuple(file.tensors[name].shape) for name in known}
+    wrong = [f"{name} {found[name]} for {shapes[name]}" for name in known if found[name] != shapes[name]]
     if wrong:
         problems.append(f"{len(wrong)} of another shape: {_some(wrong)}")
     elif odd := [name for name in known if not _plain(file.tensors[name])]:
@@ -208,10 +210,10 @@ def _width(tensors: Mapping[str, Tensor]) -> int:
     return first.shape[0] if first is not None and first.dim() > 0 and first.shape[0] in _WIDTHS else PUBLISHED_WIDTH
 
 
-def _shapes(width: int) -> dict[str, torch.Size]:
+def _shapes(width: int) -> dict[str, tuple[int, ...]]:
     with torch.device("meta"):
         network = PSMNet(max_disparity=DEFAULT_MAX_DISPARITY, align_corners=True, width=width)
-    return {name: tensor.shape for name, tensor in network.state_dict().items()}
+    return {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
 
 
 def _is_buffer(name: str) -> bool:
@@ -230,4 +232,8 @@ def _max_disparity(metadata: Mapping[str, Any]) -> int | None:
 
 def _some(names: tuple[str, ...] | list[str]) -> str:
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+    # A name is the file's own text: one line of it, and not a long one.
+    return (
+        ", ".join(name[:_NAME_LENGTH] if name.isprintable() else ascii(name[:_NAME_LENGTH]) for name in names[:_SHOWN])
+        + more
+    )
