@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.geometry import Matrix
-from auditor.lab.road.atlas import Atlas, mip_level
+from auditor.lab.road.atlas import Atlas, Texels, mip_level
 from auditor.lab.road.rays import Box, Plane, Rays, product
 from auditor.lab.road.surfaces import Surfaces
 
@@ -37,10 +37,14 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What the rays meet, (H, W): t, infinite where there is nothing, and the number of the surface or NOTHING."""
+    """What the rays meet, (H, W): t, infinite where there is nothing, and the number of the surface or NOTHING.
+
+    `pane_t` is where a laser's ray passes the nearest pane of glass, infinite where it passes none.
+    """
 
     t: Plane
     surface: NDArray[np.int32]
+    pane_t: Plane
 
 
 def view(surfaces: Surfaces, world_SE3_sensor: Matrix, time_s: float) -> View:
@@ -78,9 +82,9 @@ def cast(surfaces: Surfaces, seen: View, rays: Rays, atlas: Atlas, *, through_gl
     shape = (len(rays.q), len(rays.x))
     t = np.full(shape, np.inf, dtype=np.float32)
     surface = np.full(shape, NOTHING, dtype=np.int32)
-    pierced = atlas.has_hole[surfaces.picture]
-    if through_glass:
-        pierced = pierced | atlas.has_glass[surfaces.picture]
+    pane_t = np.full(shape, np.inf, dtype=np.float32)
+    glazed = atlas.has_glass[surfaces.picture] & through_glass
+    pierced = atlas.has_hole[surfaces.picture] | glazed
     for number, nearest, box in _in_view(surfaces, seen, rays):
         before = t[box]
         if not (before > nearest).any():
@@ -88,10 +92,17 @@ def cast(surfaces: Surfaces, seen: View, rays: Rays, atlas: Atlas, *, through_gl
         met, s, r = _meet(seen, number, rays, box)
         hit = (met < before) & (met > NEAREST_M) & (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1)
         if pierced[number]:
-            hit = _without_holes(surfaces, number, rays, atlas, hit, met, s, r, through_glass=through_glass)
+            index = np.flatnonzero(hit)
+            texel = _texel(surfaces, number, rays, atlas, met.ravel()[index], s.ravel()[index], r.ravel()[index])
+            hole = atlas.hole[texel]
+            if glazed[number]:
+                pane = _only(hit, index[atlas.glass[texel] & ~hole])
+                np.copyto(pane_t[box], np.minimum(pane_t[box], met), where=pane)
+                hole = hole | atlas.glass[texel]
+            hit = _only(hit, index[~hole])
         np.copyto(before, met, where=hit)
         np.copyto(surface[box], np.int32(number), where=hit)
-    return Hits(t, surface)
+    return Hits(t, surface, pane_t)
 
 
 def _in_view(surfaces: Surfaces, seen: View, rays: Rays) -> Iterator[tuple[int, np.float32, Box]]:
@@ -159,27 +170,15 @@ def _meet(seen: View, number: int, rays: Rays, box: Box) -> tuple[Plane, Plane, 
     return t, s, r
 
 
-def _without_holes(
-    surfaces: Surfaces,
-    number: int,
-    rays: Rays,
-    atlas: Atlas,
-    hit: NDArray[np.bool_],
-    t: Plane,
-    s: Plane,
-    r: Plane,
-    *,
-    through_glass: bool,
-) -> NDArray[np.bool_]:
-    index = np.flatnonzero(hit)
+def _texel(surfaces: Surfaces, number: int, rays: Rays, atlas: Atlas, t: Plane, s: Plane, r: Plane) -> Texels:
     picture = surfaces.picture[number]
     times_s, times_r = surfaces.times[number]
     texels_m = atlas.size[picture, 1] * times_s / np.linalg.norm(surfaces.edge_s[number])
-    level = mip_level(t.ravel()[index] * np.float32(rays.spread * texels_m))
-    texel = atlas.texels(picture, s.ravel()[index] * times_s, r.ravel()[index] * times_r, level)
-    passed = atlas.hole[texel]
-    if through_glass:
-        passed = passed | atlas.glass[texel]
+    return atlas.texels(picture, s * times_s, r * times_r, mip_level(t * np.float32(rays.spread * texels_m)))
+
+
+def _only(hit: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """A mask of the same shape that is True at the flat indices."""
     kept = np.zeros(hit.size, dtype=np.bool_)
-    kept[index[~passed]] = True
+    kept[index] = True
     return kept.reshape(hit.shape)

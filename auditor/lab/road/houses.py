@@ -16,7 +16,7 @@ def facing_road(x: float, near: float, far: float, bottom_m: float, top_m: float
 def block(rng: np.random.Generator, side: int, x: float, near: float, far: float) -> list[Surface]:
     """A city house of several floors right at the pavement; its facade is windows, ribbed metal, brick or bare."""
     height = float(rng.uniform(6, 14))
-    kind = rng.choice(["windows", "ribs", "boards", "bricks", "bare"], p=[0.45, 0.12, 0.13, 0.15, 0.15])
+    kind = rng.choice(["windows", "ribs", "boards", "bricks", "bare"], p=[0.5, 0.08, 0.06, 0.18, 0.18])
     look = _facade(rng, str(kind), far - near, height)
     base = 3.2 if rng.random() < 0.5 and kind != "bare" else 0.0
     surfaces = [facing_road(x, near, far, base, height, look, side)]
@@ -41,10 +41,10 @@ def _facade(rng: np.random.Generator, kind: str, length_m: float, height_m: floa
     if kind == "ribs":
         return Look("ribs", (length_m / 2.4, 1.0), albedo=albedo * 0.8, detail=0.02)
     if kind == "boards":
-        return Look("boards", (length_m / 2, height_m / 2.5), albedo=albedo * 0.8, detail=0.015)
+        return Look("boards", (length_m / 2, height_m / 2.5), albedo=albedo * 0.8, detail=0.03)
     if kind == "bricks":
         return Look("bricks", (length_m / 4, height_m / 2.6), albedo=albedo * 0.6, detail=0.08)
-    return Look("weathered", (length_m / 16, height_m / 16), albedo=albedo, detail=0.012)
+    return Look("weathered", (length_m / 16, height_m / 16), albedo=albedo, detail=0.025)
 
 
 def _signboard(rng: np.random.Generator, side: int, x: float, near: float, far: float) -> Surface:

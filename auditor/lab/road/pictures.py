@@ -139,7 +139,7 @@ def _windows(rng: np.random.Generator, wall: float) -> Picture:
             albedo[top + 14 : top + 52, left + 16 : left + 48] = 0.95
             pane = (slice(top + 16, top + 50), slice(left + 18, left + 46))
             albedo[pane] = rng.uniform(0.03, 0.1)
-            gloss[pane] = 0.8
+            gloss[pane] = 0.5
             glass[pane] = True
             if rng.random() < 0.6:  # a curtain
                 albedo[top + 16 : top + int(rng.integers(22, 50)), left + 18 : left + 46] = rng.uniform(0.3, 0.7)
@@ -152,14 +152,12 @@ def _shopfront(rng: np.random.Generator) -> Picture:
     """Two large panes with things behind them, a door between, a dark band above."""
     albedo = np.full((128, 256), 0.5, np.float32)
     gloss = np.zeros((128, 256), np.float32)
-    glass = np.zeros((128, 256), bool)
     albedo[:22] = 0.25
     for left, right in ((8, 104), (112, 144), (152, 248)):
         pane = (slice(28, 116), slice(left, right))
         albedo[pane] = np.clip(0.1 + 0.07 * rough(rng, (88, right - left), 0.9), 0.01, 0.5)
-        gloss[pane] = 0.9
-        glass[pane] = True
-    return Picture(albedo, gloss, glass=glass)
+        gloss[pane] = 0.5
+    return Picture(albedo, gloss)
 
 
 def _lettering(rng: np.random.Generator) -> Plane:

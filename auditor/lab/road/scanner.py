@@ -21,13 +21,15 @@ class LidarCharacter:
     """How one LiDAR departs from the ideal one.
 
     Ranges have a deviation of `range_m`; a share of `dropouts` is lost at random, and returns weaker than `weakest` (the
-    albedo of a wall 20 m away that the ray meets squarely) always. The mounting is off by `shift_m` and `turn` (radians about
+    albedo of a wall 20 m away that the ray meets squarely) always; of those from behind glass a share `through_glass` is
+    left. The mounting is off by `shift_m` and `turn` (radians about
     x, y, z), the stamps by `late_s` at most.
     """
 
     range_m: float = 0.0
     dropouts: float = 0.0
     weakest: float = 0.0
+    through_glass: float = 1.0
     shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     late_s: float = 0.0
@@ -38,7 +40,13 @@ def draw_lidar(rng: np.random.Generator) -> LidarCharacter:
     sx, sy, sz = (float(value) for value in rng.normal(0, 0.008, 3))
     tx, ty, tz = (float(value) for value in rng.normal(0, np.deg2rad(0.05), 3))
     return LidarCharacter(
-        range_m=0.02, dropouts=0.03, weakest=0.006, shift_m=(sx, sy, sz), turn=(tx, ty, tz), late_s=0.004
+        range_m=0.02,
+        dropouts=0.03,
+        weakest=0.006,
+        through_glass=0.3,
+        shift_m=(sx, sy, sz),
+        turn=(tx, ty, tz),
+        late_s=0.004,
     )
 
 
@@ -59,6 +67,8 @@ def scan(
     strength = scenery.surfaces.albedo[surface] * facing / np.maximum(distance / 20, 0.5)
     returned = strength > character.weakest * rng.uniform(0.3, 1.7, strength.shape)
     returned &= rng.random(strength.shape) >= character.dropouts
+    behind_glass = hits.pane_t[row, column] < distance
+    returned &= ~behind_glass | (rng.random(strength.shape) < character.through_glass)
     distance = distance + character.range_m * rng.standard_normal(distance.shape)
     points = (direction * distance[:, None])[returned]
     return np.stack([points[:, 2], -points[:, 0], -points[:, 1]], axis=1).astype(np.float32)

@@ -76,7 +76,7 @@ def make_scenery(seed: int, length_m: float, style: Style) -> Scenery:
             _city_side(plot, side)
         else:
             _residential_side(plot, side)
-        _park(plot, side, gap=0.25 if style == "city" else 0.5)
+        _park(plot, side, gap=0.45 if style == "city" else 0.6)
     _traffic(plot)
     _end_of_street(plot)
     pictures = {
@@ -222,7 +222,7 @@ def _park(plot: _Plot, side: int, gap: float) -> None:
         z += float(rng.uniform(0.7, 1.6))
         if rng.random() < gap:
             z += float(rng.uniform(4, 14))
-        name = str(rng.choice(["hatchback", "saloon", "estate", "van"], p=[0.35, 0.3, 0.25, 0.1]))
+        name = str(rng.choice(["hatchback", "saloon", "estate", "van"], p=[0.36, 0.31, 0.28, 0.05]))
         length = SHAPES[name].length_m
         x = _PARKED[side > 0] + float(rng.uniform(-0.12, 0.12))
         sunlit = 0.0 if plot.in_house_shade(x) else 1.0

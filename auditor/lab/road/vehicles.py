@@ -13,7 +13,7 @@ _SIDE_TEXELS = (128, 512)
 _WHEEL_M = 0.33
 _SILL_M = 0.24
 _BELT_M = 0.08
-_BODY_GLOSS = 0.5
+_BODY_GLOSS = 0.35
 
 
 @dataclass(frozen=True)
