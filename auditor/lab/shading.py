@@ -12,7 +12,7 @@ from auditor.lab.textures import Atlas, Tile, level_of
 
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
 _HAZE_M = 400.0
-_GRAZING = np.float32(0.3)
+_GRAZING = np.float32(0.2)
 
 Floats = NDArray[np.float32]
 

@@ -181,7 +181,7 @@ def _concrete(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.06)
+    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.045)
     for column in (8, 90, 170, 250):
         value[:, column : column + 2] = 0.3
     value[150:156] = 1.5
@@ -191,7 +191,7 @@ def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 0.4 + 0.15 * np.abs(cloud_noise(rng, -1.2)), np.full((SIZE, SIZE), 0.12)
+    value, mask = 0.3 + 0.25 * np.abs(cloud_noise(rng, -0.9)), np.full((SIZE, SIZE), 0.12)
     value[60:130, 60:95] = value[60:130, 160:195] = 0.9  # headrests
     value[:6] = value[-6:] = 0.2
     mask[:6] = mask[-6:] = 0.1
@@ -200,7 +200,7 @@ def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _rear(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.06)
+    value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.045)
     value[:50] = 0.3
     value[150:210, 4:52] = value[150:210, 204:252] = 2.2
     value[176:184, 4:52] = value[176:184, 204:252] = 0.8

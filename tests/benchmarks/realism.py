@@ -7,11 +7,8 @@ the same code, and prints medians and 99th percentiles with their ratios. Run fr
 """
 
 import argparse
-import os
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +18,11 @@ from auditor.evidence.matchers import find_matcher
 from auditor.frames import Frame
 from auditor.lab.drives import make_drive
 from auditor.lab.streets import STYLES
-from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from auditor.results import Statistic
 from auditor.rig import Rig
+from tests.benchmarks import real_drives
 
 FACTOR = 1.5
-DRIVE = "kitti_raw_2011_09_26_drive_0009"
-LEFT_OUT = "camera_gray_left"
 
 Errors = NDArray[np.float64]  # (frames, statistics, triples)
 
@@ -40,16 +35,6 @@ def disparity_errors(frames: Iterable[Frame], rig: Rig) -> Errors:
         row = [[c.disparity_error(s) if c else None for c in counts] for s in Statistic]
         rows.append(np.array(row, dtype=np.float64))
     return np.array(rows)
-
-
-def real_drive(folder: Path) -> tuple[Rig, list[Frame]]:
-    with open_recording(folder) as recording:
-        surveyed = survey(recording)
-        found = find_rigs(surveyed)[0]
-        kept = [camera for camera in found.cameras if camera.name != LEFT_OUT]
-        rig = Rig(found.lidar, tuple(replace(camera, number=n) for n, camera in enumerate(kept, start=1)))
-        frames = [frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame)]
-    return rig, frames
 
 
 def spread(errors: Errors) -> NDArray[np.float64]:
@@ -78,11 +63,7 @@ def main() -> int:
     parser.add_argument("--styles", nargs="+", default=list(STYLES))
     options = parser.parse_args()
     use_one_thread()
-    data = os.environ.get("AUDITOR_TEST_DATA")
-    if not data:
-        print("AUDITOR_TEST_DATA is not set: nothing to compare with", file=sys.stderr)
-        return 2
-    rig, frames = real_drive(Path(data) / DRIVE)
+    rig, frames = real_drives.frames("0009")
     real = disparity_errors(frames, rig)
     print("a triple: median, its ratio to drive 0009's, 99th percentile, its ratio; triples " + str(rig.triples))
     print(*lines("drive 0009", real, spread(real)), sep="\n")
