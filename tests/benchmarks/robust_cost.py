@@ -1,0 +1,118 @@
+"""What the robust method costs beside measuring: `python -m tests.benchmarks.robust_cost`.
+
+CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images decoded) on frames of drive 0009, clean,
+under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
+on the same frames; rounds interleaved, medians. Needs AUDITOR_TEST_DATA.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from statistics import median
+from time import process_time
+from typing import Any
+
+import cv2
+
+from auditor.evidence import measure, use_one_thread
+from auditor.evidence.cells import cells_of_likeness, cells_of_points
+from auditor.evidence.contradiction import adjudicate
+from auditor.evidence.lidar import lidar_view
+from auditor.evidence.likeness import likeness
+from auditor.evidence.matchers import find_matcher
+from auditor.evidence.photometric import coarse, compare_light
+from auditor.evidence.reduction import halve
+from auditor.evidence.stereo import stereo_map
+from auditor.evidence.testimony import testify
+from auditor.evidence.texture import textured
+from auditor.evidence.visibility import visible_to_witness
+from auditor.frames import Frame
+from auditor.identification.elements import Witness
+from auditor.identification.local_ratio import WINDOWS, local_ratio
+from auditor.lab.attacks import BogusWall, Facula
+from auditor.rig import Rig
+from tests.benchmarks.real_drives import frames
+
+ROUNDS = 3
+EVERY = 5
+MATCHER = find_matcher("sgbm")
+
+Seconds = dict[str, list[float]]
+
+
+def kinds(frame: Frame, rig: Rig) -> Iterator[tuple[str, Frame]]:
+    """The frame clean and strongly attacked."""
+    yield "clean", frame
+    facula = Facula(2000.0, 375.0, 621.0, 187.0)
+    yield "facula", replace(frame, images={**frame.images, rig.n: facula.apply(frame.images[rig.n])})
+    assert frame.cloud is not None
+    yield "wall", replace(frame, cloud=BogusWall(6.0, 0.0).apply(frame.cloud, rig))
+
+
+def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
+    """Do it and keep the CPU time it took."""
+    started = process_time()
+    result = work()
+    seconds[piece].append(process_time() - started)
+    return result
+
+
+def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig) -> None:
+    """Time measuring as it is, all witnesses together, and each of their pieces for one pair."""
+    timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
+    halves = {n: halve(image.pixels) for n, image in frame.images.items()}
+    texture = {n: textured(half) for n, half in halves.items()}
+    k = rig.n
+    maps = {
+        (i, k): stereo_map(MATCHER, frame.images[k].pixels, frame.images[i].pixels, texture[k], texture[i])
+        for i in range(1, k)
+    }
+    assert frame.cloud is not None
+    view = lidar_view(frame.cloud, rig, k)
+    heard = timed(seconds, f"{kind}: all witnesses", lambda: testify(halves, maps, {k: view}, rig))
+    both = ((Witness.CONTRADICTED, heard.contradicted), (Witness.UNLIKE, heard.unlike))
+    timed(
+        seconds,
+        f"{kind}: local ratios",
+        lambda: [local_ratio(c.valid, c.against, WINDOWS[w]) for w, cells in both for c in cells.values()],
+    )
+    pair = timed(seconds, f"{kind}: likeness, a pair", lambda: likeness(halves[k], halves[1], maps[1, k]))
+    d0 = view.disparity_px(rig, 1)
+    timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_witness(view, rig, 1, d0))
+    points = timed(
+        seconds,
+        f"{kind}: adjudication, a pair",
+        lambda: adjudicate(view, maps[1, k], pair, rig, 1, (halves[k], halves[1])),
+    )
+    camera = rig.camera(k)
+    timed(
+        seconds,
+        f"{kind}: cells, a pair",
+        lambda: (cells_of_likeness(pair), cells_of_points(points, camera.height_px, camera.width_px)),
+    )
+    timed(seconds, f"{kind}: light, a pair", lambda: compare_light(coarse(halves[1]), coarse(halves[k])))
+
+
+def main() -> None:
+    """Measure and print."""
+    use_one_thread()
+    bare = cv2.StereoSGBM.create(0, 128, 5, 200, 800, mode=cv2.STEREO_SGBM_MODE_SGBM)
+    seconds: Seconds = defaultdict(list)
+    rig, stream = frames("0009")
+    kept = list(stream)[::EVERY]
+    for _ in range(ROUNDS):
+        for frame in kept:
+            left, right = frame.images[rig.n].pixels, frame.images[1].pixels
+            timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
+            for kind, changed in kinds(frame, rig):
+                pieces(seconds, kind, changed, rig)
+    yardstick = 2 * median(seconds["bare SGBM call"])
+    for piece, values in seconds.items():
+        print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / yardstick:.3f}")
+    for kind in ("clean", "facula", "wall"):
+        total = sum(median(seconds[f"{kind}: {piece}"]) for piece in ("measure", "all witnesses", "local ratios"))
+        print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / yardstick:.3f}")
+
+
+if __name__ == "__main__":
+    main()
