@@ -27,6 +27,10 @@ class AuditorError(Exception):
         suffix = f"; {self.remedy}" if self.remedy else ""
         return f"{prefix}{self.what}{suffix}"
 
+    def located(self, where: object) -> "AuditorError":
+        """The same error; where it did not know its place, with this one."""
+        return self if self.where else type(self)(self.what, where=where, remedy=self.remedy)
+
     def __reduce__(self) -> tuple[object, ...]:
         # Errors cross process borders; keyword-only arguments need their own pickling.
         return (_rebuild, (type(self), self.what, self.where, self.remedy))

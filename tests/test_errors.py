@@ -13,3 +13,8 @@ def test_an_error_crosses_from_one_process_to_another_whole() -> None:
     error = RecordingError("cut", where="a.mcap", remedy="nothing")
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again)) == (RecordingError, str(error))
+
+
+def test_an_error_that_does_not_know_its_place_can_be_told_and_one_that_does_keeps_it() -> None:
+    assert str(RecordingError("cut", remedy="nothing").located("a.mcap")) == "a.mcap: cut; nothing"
+    assert str(RecordingError("cut", where="b.mcap").located("a.mcap")) == "b.mcap: cut"

@@ -41,13 +41,13 @@ def measure_all(
     measured = {}
     with progress(len(tasks), "measuring") as (advanced, finished):
         for outcome in run_all(measure_recording, tasks, jobs, advanced):
-            if outcome.result is not None:
+            if outcome.error is not None:
+                finished(f"auditor: {outcome.error.located(outcome.item)}")
+                # A recording whose sensors cannot be audited was looked at, and says what is missing.
+                tally.incomplete |= isinstance(outcome.error, RigError)
+                tally.failed = True
+            elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
-                continue
-            finished(f"auditor: {outcome.error}")
-            # A recording whose sensors cannot be audited was looked at, and says what is missing.
-            tally.incomplete |= isinstance(outcome.error, RigError)
-            tally.failed = True
     return [measured[task] for task in tasks if task in measured]

@@ -45,7 +45,11 @@ class McapRecording:
         for file in files:
             with file.open("rb") as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
-                    raise RecordingError("this is no MCAP file, or one cut at its very start", where=file)
+                    raise RecordingError(
+                        "this is no MCAP file, or one cut at its very start",
+                        where=file,
+                        remedy="check how it was copied, or give its true ending",
+                    )
         self._look()
 
     def __enter__(self) -> Self:

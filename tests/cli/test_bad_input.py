@@ -1,0 +1,239 @@
+"""Bad input ends in one clear line and the right exit code, and spoils nothing else."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from tests.small_drives import write_drive
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=12)
+
+
+@pytest.fixture
+def store(clean: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Path:
+    """A store with thresholds, and nothing printed yet."""
+    folder = tmp_path / "audit"
+    assert run(["calibrate", str(clean), "-r", "0", "--store", str(folder)]) == 0
+    capfd.readouterr()
+    return folder
+
+
+def remarks(capfd: pytest.CaptureFixture[str]) -> list[str]:
+    """The lines on stderr that are no progress."""
+    return [line for line in capfd.readouterr().err.splitlines() if line.startswith("auditor: ")]
+
+
+def scan(store: Path, *arguments: object) -> int:
+    return run(["scan", "-r", "0", "--jobs", "1", "--store", str(store), *map(str, arguments)])
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda path: path, "no such file or folder"),
+        (lambda path: path.touch() or path, "empty"),
+        (lambda path: path.mkdir() or path, "no recording"),
+        (lambda path: path.write_bytes(b"not a recording" * 100) and path, ""),
+    ],
+    ids=["missing", "empty", "folder", "other"],
+)
+def test_what_is_no_recording_is_named_and_the_others_go_on(
+    make, says: str, clean: Path, store: Path, tmp_path: Path, capfd
+) -> None:
+    bad = make(tmp_path / "bad.mcap")
+    assert scan(store, bad) == 2
+    [line] = remarks(capfd)
+    assert "bad.mcap" in line
+    assert says in line.lower()
+    assert ";" in line, "it says what to do"
+    assert scan(store, bad, clean) == 3
+    assert "clean.mcap" in capfd.readouterr().out
+
+
+def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(
+    clean: Path, store: Path, tmp_path: Path, capfd
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    content = write_drive(tmp_path / "whole.mcap", count=60).read_bytes()
+    cut.write_bytes(content[: len(content) * 7 // 10])
+    assert scan(store, cut) == 3
+    shown = capfd.readouterr()
+    assert "cut.mcap: damaged" in shown.err
+    capfd.readouterr()
+    assert run(["query", "summary", "--store", str(store), "--format", "json"]) == 0
+    [row] = [row for row in json.loads(capfd.readouterr().out) if row["name"] == "cut.mcap"]
+    assert 25 <= row["measured"] < 50
+    assert row["clean"] + row["attacked"] + row["unidentified"] == row["measured"]
+
+
+def test_a_recording_without_three_overlapping_sensors_says_what_is_missing(store: Path, tmp_path: Path, capfd) -> None:
+    two = write_drive(tmp_path / "two.mcap", count=3, positions_m=(0.6, 0.0), lidar=False)
+    assert scan(store, two) == 3
+    [line] = remarks(capfd)
+    assert "two.mcap" in line
+    assert "no triple possible" in line
+
+
+def test_a_rig_file_that_names_other_topics_is_refused_with_their_names(
+    clean: Path, store: Path, tmp_path: Path, capfd
+) -> None:
+    rig = tmp_path / "rig.toml"
+    assert run(["inspect", str(clean), "--write-rig", str(rig)]) == 0
+    rig.write_text(rig.read_text().replace("/camera_2", "/elsewhere"))
+    assert scan(store, clean, "--rig", rig) == 3
+    [line] = remarks(capfd)
+    assert "/elsewhere" in line
+
+
+def test_thresholds_of_another_rig_kind_are_refused_unless_asked_for(
+    clean: Path, store: Path, tmp_path: Path, capfd
+) -> None:
+    other = write_drive(tmp_path / "other.mcap", count=6, positions_m=(0.9, 0.7, 0.4, 0.0))
+    thresholds = tmp_path / "thresholds.parquet"
+    assert run(["calibrate", str(clean), "-r", "0", "--store", str(store), "--out", str(thresholds)]) == 0
+    assert scan(store, other, "--calibration", thresholds) == 2
+    assert "another rig kind" in capfd.readouterr().err
+    assert scan(store, other, "--calibration", thresholds, "--transfer") in (0, 1)
+    assert (
+        run(
+            [
+                "query",
+                "--store",
+                str(store),
+                "--format",
+                "json",
+                "--sql",
+                "SELECT DISTINCT transferred FROM judgements WHERE transferred",
+            ]
+        )
+        == 0
+    )
+    assert '"transferred": true' in capfd.readouterr().out
+
+
+def test_thresholds_of_another_matcher_are_refused(clean: Path, store: Path, capfd) -> None:
+    calibration = next((store / "calibrations").iterdir()).stem
+    assert scan(store, clean, "--matcher", "sgbm-full", "--calibration", calibration) == 2
+    assert "matcher sgbm, not sgbm-full" in capfd.readouterr().err
+
+
+def test_a_thresholds_file_that_is_none_is_refused(clean: Path, store: Path, tmp_path: Path, capfd) -> None:
+    for name, content in (("text.parquet", b"theta = 0.1"), ("empty.parquet", b"")):
+        (tmp_path / name).write_bytes(content)
+        assert scan(store, clean, "--calibration", tmp_path / name) == 2
+        [line] = remarks(capfd)
+        assert name in line
+        assert "auditor calibrate" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["scan", "--matcher", "magic"], "no matcher is called 'magic'"),
+        (["scan", "-r", "1.5"], "not between 0 and 1"),
+        (["scan", "-r", "often"], "no number"),
+        (["calibrate", "--frames", "20"], "no range of frames"),
+        (["calibrate", "--frames", "900:901"], "no disparity errors"),
+    ],
+)
+def test_an_option_without_sense_is_refused_before_any_work(
+    arguments: list[str], says: str, clean: Path, tmp_path: Path, capfd
+) -> None:
+    verb, *options = arguments
+    assert run([verb, str(clean), "--store", str(tmp_path / "audit"), *options]) == 2
+    assert says in capfd.readouterr().err
+
+
+def test_a_folder_that_is_no_store_is_left_alone(clean: Path, tmp_path: Path, capfd) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    assert scan(tmp_path, clean) == 2
+    assert "no store" in remarks(capfd)[-1]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_judging_and_asking_need_a_store(tmp_path: Path, capfd) -> None:
+    for command in (
+        ["judge", str(tmp_path / "none")],
+        ["query", "summary", "--store", str(tmp_path / "none")],
+        ["report", "--store", str(tmp_path / "none")],
+    ):
+        assert run(command) == 2
+        [line] = remarks(capfd)
+        assert "there is no store" in line
+
+
+def test_an_unknown_query_and_a_bad_parameter_are_refused(store: Path, capfd) -> None:
+    for command, says in (
+        (["query", "weather"], "no such query"),
+        (["query", "incidents", "gap_s=long"], "gap_s"),
+        (["query", "incidents", "gap"], "name=value"),
+        (["query", "--sql", "COPY recordings TO 'x.csv'"], "SELECT"),
+        (["query", "--sql", "SELECT * FROM read_text('/etc/hostname')"], "auditor query"),
+    ):
+        assert run([*command, "--store", str(store)]) == 2
+        assert says in capfd.readouterr().err
+
+
+def test_attacking_a_sensor_that_is_not_there_writes_nothing(clean: Path, tmp_path: Path, capfd) -> None:
+    target = tmp_path / "attacked.mcap"
+    assert run(["attack", str(clean), str(target), "--on", "S_9"]) == 2
+    assert "no S_9" in remarks(capfd)[0]
+    assert run(["attack", str(clean), str(clean), "--on", "S_1"]) == 2
+    assert "exists already" in remarks(capfd)[0]
+    assert not target.exists()
+
+
+def test_a_full_disk_is_one_line_and_leaves_finished_tables_whole(clean: Path, store: Path, tmp_path: Path) -> None:
+    """A file-size limit stands in for the full disk: writing past it fails in the same place."""
+    before = {path: path.read_bytes() for path in store.rglob("*.parquet")}
+    another = write_drive(tmp_path / "another.mcap", count=12, seed=5)
+    program = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)); "
+        "from auditor.cli import run; sys.exit(run(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "scan", str(another), "--store", str(store), "--jobs", "1"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    [line] = [line for line in done.stderr.splitlines() if line.startswith("auditor: ")]
+    assert str(store) in line
+    assert {path: path.read_bytes() for path in before} == before
+    assert scan(store, another) in (0, 1)
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, store: Path, tmp_path: Path) -> None:
+    long = [str(write_drive(tmp_path / f"long{n}.mcap", count=150, seed=n)) for n in range(2)]
+    command = [sys.executable, "-m", "auditor", "scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as started:
+        deadline = time.monotonic() + 60
+        while (
+            not list((store / "frames").glob("*.part*"))
+            and not list((store / "frames").glob(".*"))
+            and time.monotonic() < deadline
+        ):
+            time.sleep(0.02)
+        os.kill(started.pid, signal.SIGINT)
+        _, errors = started.communicate(timeout=60)
+    assert started.returncode == 130, errors
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert again.returncode in (0, 1), again.stderr
+    assert "150 frames" in again.stderr
