@@ -14,7 +14,7 @@ from hypothesis import strategies as st  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
+from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.weights import (  # noqa: E402
     content_sha256,
     convert_weights,
@@ -26,6 +26,10 @@ from tests.evidence.psmnet_networks import ruled_state  # noqa: E402
 STATE = ruled_state(4)
 PREFIXED = {f"module.{name}": tensor for name, tensor in STATE.items()}
 LAST = "classif3.2.weight"
+
+
+def opened(path: Path) -> Matcher:
+    return find_matcher("psmnet", MatcherOptions(weights=path, align_corners=True, max_disparity=32))
 
 
 def training_checkpoint() -> dict[str, object]:
@@ -67,7 +71,7 @@ def test_what_training_left_beside_the_parameters_is_named_and_not_kept(tmp_path
 def test_checkpoints_older_than_the_batch_counters_load(tmp_path: Path) -> None:
     torch.save({name: t for name, t in STATE.items() if "num_batches" not in name}, tmp_path / "w.pth")
     assert load_weights(tmp_path / "w.pth").sha256 == content_sha256(STATE)
-    assert PsmnetMatcher.open(tmp_path / "w.pth", align_corners=True, max_disparity=32).width == 4
+    assert opened(tmp_path / "w.pth").range_px == 32
 
 
 class Payload:
@@ -180,8 +184,8 @@ def test_conversion_keeps_the_weights_and_says_what_they_need(tmp_path: Path) ->
     assert (converted.align_corners, converted.max_disparity) == (True, 32)
     assert converted.sha256 == content_sha256(STATE)
     assert torch.equal(load_file(tmp_path / "w.safetensors")[LAST], STATE[LAST])
-    before = PsmnetMatcher.open(tmp_path / "w.tar", align_corners=True, max_disparity=32)
-    assert PsmnetMatcher.open(tmp_path / "w.safetensors").settings == before.settings
+    before = opened(tmp_path / "w.tar")
+    assert find_matcher("psmnet", MatcherOptions(weights=tmp_path / "w.safetensors")).settings == before.settings
     assert inspect_weights(tmp_path / "w.safetensors").layout == "safetensors"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["w.safetensors", "w.tar"]
 

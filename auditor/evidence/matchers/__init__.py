@@ -2,30 +2,88 @@
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from auditor.errors import SettingError
 from auditor.evidence.matchers.interface import Matcher
+from auditor.evidence.matchers.options import MatcherOptions
 from auditor.evidence.matchers.sgbm import SgbmMatcher
 
-BUILT_IN: Mapping[str, Callable[[], Matcher]] = {
-    "sgbm": SgbmMatcher,
-    "sgbm-full": lambda: SgbmMatcher(step=1),
-}
+_NO_OPTIONS = MatcherOptions()
 
 
-def find_matcher(name: str) -> Matcher:
-    """The matcher of that name: a built-in one, else one of the entry points `auditor.matchers`.
+def find_matcher(name: str, options: MatcherOptions = _NO_OPTIONS) -> Matcher:
+    """The matcher of that name: a built-in one, a model's file, else one of the entry points `auditor.matchers`.
 
-    Raises SettingError that lists the known names.
+    Raises SettingError that lists the known names, for an option that the matcher does not take, for a package that
+    it needs and that is not installed, and as the matchers themselves do.
     """
     if name in BUILT_IN:
-        return BUILT_IN[name]()
+        return BUILT_IN[name](options)
+    kind, _, file = name.partition(":")
+    if kind in MODEL_FILES and file:
+        return MODEL_FILES[kind](Path(file), options)
     plugins = {point.name: point for point in entry_points(group="auditor.matchers")}
     if name in plugins:
+        options.only(name)
         factory: Callable[[], Matcher] = plugins[name].load()
         return factory()
-    known = ", ".join([*BUILT_IN, *plugins])
+    known = ", ".join([*BUILT_IN, *(f"{kind}:FILE" for kind in MODEL_FILES), *plugins])
     raise SettingError(f"no matcher is called {name!r}", where="--matcher", remedy=f"use one of: {known}")
 
 
-__all__ = ["BUILT_IN", "Matcher", "SgbmMatcher", "find_matcher"]
+def _sgbm(options: MatcherOptions) -> Matcher:
+    options.only("sgbm")
+    return SgbmMatcher()
+
+
+def _sgbm_full(options: MatcherOptions) -> Matcher:
+    options.only("sgbm-full")
+    return SgbmMatcher(step=1)
+
+
+def _psmnet(options: MatcherOptions) -> Matcher:
+    if options.weights is None:
+        raise SettingError(
+            "psmnet needs weights", where="--weights", remedy="name a checkpoint, or train one on clean recordings"
+        )
+    try:
+        from auditor.evidence.matchers.psmnet import open_psmnet  # noqa: PLC0415 - torch takes seconds to import
+    except ModuleNotFoundError as error:
+        raise _not_installed("psmnet", "psmnet", error) from error
+    return open_psmnet(options)
+
+
+def _onnx(path: Path, options: MatcherOptions) -> Matcher:
+    options.only("onnx", "device")
+    try:
+        from auditor.evidence.matchers.onnx import open_onnx  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise _not_installed("onnx", "onnx", error) from error
+    return open_onnx(path, device=options.device, threads=options.threads)
+
+
+def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
+    options.only("torchscript", "device")
+    try:
+        from auditor.evidence.matchers.torchscript import open_torchscript  # noqa: PLC0415 - torch takes seconds
+    except ModuleNotFoundError as error:
+        raise _not_installed("torchscript", "psmnet", error) from error
+    return open_torchscript(path, device=options.device, threads=options.threads)
+
+
+def _not_installed(matcher: str, extra: str, error: ModuleNotFoundError) -> SettingError:
+    return SettingError(
+        f"{matcher} needs the package {error.name}", where="--matcher", remedy=f"pip install 'auditor[{extra}]'"
+    )
+
+
+BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
+    "sgbm": _sgbm,
+    "sgbm-full": _sgbm_full,
+    "psmnet": _psmnet,
+}
+MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
+"""Matchers that are files of the user's: `onnx:model.onnx`."""
+
+__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher"]

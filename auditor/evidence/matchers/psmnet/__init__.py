@@ -2,7 +2,7 @@
 
 from auditor.evidence.matchers.psmnet.checking import PrecisionCheck, ScaleCheck, check_precision, check_scale
 from auditor.evidence.matchers.psmnet.cost import Cost, frame_cost
-from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher, open_psmnet
 from auditor.evidence.matchers.psmnet.weights import (
     Weights,
     WeightsReport,
@@ -24,4 +24,5 @@ __all__ = [
     "frame_cost",
     "inspect_weights",
     "load_weights",
+    "open_psmnet",
 ]

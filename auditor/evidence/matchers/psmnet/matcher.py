@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from auditor.errors import SettingError
+from auditor.evidence.matchers.options import MatcherOptions
 from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine, make_engine
 from auditor.evidence.matchers.psmnet.weights import Weights, load_weights, settle
 
@@ -50,22 +50,6 @@ class PsmnetMatcher:
         place = _device(device, precision)
         self.batch = batch if place.type == "cuda" else 1
         self.engine = self._engine(place, precision)
-
-    @classmethod
-    def open(
-        cls,
-        path: Path,
-        *,
-        align_corners: bool | None = None,
-        max_disparity: int | None = None,
-        device: str = "cpu",
-        precision: str = "fp32",
-    ) -> "PsmnetMatcher":
-        """The matcher with the weights in a file; raises SettingError as `load_weights` and the constructor do."""
-        weights = load_weights(path)
-        return cls(
-            weights, align_corners=align_corners, max_disparity=max_disparity, device=device, precision=precision
-        )
 
     @property
     def width(self) -> int:
@@ -160,6 +144,19 @@ class PsmnetMatcher:
                 continue
             torch.cuda.empty_cache()  # here, where the failed batch's tensors are gone with their exception
         return done
+
+
+def open_psmnet(options: MatcherOptions) -> PsmnetMatcher:
+    """The matcher with the weights in a file; raises SettingError as `load_weights` and PsmnetMatcher do."""
+    assert options.weights is not None
+    torch.set_num_threads(options.threads)
+    return PsmnetMatcher(
+        load_weights(options.weights),
+        align_corners=options.align_corners,
+        max_disparity=options.max_disparity,
+        device=options.device,
+        precision=options.precision,
+    )
 
 
 def _device(name: str, precision: str) -> torch.device:

@@ -1,0 +1,30 @@
+"""What the command line can say about a matcher beside its name."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from auditor.errors import SettingError
+
+
+@dataclass(frozen=True)
+class MatcherOptions:
+    """Options of matchers that are networks; what is None or left at its default was not asked for.
+
+    `weights` file, `align_corners` convention and `max_disparity` in pixels of PSMNet, `device` cpu, cuda or cuda:1,
+    `precision` fp32, tf32, fp16 or bf16, `threads` of the CPU that one process may use.
+    """
+
+    weights: Path | None = None
+    align_corners: bool | None = None
+    max_disparity: int | None = None
+    device: str = "cpu"
+    precision: str = "fp32"
+    threads: int = 1
+
+    def only(self, matcher: str, *taken: str) -> None:
+        """Raises SettingError where something was asked for that the matcher does not take."""
+        for option in fields(self):
+            if option.name not in (*taken, "threads") and getattr(self, option.name) != option.default:
+                raise SettingError(
+                    f"{matcher} takes no such option", where="--" + option.name.replace("_", "-"), remedy="leave it out"
+                )
