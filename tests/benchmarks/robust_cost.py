@@ -1,4 +1,4 @@
-"""What the robust method costs beside measuring: `python -m tests.benchmarks.robust_cost`.
+"""What the robust method costs beside measuring: `OPENBLAS_NUM_THREADS=1 python -m tests.benchmarks.robust_cost`.
 
 CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images decoded) on frames of drive 0009, clean,
 under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
