@@ -235,11 +235,9 @@ def test_a_folder_and_nothing_at_all_are_refused(tmp_path: Path) -> None:
             load_weights(path)
 
 
+@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
 def test_a_torchscript_program_is_told_apart_from_weights(tmp_path: Path) -> None:
-    with pytest.warns(DeprecationWarning, match=r"torch\.jit"):
-        program = torch.jit.trace(torch.nn.ReLU(), torch.zeros(1))
-    with pytest.warns(DeprecationWarning, match=r"torch\.jit"):
-        torch.jit.save(program, tmp_path / "w.pt")
+    torch.jit.save(torch.jit.trace(torch.nn.ReLU(), torch.zeros(1)), tmp_path / "w.pt")
     with pytest.raises(SettingError, match="a TorchScript program, not weights"):
         load_weights(tmp_path / "w.pt")
 
