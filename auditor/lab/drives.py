@@ -141,7 +141,7 @@ def make_drive(
         lane_m=look.lane_m,
         light=Light(sun=(x, y, z), direct=float(rng.uniform(1.1, 1.7)), ambient=float(rng.uniform(0.28, 0.42))),
         atlas=make_atlas(rng),
-        surfaces=gather(street(look, frames * PERIOD_NS / 1e9 * speed, rng), rng),
+        surfaces=gather(street(look, frames * PERIOD_NS / 1e9 * speed, speed, rng), rng),
     )
 
 

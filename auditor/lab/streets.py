@@ -70,14 +70,14 @@ def style_named(name: str) -> Style:
     return STYLES[name]
 
 
-def street(style: Style, length_m: float, rng: np.random.Generator) -> list[Piece]:
-    """A straight street for a vehicle that drives from z = 0 to `length_m`."""
+def street(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> list[Piece]:
+    """A straight street for a vehicle that drives from z = 0 to `length_m`, with other traffic."""
     end = length_m + BEYOND_M
     pieces = list(_ground(style, end, rng))
     for side in (-1, 1):
         pieces += _lined(style, side, end, rng)
         pieces += _beside(style, side, end, rng)
-    pieces += _traffic(style, length_m, rng)
+    pieces += _traffic(style, length_m, speed_m_s, rng)
     pieces += _closed(style, end, rng)
     return pieces
 
@@ -136,9 +136,9 @@ def _beside(style: Style, side: int, end: float, rng: np.random.Generator) -> It
             yield from crown((at, -height, z + rng.uniform(0, 6)), radius, height, 6, rng, tile=Tile.HEDGE)
 
 
-def _traffic(style: Style, length_m: float, rng: np.random.Generator) -> Iterator[Piece]:
+def _traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> Iterator[Piece]:
     """One vehicle ahead, and some that come the other way."""
-    yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=rng.uniform(6.5, 9))
+    yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=speed_m_s * rng.uniform(0.97, 1.1))
     z = rng.uniform(25, 60)
     while z < 2.2 * length_m + BEYOND_M:
         yield from car(-style.lane_m - 0.8, z, rng, speed=-rng.uniform(7, 11))
@@ -173,7 +173,7 @@ def _plain(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator
 
 
 def _ribs(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
-    look = Look(Tile.RIBS, (3.2, 3.2), albedo=_bright(rng), contrast=rng.uniform(0.1, 0.6), stains=0.15)
+    look = Look(Tile.RIBS, (3.2, 3.2), albedo=_bright(rng), contrast=rng.uniform(0.1, 0.4), stains=0.25)
     return house(x, z0, z1, rng.uniform(5, 9), look)
 
 
@@ -189,7 +189,7 @@ def _wall(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[
 
 
 def _fenced(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
-    yield from fence(x, z0, z1, rng.uniform(1.1, 2), rng)
+    yield from fence(x, z0, z1, rng.uniform(0.9, 1.5), rng)
     yield from _open(x + np.sign(x) * 4, z0, z1, rng)
 
 

@@ -220,7 +220,7 @@ def _wheel(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def _fence(rng: np.random.Generator) -> tuple[Floats, Floats]:
     at = np.arange(SIZE)
-    bars, rails = (at % 16) < 5, (np.abs(at - 30) < 7) | (np.abs(at - 220) < 7)
+    bars, rails = (at % 32) < 8, (np.abs(at - 30) < 7) | (np.abs(at - 220) < 7)
     return 1 + 0.1 * cloud_noise(rng, -0.5), bars[None, :] | rails[:, None]
 
 

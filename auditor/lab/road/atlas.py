@@ -93,7 +93,7 @@ def mip_level(texels_a_pixel: Plane) -> Texels:
 
 
 def _halved(width: Texels, level: Texels) -> Texels:
-    return np.maximum(width >> level, 1)
+    return np.asarray(np.maximum(width >> level, 1))
 
 
 def _mean_of_four(plane: Plane) -> Plane:

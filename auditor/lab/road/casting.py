@@ -62,7 +62,7 @@ def view(surfaces: Surfaces, world_SE3_sensor: Matrix, time_s: float) -> View:
     along_r /= np.einsum("ij,ij->i", along_r, edge_r)[:, None]
 
     def dot(a: Matrix, b: Matrix) -> Plane:
-        return np.einsum("ij,ij->i", a, b).astype(np.float32)
+        return np.asarray(np.einsum("ij,ij->i", a, b), dtype=np.float32)
 
     return View(
         corner=corner.astype(np.float32),

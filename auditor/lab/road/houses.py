@@ -27,8 +27,8 @@ def block(rng: np.random.Generator, side: int, x: float, near: float, far: float
         surfaces.append(facing_road(x, near, far, 0.0, base, shop, side))
         surfaces.append(_signboard(rng, side, x, near, far))
     end = Look("weathered", ((far - near) / 8, 1.0), albedo=look.albedo * 0.9, detail=0.05)
-    across = (x, x + side * 12)
-    surfaces.append(upright(*sorted([(across[0], near), (across[1], near)]), 0.0, height, end))
+    left, right = sorted((x, x + side * 12))
+    surfaces.append(upright((left, near), (right, near), 0.0, height, end))
     pipe = Look(albedo=0.3, detail=0.1)
     surfaces += prism(x - side * 0.08, near + 0.3, 0.06, 0.0, height, pipe, sides=4)
     return surfaces
@@ -103,7 +103,8 @@ def lamp_post(x: float, z: float, side: int) -> list[Surface]:
     """A post with an arm over the road."""
     metal = Look(albedo=0.35, detail=0.08)
     arm = facing_road(x, z, z + 0.12, 6.9, 7.0, metal, side)
-    reach = upright(*sorted([(x, z), (x - side * 1.4, z)]), 6.9, 7.0, metal)
+    left, right = sorted((x, x - side * 1.4))
+    reach = upright((left, z), (right, z), 6.9, 7.0, metal)
     return [*prism(x, z, 0.07, 0.0, 7.0, metal, sides=6), arm, reach]
 
 

@@ -37,7 +37,7 @@ def materials(rng: np.random.Generator) -> dict[str, Picture]:
 
 def _grain(rng: np.random.Generator) -> Plane:
     coarse, fine = rough(rng, (1024, 1024), 1.0, 4), rough(rng, (1024, 1024), 0.15, 64)
-    return np.clip(0.6 * coarse + 0.8 * fine, -2.5, 2.5)
+    return np.asarray(np.clip(0.6 * coarse + 0.8 * fine, -2.5, 2.5), dtype=np.float32)
 
 
 def _surroundings(rng: np.random.Generator) -> Plane:

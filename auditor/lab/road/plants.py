@@ -26,7 +26,7 @@ def tree(rng: np.random.Generator, x: float, z: float, height_m: float, crown_m:
         )
         surfaces.append(_card(rng, middle + direction, float(rng.uniform(1.1, 2.0)), leaf))
     twigs = Look("twigs", albedo=0.7, detail=0.1, both_sided=True)
-    surfaces.extend(_card(rng, middle + [0, 0.8 * crown_m, 0], crown_m * 1.2, twigs) for _ in range(2))
+    surfaces.extend(_card(rng, middle - 0.8 * crown_m * _UP, crown_m * 1.2, twigs) for _ in range(2))
     return surfaces
 
 

@@ -15,13 +15,27 @@ Box = tuple[slice, slice]
 
 
 class Rays(Protocol):
-    """A grid of rays; `spread` is the angle between neighbours, in metres a metre."""
+    """A grid of H x W rays."""
 
-    p: Plane
-    q: Plane
-    x: Plane
-    z: Plane
-    spread: float
+    @property
+    def p(self) -> Plane:
+        """(H,) by how much the rays of a row spread sideways."""
+
+    @property
+    def q(self) -> Plane:
+        """(H,) how far the rays of a row look down."""
+
+    @property
+    def x(self) -> Plane:
+        """(W,) how far the rays of a column look to the right."""
+
+    @property
+    def z(self) -> Plane:
+        """(W,) how far the rays of a column look ahead."""
+
+    @property
+    def spread(self) -> float:
+        """The angle between neighbours, in metres a metre."""
 
     def locate(self, points: Plane) -> tuple[Plane, Plane]:
         """Rows and columns, not whole, in which (..., 3) points before the sensor are seen."""

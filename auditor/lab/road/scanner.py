@@ -20,10 +20,10 @@ _STEP = np.deg2rad(0.17)
 class LidarCharacter:
     """How one LiDAR departs from the ideal one.
 
-    Ranges have a deviation of `range_m`; a share of `dropouts` is lost at random, and returns weaker than `weakest` (the
-    albedo of a wall 20 m away that the ray meets squarely) always; of those from behind glass a share `through_glass` is
-    left. The mounting is off by `shift_m` and `turn` (radians about
-    x, y, z), the stamps by `late_s` at most.
+    Ranges have a deviation of `range_m`; a share of `dropouts` is lost at random, and returns about as weak as `weakest`
+    (the albedo of a wall 20 m away that the ray meets squarely) always; of those from behind glass a share
+    `through_glass` is left. The mounting is off by `shift_m` and `turn` (radians about x, y, z), the stamps by `late_s`
+    at most.
     """
 
     range_m: float = 0.0

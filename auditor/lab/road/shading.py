@@ -25,8 +25,8 @@ class Light:
     """Sun and sky. `to_sun` is a unit vector of the world frame; brightness 1 is white in full sunlight.
 
     `shadow` names the picture that says how much sun comes through above the ground rectangle that begins at
-    `shadow_corner` (x, z) and is `shadow_size_m` (x, z) large. `surroundings` names what glossy surfaces mirror: columns
-    go by x, rows by height, of the mirrored direction.
+    `shadow_corner` (x, z) and is `shadow_size_m` (x, z) large. `surroundings` names what glossy surfaces mirror:
+    columns go by x, rows by height, of the mirrored direction.
     """
 
     to_sun: Plane

@@ -87,10 +87,8 @@ def vehicle(
             )
         )
     side = replace(body, picture=f"side of {name}", bend=0.25, both_sided=True)
-    for at in (left, right):
-        surfaces.append(
-            Surface((at, -shape.height_m, rear), (0.0, 0.0, turn * shape.length_m), (0.0, shape.height_m, 0.0), side)
-        )
+    along, down = (0.0, 0.0, turn * shape.length_m), (0.0, shape.height_m, 0.0)
+    surfaces += [Surface((at, -shape.height_m, rear), along, down, side) for at in (left, right)]
     near, far = sorted((rear, rear + turn * shape.length_m))
     surfaces.append(level(left, right, near, far, 0.02, Look(albedo=0.05, detail=0.05, sunlit=0.0)))
     return [replace(surface, speed_m_s=speed_m_s) for surface in surfaces]
