@@ -1,5 +1,7 @@
 """KEEP: measurements and verdicts as Parquet, and the SQL that reads them."""
 
+import pyarrow
+
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.describing import Description, describe, list_views
 from auditor.store.frames_writer import FramesWriter
@@ -16,6 +18,9 @@ from auditor.store.records import (
 )
 from auditor.store.report import render_incident_report
 from auditor.store.store import Store
+
+# Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
+pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
 
 __all__ = [
     "Description",

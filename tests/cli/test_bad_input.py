@@ -60,11 +60,11 @@ def test_what_is_no_recording_is_named_and_the_others_go_on(
     assert "clean.mcap" in capfd.readouterr().out
 
 
-def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(
-    clean: Path, store: Path, tmp_path: Path, capfd
-) -> None:
+def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(store: Path, tmp_path: Path, capfd) -> None:
     cut = tmp_path / "cut.mcap"
-    content = write_drive(tmp_path / "whole.mcap", count=60).read_bytes()
+    whole = write_drive(tmp_path / "whole.mcap", count=60)
+    assert run(["calibrate", str(whole), "-r", "0", "--store", str(store)]) == 0
+    content = whole.read_bytes()
     cut.write_bytes(content[: len(content) * 7 // 10])
     assert scan(store, cut) == 3
     shown = capfd.readouterr()
@@ -217,7 +217,7 @@ def test_a_full_disk_is_one_line_and_leaves_finished_tables_whole(clean: Path, s
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, store: Path, tmp_path: Path) -> None:
-    long = [str(write_drive(tmp_path / f"long{n}.mcap", count=150, seed=n)) for n in range(2)]
+    long = [str(write_drive(tmp_path / f"long{n}.mcap", count=80, seed=n)) for n in range(2)]
     command = [sys.executable, "-m", "auditor", "scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -231,9 +231,10 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, sto
             time.sleep(0.02)
         os.kill(started.pid, signal.SIGINT)
         _, errors = started.communicate(timeout=60)
-    assert started.returncode == 130, errors
+    # Interrupted among its first imports, Python ends itself by the signal; a shell reports 130 for both.
+    assert started.returncode in {130, -signal.SIGINT}, errors
     assert "interrupted" in errors
     assert "Traceback" not in errors
     again = subprocess.run(command, capture_output=True, text=True, check=False)
     assert again.returncode in (0, 1), again.stderr
-    assert "150 frames" in again.stderr
+    assert "80 frames" in again.stderr
