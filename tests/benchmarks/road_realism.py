@@ -2,9 +2,9 @@
 
     python tests/benchmarks/road_realism.py DRIVE [--seeds 6] [--frames 40] [--step 1] [--styles city residential]
 
-DRIVE is the folder of KITTI raw drive 2011_09_26_drive_0009. Prints, for every triple, plain and gated, the median and the
-99th percentile of E over the frames of the real drive, of each seed, and of all seeds of a style together, with their
-ratios to the real one's. A ratio outside [1 / 1.5, 1.5] is marked with an asterisk.
+DRIVE is the folder of KITTI raw drive 2011_09_26_drive_0009. Prints, for every triple, plain and gated, the median and
+the 99th percentile of E over the frames of the real drive, of each seed, and of all seeds of a style together, with
+their ratios to the real one's. A ratio outside [1 / 1.5, 1.5] is marked with an asterisk.
 """
 
 import argparse

@@ -17,8 +17,8 @@ _MAX_ROW_ERROR_PX = 0.3
 class CameraCharacter:
     """How one camera departs from the ideal one. `row_error_px` is how far its rows lie beside the calibrated ones.
 
-    `blur` is the weight of each neighbour. Photon noise has a variance of `photon` grey levels a grey level, read noise a
-    deviation of `read`. `vignetting` is the share of light lost in the corners.
+    `blur` is the weight of each neighbour. Photon noise has a variance of `photon` grey levels a grey level, read noise
+    a deviation of `read`. `vignetting` is the share of light lost in the corners.
     """
 
     gain: float = 1.0
@@ -51,7 +51,7 @@ def expose(brightness: Plane, character: CameraCharacter, rng: np.random.Generat
     if character.read > 0:
         deviation = np.sqrt(np.clip(level, 0, 255) * np.float32(character.photon) + np.float32(character.read**2))
         level += deviation * rng.standard_normal(level.shape, dtype=np.float32)
-    return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(level), 0, 255), dtype=np.uint8)
 
 
 def _blurred(plane: Plane, weight: float) -> Plane:
@@ -66,4 +66,4 @@ def _vignette(shape: tuple[int, ...], loss: float) -> Plane:
     height, width = shape
     v = (np.arange(height, dtype=np.float32) * 2 - height) / width
     u = (np.arange(width, dtype=np.float32) * 2 - width) / width
-    return 1 - np.float32(loss) * (v[:, None] ** 2 + u[None, :] ** 2)
+    return np.asarray(1 - loss * (v[:, None] ** 2 + u[None, :] ** 2), dtype=np.float32)

@@ -146,7 +146,7 @@ def _outline(seen: View, candidate: NDArray[np.intp]) -> tuple[Plane, NDArray[np
     # An edge that lies wholly behind has no part in the outline: replace its points by one that has.
     ahead = points[..., 2] > NEAREST_M
     some = np.take_along_axis(points, ahead.argmax(1)[:, None, None], axis=1)
-    return np.where(ahead[..., None], points, some).astype(np.float32), before
+    return np.where(ahead[..., None], points, some).astype(np.float32), np.asarray(before)
 
 
 def _along_cut(first: Plane, last: Plane, rise: Plane) -> Plane:

@@ -134,9 +134,9 @@ def make_drive(
 ) -> SyntheticDrive:
     """A drive of so many frames, the same for the same arguments.
 
-    The sensors are KITTI's, the focal length scaled with the width. `evenly_spaced` spreads the cameras over KITTI's 0.6 m;
-    `flawless` leaves out noise, blur, and the errors of calibration and stamps. Raises SettingError where an argument makes
-    no sense.
+    The sensors are KITTI's, the focal length scaled with the width. `evenly_spaced` spreads the cameras over KITTI's
+    0.6 m; `flawless` leaves out noise, blur, and the errors of calibration and stamps. Raises SettingError where an
+    argument makes no sense.
     """
     if frames < 1 or n_cameras < 1 or min(width_px, height_px) < 16 or period_s <= 0:
         raise SettingError(

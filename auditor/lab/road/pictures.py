@@ -74,7 +74,7 @@ def _bricks(rng: np.random.Generator, rows: int, columns: int, joint: float) -> 
     for course in range(1, rows, 2):
         part = slice(course * high, (course + 1) * high)
         plane[part] = np.roll(plane[part], wide // 2, axis=1)
-    return np.clip(plane, 0, 1).astype(np.float32)
+    return np.asarray(np.clip(plane, 0, 1), dtype=np.float32)
 
 
 def _tiles(rng: np.random.Generator) -> Plane:

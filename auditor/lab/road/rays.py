@@ -1,7 +1,7 @@
 """The rays that a camera or a scanning LiDAR looks along.
 
-Both are grids whose ray at (row, column) is (p[row] x[column], q[row], p[row] z[column]) in the sensor's frame (x right,
-y down, z forward), so that the product of all rays with a vector is an outer product and costs next to nothing.
+Both are grids whose ray at (row, column) is (p[row] x[column], q[row], p[row] z[column]) in the sensor's frame (x
+right, y down, z forward), so that the product of all rays with a vector is an outer product and costs next to nothing.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,8 @@ class PinholeRays:
     def locate(self, points: Plane) -> tuple[Plane, Plane]:
         """Rows and columns of (..., 3) points with z > 0."""
         scale = np.float32(1 / self.spread) / points[..., 2]
-        return points[..., 1] * scale + self.centre_px[1], points[..., 0] * scale + self.centre_px[0]
+        column_px, row_px = self.centre_px
+        return points[..., 1] * scale + np.float32(row_px), points[..., 0] * scale + np.float32(column_px)
 
 
 def pinhole(width_px: int, height_px: int, focal_px: float, centre_px: tuple[float, float]) -> PinholeRays:

@@ -20,8 +20,8 @@ _STEP = np.deg2rad(0.17)
 class LidarCharacter:
     """How one LiDAR departs from the ideal one.
 
-    Ranges have a deviation of `range_m`; a share of `dropouts` is lost at random, and returns about as weak as `weakest`
-    (the albedo of a wall 20 m away that the ray meets squarely) always; of those from behind glass a share
+    Ranges have a deviation of `range_m`; a share of `dropouts` is lost at random, and returns about as weak as
+    `weakest` (the albedo of a wall 20 m away that the ray meets squarely) always; of those from behind glass a share
     `through_glass` is left. The mounting is off by `shift_m` and `turn` (radians about x, y, z), the stamps by `late_s`
     at most.
     """
@@ -69,6 +69,6 @@ def scan(
     returned &= rng.random(strength.shape) >= character.dropouts
     behind_glass = hits.pane_t[row, column] < distance
     returned &= ~behind_glass | (rng.random(strength.shape) < character.through_glass)
-    distance = distance + character.range_m * rng.standard_normal(distance.shape)
+    distance = distance + np.float32(character.range_m) * rng.standard_normal(distance.shape, dtype=np.float32)
     points = (direction * distance[:, None])[returned]
     return np.stack([points[:, 2], -points[:, 0], -points[:, 1]], axis=1).astype(np.float32)

@@ -108,7 +108,7 @@ def _on_ground(light: Light, vector: Plane, origin: NDArray[np.float64]) -> Plan
     """(M, 2) where sunlight through points (or along edges) meets the ground, in lengths of the shadow picture."""
     along = vector[:, 1] / light.to_sun[1]
     on_ground = vector[:, [0, 2]] - along[:, None] * light.to_sun[[0, 2]]
-    return ((on_ground - origin) / np.array(light.shadow_size_m)).astype(np.float32)
+    return np.asarray((on_ground - origin) / np.array(light.shadow_size_m), dtype=np.float32)
 
 
 def _shade_band(
@@ -146,7 +146,7 @@ def _shade_band(
 
 def _dot(vectors: Plane, number: NDArray[np.int32], dx: Plane, dy: Plane, dz: Plane) -> Plane:
     x, y, z = (np.ascontiguousarray(vectors[:, axis]) for axis in range(3))
-    return x[number] * dx + y[number] * dy + z[number] * dz
+    return np.asarray(x[number] * dx + y[number] * dy + z[number] * dz)
 
 
 def _worn(scenery: Scenery, columns: _Columns, pixels: _Pixels) -> tuple[Plane, Plane]:

@@ -122,7 +122,7 @@ def _road(rng: np.random.Generator, length_m: float) -> Plane:
         ground[:, np.abs(x - kerb) < 0.25] *= 1.35
     off = (x < _KERBS[0]) | (x > _KERBS[1])
     ground[:, off] *= 0.9
-    return np.clip(ground, 0.05, 1).astype(np.float32)
+    return np.asarray(np.clip(ground, 0.05, 1), dtype=np.float32)
 
 
 def _lay_ground(plot: _Plot) -> None:
