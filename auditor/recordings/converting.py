@@ -26,7 +26,8 @@ from auditor.results import AttackLabel
 
 HEADER = "std_msgs/msg/Header"
 
-_ROS_ENCODINGS = frozenset({"cdr", "ros1", "png", "bin", "json"})
+_KITTI_SCHEMAS = "kitti/"
+_ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,9 @@ def rewrite(
     there = {topic.name for topic in recording.topics()}
     if missing := sorted(changes.keys() - there):
         raise RecordingError(f"there is no topic {', '.join(missing)} to change", where=recording.path)
-    ros2 = all(topic.encoding in _ROS_ENCODINGS for topic in recording.topics())
+    ros2 = all(
+        topic.encoding in _ROS_ENCODINGS or topic.schema.startswith(_KITTI_SCHEMAS) for topic in recording.topics()
+    )
     maker = MessageMaker("cdr")
     copying = _Copying(recording, maker)
     changing = Changing(maker, copying.definition)
@@ -110,7 +113,7 @@ class _Copying:
     def to_ros2(self, message: Message) -> Message | None:
         """The message as it goes into the target, or None, noting the topic, where it cannot."""
         try:
-            if message.schema.startswith("kitti/"):
+            if message.schema.startswith(_KITTI_SCHEMAS):
                 schema, data = self._from_kitti(message)
             elif message.encoding == "ros1":
                 schema, data = message.schema, self._from_ros1(message)

@@ -5,7 +5,7 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from auditor.recordings import schemas
-from auditor.recordings.decoding import kitti
+from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import PointCloudDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
@@ -39,6 +39,7 @@ DecoderFactory = Callable[[RosTypes], Decoder]
 """Makes a decoder, given the ROS types of the recording (which decoders of other encodings ignore)."""
 
 _ROS = frozenset({"cdr", "ros1"})
+_FOXGLOVE = frozenset({"protobuf", "json"})
 
 DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     schemas.IMAGE: (_ROS, RawImageDecoder),
@@ -51,6 +52,7 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
     kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),
     kitti.TRANSFORMS: (frozenset({"json"}), lambda _: kitti.KittiTransformsDecoder()),
+    **{schema: (_FOXGLOVE, factory) for schema, factory in foxglove.DECODERS.items()},
 }
 """Built-in decoders by schema, with the message encodings they read.
 

@@ -1,5 +1,6 @@
 """sensor_msgs/CameraInfo and tf2_msgs/TFMessage."""
 
+from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -37,13 +38,14 @@ class RosCameraInfoDecoder:
             width_px=info.width,
             height_px=info.height,
             distortion=tuple(float(value) for value in d),
-            intrinsics=_finite(k, 3, message.topic),
-            rotation=_finite(r, 3, message.topic),
-            projection=_finite(p, 4, message.topic),
+            intrinsics=checked_matrix(k, 3, message.topic),
+            rotation=checked_matrix(r, 3, message.topic),
+            projection=checked_matrix(p, 4, message.topic),
         )
 
 
-def _finite(values: Matrix, columns: int, topic: str) -> Matrix:
+def checked_matrix(values: Sequence[float] | Matrix, columns: int, topic: str) -> Matrix:
+    """The (3, columns) matrix of a calibration. Raises DecodingError where it has another size or absurd numbers."""
     matrix = np.array(values, dtype=np.float64)
     if matrix.size != 3 * columns or not np.all(np.abs(matrix) < ABSURD):
         raise DecodingError("the camera info holds a matrix that is none", where=topic)

@@ -85,12 +85,22 @@ class RawImageDecoder:
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder. The array is a view of the message where nothing had to be converted."""
-        image = self._types.decode(message)
-        check_size((image.width, image.height), size_px)
-        encoding = ENCODINGS.get(image.encoding)
-        if encoding is None:
-            raise DecodingError(f"the image encoding {image.encoding!r} is not understood", where=message.topic)
-        return _convert(_rows(image, encoding), encoding, colour=colour)
+        return raw_pixels(self._types.decode(message), message.topic, colour=colour, size_px=size_px)
+
+
+def raw_pixels(
+    image: Any,  # noqa: ANN401  # the class is generated
+    topic: str,
+    *,
+    colour: bool,
+    size_px: SizePx | None,
+) -> NDArray[np.uint8]:
+    """Pixels of anything with the fields of sensor_msgs/Image. See interface.ImageDecoder."""
+    check_size((image.width, image.height), size_px)
+    encoding = ENCODINGS.get(image.encoding)
+    if encoding is None:
+        raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not understood", where=topic)
+    return _convert(_rows(image, encoding), encoding, colour=colour)
 
 
 def _rows(image: Any, encoding: Encoding) -> NDArray[np.uint8]:  # noqa: ANN401  # the class is generated

@@ -40,14 +40,14 @@ class RosTypes:
     """
 
     def __init__(self, definition: Callable[[str], Definition | None]) -> None:
-        self._definition = definition
+        self.definition = definition
         self._stores: dict[str, Typestore] = {}
 
     def store(self, schema: str) -> Typestore:
         """The typestore that knows one schema. Raises DecodingError where its definition makes no sense."""
         # One store a schema: two definitions may disagree about a type that both embed.
         if schema not in self._stores:
-            self._stores[schema] = _make_store(schema, self._definition(schema))
+            self._stores[schema] = _make_store(schema, self.definition(schema))
         return self._stores[schema]
 
     def decode(self, message: Message) -> Any:  # noqa: ANN401  # the class is generated from the recording's definition

@@ -1,0 +1,230 @@
+"""Foxglove's images, point clouds, calibrations and transforms, in protobuf and in JSON."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.geometry import Matrix, motion, rotation_from_quaternion
+from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
+from auditor.recordings.decoding.foxglove_json import decode_json
+from auditor.recordings.decoding.foxglove_layouts import (
+    CAMERA_CALIBRATION,
+    COMPRESSED_IMAGE,
+    FRAME_TRANSFORM,
+    FRAME_TRANSFORMS,
+    POINT_CLOUD,
+    RAW_IMAGE,
+)
+from auditor.recordings.decoding.geometry import ABSURD, checked_matrix
+from auditor.recordings.decoding.images import raw_pixels
+from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
+from auditor.recordings.decoding.pictures import decode_picture, look_at_picture
+from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
+from auditor.recordings.decoding.ros import RosTypes
+
+_MAX_STAMP_NS = 2**63 - 1
+
+_ROS_DATATYPES = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}
+"""foxglove.PackedElementField's numeric types as sensor_msgs/PointField's."""
+
+
+class FoxgloveMessages:
+    """Decodes messages of one recording into dicts; an embedded protobuf schema must not contradict the known one."""
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+        self._checked: set[str] = set()
+
+    def decode(self, message: Message, without: Collection[str] = ()) -> dict[str, Any]:
+        """The fields by name; JSON need not decode those left out. Raises DecodingError."""
+        try:
+            if message.encoding == "json":
+                return decode_json(message.schema, bytes(message.data), without)
+            if message.schema not in self._checked:
+                definition = self._types.definition(message.schema)
+                if definition is not None:
+                    check_schema(message.schema, definition.data)
+                self._checked.add(message.schema)
+            return decode_protobuf(message.schema, memoryview(message.data))
+        except DecodingError as error:
+            raise DecodingError(error.what, where=message.topic) from error
+
+    def header(self, message: Message) -> Header:
+        """Stamp (0: none) and frame id."""
+        values = self.decode(message, without=("data",))
+        return Header(stamp_ns(values), values["frame_id"].lstrip("/"))
+
+
+def stamp_ns(values: dict[str, Any]) -> int:
+    """Nanoseconds since 1970 of a message's timestamp; 0 where it has none. Raises DecodingError."""
+    stamp = values["timestamp"]
+    time_ns = stamp["seconds"] * 10**9 + stamp["nanos"] if stamp else 0
+    if not 0 <= time_ns <= _MAX_STAMP_NS:
+        raise DecodingError("its timestamp is beyond every calendar")
+    return int(time_ns)
+
+
+class _Decoder:
+    def __init__(self, types: RosTypes) -> None:
+        self._messages = FoxgloveMessages(types)
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return self._messages.header(message)
+
+
+class _RawImage(NamedTuple):
+    """A foxglove.RawImage with the fields of sensor_msgs/Image."""
+
+    width: int
+    height: int
+    encoding: str
+    step: int
+    data: NDArray[np.uint8]
+    is_bigendian: bool = False
+
+
+class FoxgloveRawImageDecoder(_Decoder):
+    """foxglove.RawImage; its encodings are ROS's."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def size_px(self, message: Message) -> SizePx:
+        """The declared width and height."""
+        values = self._messages.decode(message, without=("data",))
+        return values["width"], values["height"]
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder."""
+        values = self._messages.decode(message)
+        data = np.frombuffer(values["data"], np.uint8)
+        image = _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
+        return raw_pixels(image, message.topic, colour=colour, size_px=size_px)
+
+
+class FoxgloveCompressedImageDecoder(_Decoder):
+    """foxglove.CompressedImage with a PNG or JPEG inside."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def size_px(self, message: Message) -> SizePx:
+        """What the picture's own header declares."""
+        return look_at_picture(self._picture(message)).size_px
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder."""
+        return decode_picture(self._picture(message), colour=colour, size_px=size_px)
+
+    def _picture(self, message: Message) -> memoryview:
+        data: memoryview = self._messages.decode(message)["data"]
+        return data
+
+
+@dataclass(frozen=True)
+class _PointField:
+    """A foxglove.PackedElementField with the fields of sensor_msgs/PointField."""
+
+    name: str
+    offset: int
+    datatype: int
+    count: int = 1
+
+
+class _Points(NamedTuple):
+    """A foxglove.PointCloud with the fields of sensor_msgs/PointCloud2."""
+
+    width: int
+    point_step: int
+    row_step: int
+    fields: list[_PointField]
+    data: NDArray[np.uint8]
+    height: int = 1
+    is_bigendian: bool = False
+
+
+class FoxglovePointCloudDecoder(_Decoder):
+    """foxglove.PointCloud: as many points as its data hold; `pose` takes them into the frame."""
+
+    kind: ClassVar[Literal["cloud"]] = "cloud"
+
+    def xyz_m(self, message: Message) -> NDArray[np.float32]:
+        """The finite points, (N, 3) float32 metres."""
+        values = self._messages.decode(message)
+        data, stride = np.frombuffer(values["data"], np.uint8), values["point_stride"]
+        fields = [_PointField(f["name"], f["offset"], _ROS_DATATYPES.get(f["type"], 0)) for f in values["fields"]]
+        cloud = _Points(data.size // max(stride, 1), stride, data.size, fields, data)
+        if data.size % max(stride, 1):
+            raise DecodingError(f"the cloud is cut: {data.size} bytes are no whole points", where=message.topic)
+        xyz_m = finite(xyz_of(points_of(cloud)))
+        frame_SE3_points = _motion(values["pose"] or {}, "orientation", "position", message.topic)
+        if np.array_equal(frame_SE3_points, np.eye(4)):
+            return xyz_m
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = xyz_m @ frame_SE3_points[:3, :3].T + frame_SE3_points[:3, 3]
+        return finite(moved.astype(np.float32))
+
+
+class FoxgloveCameraCalibrationDecoder(_Decoder):
+    """foxglove.CameraCalibration; no R means not turned, no P means K without an offset."""
+
+    kind: ClassVar[Literal["camera_info"]] = "camera_info"
+
+    def camera_info(self, message: Message) -> CameraInfo:
+        """The calibration. Raises DecodingError where a number is absurd or not finite."""
+        values = self._messages.decode(message)
+        K = checked_matrix(values["K"], 3, message.topic)
+        R = checked_matrix(values["R"], 3, message.topic) if values["R"] else np.eye(3)
+        P = checked_matrix(values["P"], 4, message.topic) if values["P"] else np.hstack([K, np.zeros((3, 1))])
+        header = self.header(message)
+        return CameraInfo(header, values["width"], values["height"], tuple(values["D"]), K, R, P)
+
+
+class FoxgloveTransformsDecoder:
+    """foxglove.FrameTransform and foxglove.FrameTransforms."""
+
+    kind: ClassVar[Literal["transforms"]] = "transforms"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._messages = FoxgloveMessages(types)
+
+    def transforms(self, message: Message) -> tuple[Transform, ...]:
+        """All of the message. Raises DecodingError for a rotation that is none."""
+        values = self._messages.decode(message)
+        entries = values["transforms"] if message.schema == FRAME_TRANSFORMS else [values]
+        return tuple(
+            Transform(
+                entry["parent_frame_id"].lstrip("/"),
+                entry["child_frame_id"].lstrip("/"),
+                _motion(entry, "rotation", "translation", message.topic),
+            )
+            for entry in entries
+        )
+
+
+def _motion(values: dict[str, Any], rotation: str, translation: str, topic: str) -> Matrix:
+    """The (4, 4) motion of a rotation and a translation, either of which may be absent: not turned, not moved."""
+    turn = values.get(rotation) or {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    move = values.get(translation) or {"x": 0.0, "y": 0.0, "z": 0.0}
+    numbers = (*turn.values(), *move.values())
+    if not all(abs(number) < ABSURD for number in numbers):
+        raise DecodingError("a transform is absurdly large or not finite", where=topic)
+    try:
+        matrix = motion(rotation_from_quaternion(**turn), np.array([move["x"], move["y"], move["z"]]))
+    except ValueError as error:
+        raise DecodingError(str(error), where=topic) from error
+    return matrix
+
+
+DECODERS: dict[str, Callable[[RosTypes], Decoder]] = {
+    RAW_IMAGE: FoxgloveRawImageDecoder,
+    COMPRESSED_IMAGE: FoxgloveCompressedImageDecoder,
+    POINT_CLOUD: FoxglovePointCloudDecoder,
+    CAMERA_CALIBRATION: FoxgloveCameraCalibrationDecoder,
+    FRAME_TRANSFORM: FoxgloveTransformsDecoder,
+    FRAME_TRANSFORMS: FoxgloveTransformsDecoder,
+}

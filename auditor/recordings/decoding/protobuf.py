@@ -1,0 +1,165 @@
+"""Protobuf messages of known layouts, read without running or building anything that a recording says.
+
+Format: protobuf's wire encoding. The values of `bytes` fields are views of the message; nothing is allocated by a size
+that the message declares, only by the bytes that are there.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from auditor.errors import DecodingError
+from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, Field, Kind
+
+MAX_FIELDS = 100_000
+"""More values than any message that is understood has, and what a hostile one may cost."""
+
+MAX_SCHEMA_BYTES = 2**20
+
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_REPEATED = 3
+_DOUBLE = struct.Struct("<d")
+_UINT32 = struct.Struct("<I")
+_WIRE_TYPES = {
+    Kind.DOUBLE: _FIXED64,
+    Kind.FIXED32: _FIXED32,
+    Kind.INT64: _VARINT,
+    Kind.INT32: _VARINT,
+    Kind.ENUM: _VARINT,
+    Kind.STRING: _BYTES,
+    Kind.BYTES: _BYTES,
+    Kind.MESSAGE: _BYTES,
+}
+
+
+def decode_protobuf(
+    name: str, data: memoryview, layouts: Mapping[str, Mapping[int, Field]] = LAYOUTS
+) -> dict[str, Any]:
+    """The fields of a message by name: numbers, str, memoryview, dicts of messages (None: absent), lists.
+
+    Fields that the layout does not know are passed over. Raises DecodingError.
+    """
+    return _Reading(layouts).message(name, data)
+
+
+class _Reading:
+    """One message and those inside it, with the count of their fields."""
+
+    def __init__(self, layouts: Mapping[str, Mapping[int, Field]]) -> None:
+        self._layouts = layouts
+        self._left = MAX_FIELDS
+
+    def message(self, name: str, data: memoryview) -> dict[str, Any]:
+        layout = self._layouts[name]
+        values: dict[str, Any] = {field.name: _absent(field) for field in layout.values()}
+        for number, wire_type, value in self._fields(data):
+            field = layout.get(number)
+            if field is None:
+                continue
+            if field.repeated and field.kind is Kind.DOUBLE and wire_type == _BYTES:
+                values[field.name].extend(_doubles(value))
+                continue
+            if wire_type != _WIRE_TYPES[field.kind]:
+                raise DecodingError(f"the field {field.name!r} of {name} has another type")
+            read = self._value(field, value)
+            if field.repeated:
+                values[field.name].append(read)
+            else:
+                values[field.name] = read
+        return values
+
+    def _value(self, field: Field, value: Any) -> Any:  # noqa: ANN401  # what the wire type holds
+        if field.kind is Kind.MESSAGE:
+            return self.message(field.message, value)
+        if field.kind is Kind.STRING:
+            return str(value, "utf-8", "replace")
+        if field.kind is Kind.DOUBLE:
+            return _DOUBLE.unpack(value)[0]
+        if field.kind is Kind.FIXED32:
+            return _UINT32.unpack(value)[0]
+        if field.kind is Kind.BYTES:
+            return value
+        return value - 2**64 if value >= 2**63 else value
+
+    def _fields(self, data: memoryview) -> Iterator[tuple[int, int, Any]]:
+        position = 0
+        while position < len(data):
+            self._left -= 1
+            if self._left < 0:
+                raise DecodingError(f"the message has more than {MAX_FIELDS} fields")
+            key, position = _varint(data, position)
+            wire_type = key & 7
+            if wire_type == _VARINT:
+                value, position = _varint(data, position)
+                yield key >> 3, wire_type, value
+                continue
+            if wire_type == _BYTES:
+                length, position = _varint(data, position)
+            elif wire_type in {_FIXED32, _FIXED64}:
+                length = 4 if wire_type == _FIXED32 else 8
+            else:
+                raise DecodingError("the message is no protobuf")
+            end = position + length
+            if end > len(data):
+                raise DecodingError("the message is cut")
+            yield key >> 3, wire_type, data[position:end]
+            position = end
+
+
+def _absent(field: Field) -> Any:  # noqa: ANN401  # protobuf's defaults
+    if field.repeated:
+        return []
+    if field.kind is Kind.MESSAGE:
+        return None
+    return {Kind.STRING: "", Kind.BYTES: memoryview(b""), Kind.DOUBLE: 0.0}.get(field.kind, 0)
+
+
+def _doubles(packed: memoryview) -> list[float]:
+    if len(packed) % 8 or len(packed) > 8 * MAX_FIELDS:
+        raise DecodingError("the message holds numbers that are cut, or too many of them")
+    values: list[float] = np.frombuffer(packed, "<f8").tolist()
+    return values
+
+
+def _varint(data: memoryview, position: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        if position >= len(data):
+            raise DecodingError("the message is cut")
+        byte = data[position]
+        position += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value & (2**64 - 1), position
+    raise DecodingError("the message is no protobuf")
+
+
+def check_schema(name: str, schema: bytes) -> None:
+    """Raises DecodingError where an embedded FileDescriptorSet defines a known message otherwise than it is known."""
+    if len(schema) > MAX_SCHEMA_BYTES:
+        raise DecodingError(f"its schema of {len(schema)} bytes is not accepted", where=name)
+    for file in decode_protobuf("FileDescriptorSet", memoryview(schema), DESCRIPTORS)["file"]:
+        for message in file["message_type"]:
+            full_name = f"{file['package']}.{message['name']}"
+            layout = LAYOUTS.get(full_name, {})
+            known_names = {field.name: number for number, field in layout.items()}
+            for found in message["field"]:
+                number = known_names.get(found["name"], found["number"])
+                if number in layout and not _agrees(found, number, layout[number]):
+                    raise DecodingError(
+                        f"{full_name}.{found['name']} is defined otherwise than foxglove does", where=name
+                    )
+
+
+def _agrees(found: Mapping[str, Any], number: int, known: Field) -> bool:
+    return (found["name"], found["number"], found["type"], found["label"] == _REPEATED) == (
+        known.name,
+        number,
+        known.kind,
+        known.repeated,
+    ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is Kind.ENUM]}
+
+
+_ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}
