@@ -25,6 +25,7 @@ _RANGE_NOISE_M = 0.02
 _LIDAR_HEIGHT_M = 1.73  # of the vehicle that KITTI was recorded with; used where a cloud shows no road
 _ROAD_BELOW_M = (0.5, 4.0)
 _ROAD_BIN_M = 0.05
+_FAINTEST = 0.5  # grey levels: what adds less cannot change a pixel
 _FEW_POINTS = 50
 _NEAREST_M = 0.1
 _DENSITY_CELL = 0.02  # radians: an HDL-64 has about 15 directions in a cell
@@ -37,9 +38,9 @@ Points = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Facula:
-    """A round Gaussian facula: I' = clip(I + A exp(-rho^2 / 2 sigma^2)) within R, sigma = `sigma_share` R.
+    """A round Gaussian facula: I' = clip(I + A exp(-rho^2 / 2 sigma^2)), sigma = `sigma_share` R.
 
-    It ends at R: the paper counts pi R^2 as the contaminated area (its sensitivity to attacks on cameras).
+    The paper counts pi R^2 as the contaminated area; its light fades beyond R, and does not end there.
     `amplitude` A in grey levels; `radius_px` R, `u_px` and `v_px`, its centre, in pixels of the attacked image.
     """
 
@@ -59,14 +60,12 @@ class Facula:
     def apply(self, image: CameraImage) -> CameraImage:
         """The image with the facula on it; colours are brightened alike."""
         height, width = image.pixels.shape[:2]
-        columns, rows = _span(self.u_px, self.radius_px, width), _span(self.v_px, self.radius_px, height)
-        across = (np.arange(columns.start, columns.stop, dtype=np.float32) - np.float32(self.u_px)) ** 2
-        down = (np.arange(rows.start, rows.stop, dtype=np.float32) - np.float32(self.v_px)) ** 2
-        squared = down[:, None] + across
-        light = np.float32(self.amplitude) * np.exp(
-            squared * np.float32(-0.5 / (self.sigma_share * self.radius_px) ** 2)
-        )
-        light *= squared <= np.float32(self.radius_px**2)
+        sigma = self.sigma_share * self.radius_px
+        reach = sigma * np.sqrt(2 * np.log(max(self.amplitude / _FAINTEST, 1)))
+        columns, rows = _span(self.u_px, reach, width), _span(self.v_px, reach, height)
+        across = np.exp(-((np.arange(columns.start, columns.stop) - self.u_px) ** 2) / (2 * sigma**2))
+        down = np.exp(-((np.arange(rows.start, rows.stop) - self.v_px) ** 2) / (2 * sigma**2))
+        light = self.amplitude * down[:, None] * across[None, :]
         if image.pixels.ndim == 3:
             light = light[:, :, None]
         pixels = image.pixels.copy()
