@@ -108,13 +108,18 @@ def _read_safetensors(path: Path, content: bytes) -> WeightsFile:
     return WeightsFile("safetensors", content, _unprefixed(tensors), metadata if isinstance(metadata, dict) else {}, ())
 
 
-def _read_torch(path: Path, content: bytes) -> WeightsFile:
+def load_safely(path: Path, content: bytes) -> object:
+    """What torch saved in these bytes of `path`; raises SettingError where loading would run anything of it."""
     try:
         with warnings.catch_warnings(), torch.serialization.safe_globals(list(_STAND_INS)):
             warnings.simplefilter("ignore")  # of old pickle protocols and storages: what matters is checked below
-            loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+            return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except _UNREADABLE as error:
         raise SettingError(_refusal(error), where=path, remedy=_TRUSTED_WAY) from error
+
+
+def _read_torch(path: Path, content: bytes) -> WeightsFile:
+    loaded = load_safely(path, content)
     if not isinstance(loaded, dict):
         raise SettingError(f"holds a {type(loaded).__name__} where a state dict is expected", where=path)
     state = loaded.get("state_dict", loaded)

@@ -1,0 +1,183 @@
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from auditor.errors import SettingError  # noqa: E402
+from auditor.evidence.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
+from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
+from auditor.evidence.matchers.psmnet.training import (  # noqa: E402
+    CHECKPOINT,
+    TrainingSettings,
+    _loss,
+    train,
+    training_curve,
+)
+from auditor.evidence.matchers.psmnet.weights import inspect_weights  # noqa: E402
+from auditor.evidence.matchers.scoring import Sample, score  # noqa: E402
+
+TOY = TrainingSettings(
+    max_disparity=16, width=2, crop=(32, 48), batch=2, steps=4, validate_every=2, learning_rate=3e-3, seed=5
+)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def sample(seed: int, height: int = 32, width: int = 64, range_px: int = 14) -> Sample:
+    """A textured plane at some disparity, with every second truth missing as between a LiDAR's points."""
+    rng = np.random.default_rng(seed)
+    disparity = int(rng.integers(1, range_px))
+    texture = rng.integers(0, 256, (height, width + disparity, 3)).astype(np.uint8)
+    truth = np.full((height, width), disparity, dtype=np.float32)
+    truth[rng.random(truth.shape) < 0.5] = np.nan
+    return np.ascontiguousarray(texture[:, :width]), np.ascontiguousarray(texture[:, disparity:]), truth
+
+
+SAMPLES = [sample(seed) for seed in range(5)]
+UNSEEN = [sample(99)]
+
+
+def test_a_sample_is_what_the_matchers_call_a_left_and_a_right_image() -> None:
+    assert score(SgbmMatcher(step=1), SAMPLES).over_3px_share < 0.35
+
+
+def test_a_resumed_training_ends_with_every_bit_of_an_undisturbed_one(tmp_path: Path) -> None:
+    whole = list(train(SAMPLES, UNSEEN, TOY, tmp_path / "whole"))
+    first = dataclasses.replace(TOY, steps=2)
+    parts = list(train(SAMPLES, UNSEEN, first, tmp_path / "parts"))
+    torch.manual_seed(1234)  # whatever else draws numbers in between
+    parts += train(iter(SAMPLES * 9), UNSEEN, TOY, tmp_path / "parts", resume=True)
+    assert [row.step for row in whole] == [2, 4]
+    assert parts == whole == training_curve(tmp_path / "parts")
+    states = [torch.load(tmp_path / name / CHECKPOINT, weights_only=True) for name in ("whole", "parts")]
+    for name, tensor in states[0]["state_dict"].items():
+        assert torch.equal(tensor, states[1]["state_dict"][name]), name
+    assert not torch.equal(states[0]["state_dict"]["dres0.0.0.weight"], torch.zeros(()))
+    whole_state, part_state = (state["optimizer"]["state"] for state in states)
+    assert all(torch.equal(whole_state[n]["exp_avg_sq"], part_state[n]["exp_avg_sq"]) for n in whole_state)
+
+
+def test_a_training_that_is_cut_off_goes_on_from_its_last_row(tmp_path: Path) -> None:
+    run = train(SAMPLES, UNSEEN, TOY, tmp_path)
+    assert next(run).step == 2
+    run.close()
+    assert [row.step for row in train(SAMPLES, UNSEEN, TOY, tmp_path, resume=True)] == [4]
+
+
+def test_other_seeds_and_other_samples_train_another_network(tmp_path: Path) -> None:
+    losses = {
+        row.loss
+        for name, settings, samples in (
+            ("a", TOY, SAMPLES),
+            ("b", dataclasses.replace(TOY, seed=6), SAMPLES),
+            ("c", TOY, SAMPLES[::-1]),
+        )
+        for row in itertools.islice(train(samples, UNSEEN, settings, tmp_path / name), 1)
+    }
+    assert len(losses) == 3
+
+
+def test_training_lowers_the_loss_on_what_it_sees(tmp_path: Path) -> None:
+    settings = dataclasses.replace(TOY, steps=40, validate_every=10, learning_rate=1e-2, width=4)
+    rows = list(train(SAMPLES[:2], UNSEEN, settings, tmp_path))
+    assert rows[-1].loss < 0.6 * rows[0].loss
+
+
+def test_a_checkpoint_is_weights_that_say_what_they_need(tmp_path: Path) -> None:
+    list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=1), tmp_path))
+    matcher = find_matcher("psmnet", MatcherOptions(weights=tmp_path / CHECKPOINT))
+    assert matcher.range_px == 16
+    assert np.isfinite(matcher.match(SAMPLES[0][0], SAMPLES[0][1])).all()
+    report = inspect_weights(tmp_path / CHECKPOINT)
+    assert (report.width, report.align_corners, report.problems) == (2, False, ())
+    assert sorted(path.name for path in tmp_path.iterdir()) == [CHECKPOINT]
+
+
+def test_the_loss_is_smooth_l1_on_known_pixels_in_the_range_weighted_by_output() -> None:
+    truth = torch.tensor([[[np.nan, 0.0, 10.0, 20.0, 16.0]]])
+    outputs = [torch.tensor([[[9.0, 9.0, given, 9.0, 9.0]]]) for given in (10.5, 12.0, 7.0)]
+    expected = 0.5 * (0.5 * 0.25) + 0.7 * 1.5 + 1.0 * 2.5
+    assert _loss(tuple(outputs), truth, 16).item() == pytest.approx(expected)
+
+
+def test_a_crop_without_a_known_pixel_changes_nothing_and_breaks_nothing(tmp_path: Path) -> None:
+    left, right, truth = SAMPLES[0]
+    blank = (left, right, np.full_like(truth, np.nan))
+    (row,) = train([blank], UNSEEN, dataclasses.replace(TOY, steps=1), tmp_path)
+    assert row.loss == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"max_disparity": 20}, "--max-disparity: .*a multiple of 16"),
+        ({"crop": (30, 48)}, "--crop: .*multiples of 16"),
+        ({"width": 0}, "--width"),
+        ({"batch": 1}, "--batch: .*2 or more"),
+        ({"steps": 0}, "--steps"),
+        ({"learning_rate": 0.0}, "--learning-rate"),
+        ({"learning_rate": float("nan")}, "--learning-rate"),
+        ({"precision": "fp16"}, "--precision: .*fp32 or bf16"),
+        ({"precision": "bf16"}, "--precision: .*fp32 on the CPU"),
+        ({"crop": (64, 64)}, "no crop of"),
+        ({"learning_rate": 1e30}, "the loss is nan at step 2"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, **change), tmp_path))
+
+
+def test_a_folder_is_neither_overwritten_nor_resumed_by_mistake(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="no training to resume"):
+        list(train(SAMPLES, UNSEEN, TOY, tmp_path, resume=True))
+    with pytest.raises(SettingError, match="No such file"):
+        training_curve(tmp_path)
+    short = dataclasses.replace(TOY, steps=1)
+    list(train(SAMPLES, UNSEEN, short, tmp_path))
+    with pytest.raises(SettingError, match="a training is here already"):
+        list(train(SAMPLES, UNSEEN, short, tmp_path))
+    with pytest.raises(SettingError, match=r"other settings: width 2 instead of 3, seed 5 instead of 6"):
+        list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, width=3, seed=6), tmp_path, resume=True))
+
+
+def test_samples_that_are_not_there_or_end_are_said(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="no samples to train on"):
+        list(train([], UNSEEN, TOY, tmp_path))
+    with pytest.raises(SettingError, match="no samples to train on"):
+        list(train(iter(SAMPLES[:3]), UNSEEN, TOY, tmp_path))
+
+
+def test_scores_count_pixels_without_a_disparity_as_wrong() -> None:
+    class Fixed:
+        name, settings, range_px, step, colour = "fixed", "", 64, 2, False
+
+        def match(self, left, right):
+            assert left.ndim == 2
+            return np.array([[10.0, 14.0, np.nan]], dtype=np.float32)
+
+    image = np.zeros((2, 5, 3), dtype=np.uint8)
+    truth = np.array([[10.0, 11.0, 10.0, np.nan, 5.0], [np.nan, np.nan, 11.5, np.nan, 0.5]])
+    found = score(Fixed(), [(image, image, truth)], least_px=1.0)
+    assert found.pixels == 5
+    assert found.mean_px == pytest.approx((0 + 1 + 4 + 2.5) / 4)
+    assert found.over_3px_share == pytest.approx(2 / 5)
+    assert score(Fixed(), []).mean_px is None
+
+
+def test_the_published_size_has_the_published_parameters() -> None:
+    settings = TrainingSettings()
+    with torch.device("meta"):
+        network = PSMNet(max_disparity=settings.max_disparity, align_corners=True, width=settings.width)
+    assert sum(parameter.numel() for parameter in network.parameters()) == 5_224_768
