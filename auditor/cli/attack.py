@@ -26,7 +26,7 @@ class _Sensor(click.ParamType[int]):
         return int(found[1])
 
 
-@click.command("attack")
+@click.command("attack", short_help="A compromised copy with its ground truth.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
 @click.option(

@@ -31,7 +31,7 @@ class _Frames(click.ParamType[range]):
         return chosen
 
 
-@click.command("calibrate")
+@click.command("calibrate", short_help="Thresholds from clean recordings.")
 @click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=click.Path(path_type=Path))
 @options.store_option
 @click.option("-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 
-@click.command("convert")
+@click.command("convert", short_help="Any recording becomes MCAP.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
 def command(source: Path, target: Path) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _MARKER = ".auditor-demo"
 
 
-@click.command("demo")
+@click.command("demo", short_help="A whole audit on a small fleet made here.")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
 @options.jobs_option
 def command(folder: Path, jobs: int) -> int:

@@ -14,10 +14,17 @@ if TYPE_CHECKING:
     from auditor.rig import Rig
 
 
-@click.command("inspect")
+@click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
-@click.option("--format", "form", type=click.Choice(["table", "json"]), default="table", show_default=True)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["table", "json"]),
+    default="table",
+    show_default=True,
+    help="How it is printed.",
+)
 def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> int:
     """Read recordings through and tell their topics, their health, the rigs in them and what these can identify.
 

@@ -9,7 +9,7 @@ from auditor.cli import options
 from auditor.cli.output import format_option
 
 
-@click.command("judge")
+@click.command("judge", short_help="Verdicts again, without recordings.")
 @click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
 @options.judging_options
 @click.option(

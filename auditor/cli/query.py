@@ -8,7 +8,7 @@ from auditor.cli import options
 from auditor.cli.output import emit, format_option, print_rows
 
 
-@click.command("query")
+@click.command("query", short_help="Ask the store.")
 @click.argument("name", required=False)
 @click.argument("parameters", nargs=-1, metavar="[PARAMETER=VALUE]...")
 @options.store_option

@@ -9,7 +9,7 @@ from auditor.cli import options
 _REPORTS = ("incident",)
 
 
-@click.command("report")
+@click.command("report", short_help="The incident page.")
 @click.argument("name", type=click.Choice(_REPORTS), default="incident")
 @options.store_option
 @click.option("--recording", help="Only the recording of this name, or whose id begins so.")

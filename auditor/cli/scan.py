@@ -9,7 +9,7 @@ from auditor.cli import options
 from auditor.cli.output import format_option, say
 
 
-@click.command("scan")
+@click.command("scan", short_help="Audit recordings: the main job.")
 @options.recordings_argument
 @options.store_option
 @options.judging_options
