@@ -10,7 +10,7 @@ from auditor.evidence.comparing import Comparison, compare_cameras, compare_with
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.matchers.interface import Matcher
 from auditor.evidence.reduction import grey, halve
-from auditor.evidence.stereo import StereoMap, stereo_map
+from auditor.evidence.stereo import StereoMap, stereo_maps
 from auditor.evidence.texture import textured
 from auditor.frames import Frame
 from auditor.results import Coverage, Measurement
@@ -44,7 +44,7 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> tuple[Measurement, Evid
 
     pairs = dict.fromkeys((witness, triple.k) for triple in triples for witness in triple[:2] if witness != LIDAR)
     inputs = {number: image.pixels for number, image in frame.images.items()} if matcher.colour else greys
-    maps = {(i, k): stereo_map(matcher, inputs[k], inputs[i], texture[k], texture[i]) for i, k in pairs}
+    maps = stereo_maps(matcher, inputs, texture, pairs)
     references = dict.fromkeys(triple.k for triple in triples if triple.i == LIDAR)
     lidar = {k: lidar_view(frame.cloud, rig, k) for k in references if frame.cloud is not None}
 

@@ -1,11 +1,12 @@
 """DM_{i,k}: the disparity map that a witness camera gives in the view of a reference camera."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.matchers.interface import Matcher
+from auditor.evidence.matchers.interface import Matcher, match_pairs
 
 _TEXTURE_STEP = 2
 
@@ -36,7 +37,28 @@ def stereo_map(
     witness_texture: Mask,
 ) -> StereoMap:
     """Match two images, (H, W) grey or (H, W, 3) BGR; their texture masks are at half resolution."""
-    disparity = matcher.match(reference, witness)
+    return _stereo_map(matcher, matcher.match(reference, witness), reference_texture, witness_texture)
+
+
+def stereo_maps(
+    matcher: Matcher,
+    images: Mapping[int, NDArray[np.uint8]],
+    texture: Mapping[int, Mask],
+    pairs: Iterable[tuple[int, int]],
+) -> dict[tuple[int, int], StereoMap]:
+    """DM_{i,k} for each pair (i, k) of cameras, as `stereo_map` gives them; the matcher sees all pairs at once."""
+    pairs, cameras = list(pairs), list(images)
+    places = [(cameras.index(k), cameras.index(i)) for i, k in pairs]
+    disparities = match_pairs(matcher, list(images.values()), places)
+    return {
+        (i, k): _stereo_map(matcher, disparity, texture[k], texture[i])
+        for (i, k), disparity in zip(pairs, disparities, strict=True)
+    }
+
+
+def _stereo_map(
+    matcher: Matcher, disparity: NDArray[np.float32], reference_texture: Mask, witness_texture: Mask
+) -> StereoMap:
     height, width = disparity.shape
     step = matcher.step
     u = np.arange(width, dtype=np.float32)

@@ -17,7 +17,9 @@ from auditor.evidence.matchers.psmnet.inference import Engine, make_engine  # no
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
+from auditor.evidence.measuring import measure  # noqa: E402
 from tests.evidence.psmnet_networks import SMALL, noise, ruled_state  # noqa: E402
+from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
 # Of json.dumps(sorted {name: shape}) of the published network.
 PUBLISHED = "6214e562767122df8d1387cfb903530b40f8d377dd82a87cc3925952e539840f"
@@ -228,3 +230,19 @@ def test_the_cost_grows_with_images_pairs_and_pixels(small: PsmnetMatcher, monke
 def test_the_evidence_room_is_entered_without_torch() -> None:
     code = "import sys, auditor.evidence, auditor.evidence.matchers; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=False).returncode == 0
+
+
+def test_a_frame_is_measured_with_each_image_looked_at_once(monkeypatch) -> None:
+    counts = []
+    features = Engine.features
+
+    def counted(self: Engine, images: list[np.ndarray]) -> torch.Tensor:
+        counts.append(len(images))
+        return features(self, images)
+
+    monkeypatch.setattr(Engine, "features", counted)
+    rig = plane_rig()
+    measurement, _ = measure(plane_frame(rig), rig, PsmnetMatcher(weights()))
+    assert sum(counts) == 3
+    assert all(count is not None and count.valid_px > 0 for count in measurement.counts)
+    assert all(measurement.coverage[camera].unmatched_share in (None, 0.0) for camera in (1, 2, 3))

@@ -1,6 +1,7 @@
 """What a stereo matcher is."""
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,3 +29,23 @@ class Matcher(Protocol):
     def match(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Disparities (ceil(H / step), ceil(W / step)) in full-resolution pixels, NaN where none was found."""
         ...
+
+
+@runtime_checkable
+class PairMatcher(Protocol):
+    """A matcher that gains from seeing all pairs of a frame, or of several, at once."""
+
+    def match_pairs(
+        self, images: Sequence[NDArray[np.uint8]], pairs: Sequence[tuple[int, int]]
+    ) -> list[NDArray[np.float32]]:
+        """What `match` gives for each pair (left, right) of positions in `images`."""
+        ...
+
+
+def match_pairs(
+    matcher: Matcher, images: Sequence[NDArray[np.uint8]], pairs: Sequence[tuple[int, int]]
+) -> list[NDArray[np.float32]]:
+    """Disparities of each pair (left, right) of positions in `images`: all at once, or one by one."""
+    if isinstance(matcher, PairMatcher):
+        return matcher.match_pairs(images, pairs)
+    return [matcher.match(images[left], images[right]) for left, right in pairs]
