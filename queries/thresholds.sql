@@ -15,6 +15,7 @@
 -- column theta: The sample of rank N - floor(r N); -1 at r = 1.
 -- column resolvable: FALSE where 0 < r < 1/N: theta is then the maximum, as for r = 0.
 -- column median: The middle of the samples.
+-- column largest: The largest of the samples, which is theta at r = 0.
 SELECT
     calibration_id,
     kind,
@@ -26,6 +27,7 @@ SELECT
     k,
     N,
     list_median(samples) AS median,
+    samples[len(samples)] AS largest,
     CAST($r AS DECIMAL(18, 17)) AS r,
     threshold(samples, CAST($r AS DECIMAL(18, 17))) AS theta,
     resolvable_with(N, CAST($r AS DECIMAL(18, 17))) AS resolvable

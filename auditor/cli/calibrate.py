@@ -3,15 +3,16 @@
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from auditor.cli import Exit, options
-from auditor.cli.output import emit, format_option, say
+from auditor.cli.output import emit, format_option, print_rows, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.results import Calibration
     from auditor.store import Store
 
 
@@ -91,8 +92,20 @@ def command(
     kept.write_calibration(calibration)
     if out:
         write_calibration(calibration, out)
-    emit(run_query(kept, "thresholds", {"calibration": calibration.calibration_id, "r": r}), form)
+    thresholds = run_query(kept, "thresholds", {"calibration": calibration.calibration_id, "r": r})
+    if form == "table":
+        _show(calibration, thresholds.to_pylist())
+    else:
+        emit(thresholds, form)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
+
+
+def _show(calibration: "Calibration", thresholds: list[dict[str, Any]]) -> None:
+    """The thresholds with the columns that a person wants."""
+    rows = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in thresholds]
+    click.echo(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
+    click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
+    print_rows(rows, ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable"))
 
 
 def _is_clean(store: "Store", measurement: str) -> bool:

@@ -77,7 +77,7 @@ def shown(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float | Decimal):
-        return f"{value:.4g}" if value else "0"
+        return f"{float(value):.4g}"
     if isinstance(value, list | tuple):
         return ", ".join(shown(item) for item in value) if value else "-"
     if isinstance(value, dict):
