@@ -11,7 +11,9 @@ from auditor.lab.textures import Atlas, level_of
 
 _NEAR_M = 0.2
 _FAR_M = 180.0
-_THERE = 0.5
+_CAMERA_MARGIN = 2
+_LIDAR_MARGIN = 24  # columns: its beams do not start from one place
+_THERE = 0.5  # of a mask
 _GLASS = 0.11
 
 Floats = NDArray[np.float32]
@@ -22,8 +24,9 @@ class Rays:
     """A grid of H x W rays in the rig frame.
 
     `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
-    the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are depths, and
-    `principal_px` is where it looks straight ahead. Without one, columns are evenly spaced azimuths from `first_azimuth` on.
+    the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
+    depths, and `principal_px` is where it looks straight ahead. Without one it is a LiDAR's: columns are evenly spaced
+    azimuths from `first_azimuth` on.
     """
 
     shape: tuple[int, int]
@@ -139,8 +142,7 @@ def _masks(
     repeats, shift = surfaces.repeats[piece], surfaces.shift[piece]
     width_m = float(np.linalg.norm(surfaces.across[piece])) / float(repeats[0])
     level = level_of(distance * np.float32(rays.pixel / width_m))
-    tile = np.full(at.size, surfaces.tile[piece], dtype=np.int32)
-    return at, atlas.masks(tile, s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
+    return at, atlas.masks(int(surfaces.tile[piece]), s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
 
 
 def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
@@ -153,7 +155,10 @@ def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
 
 
 def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
-    """How near each piece comes, (N,) metres of depth, and the rows and columns it may cover: (N, 4) top, bottom, left, right."""
+    """How near each piece comes, (N,) metres of depth, and where in the grid it may lie.
+
+    The latter is (N, 4): first row, one past the last, first column, one past the last.
+    """
     start = np.array([float(np.mean(axis)) for axis in rays.origin], dtype=np.float32)
     a = surfaces.corner - start
     b, c = a + surfaces.across, a + surfaces.up
@@ -169,25 +174,24 @@ def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
     ahead = points[:, :, 2] >= _NEAR_M
     nearest = np.where(ahead, points[:, :, 2], np.inf).min(axis=1)
     depth = np.where(ahead, points[:, :, 2], 1)
-    rows, columns = _grid_places(rays, points[:, :, 0], points[:, :, 1], depth)
-    top, bottom = _range(rows, ahead, rays.shape[0])
-    left, right = _range(columns, ahead, rays.shape[1])
+    x, y = points[:, :, 0], points[:, :, 1]
+    if rays.focal_px is None:
+        azimuth = np.arctan2(x, depth)
+        left, right = _range((azimuth - rays.first_azimuth) / rays.pixel, ahead, _LIDAR_MARGIN, rays.shape[1])
+        # The edges of a piece are bent in elevation: all rows are tried.
+        return nearest, np.stack([np.zeros_like(left), np.full_like(left, rays.shape[0]), left, right], axis=1)
+    u0, v0 = rays.principal_px
+    left, right = _range(x / depth * rays.focal_px + u0, ahead, _CAMERA_MARGIN, rays.shape[1])
+    top, bottom = _range(y / depth * rays.focal_px + v0, ahead, _CAMERA_MARGIN, rays.shape[0])
     return nearest, np.stack([top, bottom, left, right], axis=1)
 
 
-def _grid_places(rays: Rays, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
-    if rays.focal_px is not None:
-        return y / z * rays.focal_px + rays.principal_px[1], x / z * rays.focal_px + rays.principal_px[0]
-    columns = (np.arctan2(x, z) - rays.first_azimuth) / rays.pixel
-    # The edges of a piece are bent in elevation: all rows are tried.
-    return np.where(np.arange(x.shape[1]) % 2, np.float32(0), np.float32(rays.shape[0])) + 0 * x, columns
-
-
-def _range(places: Floats, ahead: NDArray[np.bool_], size: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """First and one past the last row (or column) within the grid; with a margin of two."""
+def _range(
+    places: NDArray[np.floating], ahead: NDArray[np.bool_], margin: int, size: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """First and one past the last row (or column) that lies within the grid."""
     low = np.where(ahead, places, np.inf).min(axis=1)
     high = np.where(ahead, places, -np.inf).max(axis=1)
-    return (
-        np.clip(np.nan_to_num(np.floor(low) - 2), 0, size).astype(np.int32),
-        np.clip(np.nan_to_num(np.ceil(high) + 3), 0, size).astype(np.int32),
-    )
+    first = np.clip(np.nan_to_num(np.floor(low)) - margin, 0, size)
+    last = np.clip(np.nan_to_num(np.ceil(high)) + margin + 1, 0, size)
+    return first.astype(np.int32), last.astype(np.int32)

@@ -1,7 +1,7 @@
 """What stands in a street, built of pieces. World frame: x right, y down with the road at 0, z along the road."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from auditor.lab.surfaces import Piece, Vector
 from auditor.lab.textures import Tile
 
 _CAMERA_HEIGHT_M = 1.65
+
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -40,12 +42,17 @@ class Look:
         )
 
 
-def strip(left_m: float, right_m: float, start_m: float, end_m: float, height_m: float, look: Look) -> Piece:
+def between(a: float, b: float) -> Span:
+    """Two places, the lower one first."""
+    return (a, b) if a < b else (b, a)
+
+
+def strip(x: Span, z: Span, height_m: float, look: Look) -> Piece:
     """Level ground."""
-    return look.piece((left_m, -height_m, start_m), (right_m - left_m, 0, 0), (0, 0, end_m - start_m))
+    return look.piece((x[0], -height_m, z[0]), (x[1] - x[0], 0, 0), (0, 0, z[1] - z[0]))
 
 
-def box(x: tuple[float, float], z: tuple[float, float], y: tuple[float, float], look: Look) -> Iterator[Piece]:
+def box(x: Span, z: Span, y: Span, look: Look) -> Iterator[Piece]:
     """The faces of a box that a vehicle sees that comes along z near x = 0; `y` are heights above the road."""
     (left, right), (near, far), (low, high) = x, z, y
     rise = (0.0, -(high - low), 0.0)
@@ -129,25 +136,27 @@ def tree(x_m: float, z_m: float, layers: int, rng: np.random.Generator) -> Itera
 
 
 def hedge(x_m: float, start_m: float, end_m: float, height_m: float, rng: np.random.Generator) -> Iterator[Piece]:
-    """A rough face along the road with a top, three leaves deep."""
+    """A rough face along the road, four leaves deep, with a rough top and an end."""
     side = 1 if x_m > 0 else -1
-    albedo = float(rng.uniform(0.12, 0.3))
+    leaves = Piece(
+        (x_m, 0, start_m), (side * 1.0, 0, 0), (0, -height_m, 0), Tile.HEDGE, (1.3, 1.3),
+        albedo=float(rng.uniform(0.12, 0.3)), contrast=0.9, stains=0.4,
+    )  # fmt: skip
+    along: Vector = (0, 0, end_m - start_m)
     for depth in range(4):
-        x = x_m + side * 0.12 * depth
-        cut = depth < 3
-        yield Piece(
-            (x, 0, start_m), (0, 0, end_m - start_m), (0, -height_m - rng.uniform(-0.05, 0.1), 0), Tile.HEDGE, (1.3, 1.3),
-            albedo=albedo, contrast=0.9, stains=0.4, cut=cut, ambient=1.2 - 0.25 * depth,
-        )  # fmt: skip
+        rise = (0, -height_m - rng.uniform(-0.05, 0.1), 0)
+        yield replace(
+            leaves,
+            corner=(x_m + side * 0.12 * depth, 0, start_m),
+            across=along,
+            up=rise,
+            cut=depth < 3,
+            ambient=1.2 - 0.25 * depth,
+        )
     for layer in range(3):
-        inner = x_m + side * 0.05
-        yield Piece(
-            (inner, -height_m + 0.1 * layer, start_m), (side * 1.0, 0, 0), (0, 0, end_m - start_m), Tile.HEDGE, (1.3, 1.3),
-            albedo=albedo * 1.2, contrast=0.9, stains=0.4, cut=layer < 2,
-        )  # fmt: skip
-    yield Piece(
-        (x_m, 0, start_m), (side * 1.0, 0, 0), (0, -height_m, 0), Tile.HEDGE, (1.3, 1.3), albedo=albedo, stains=0.4
-    )
+        corner: Vector = (x_m + side * 0.05, -height_m + 0.1 * layer, start_m)
+        yield replace(leaves, corner=corner, up=along, albedo=leaves.albedo * 1.2, cut=layer < 2)
+    yield leaves
 
 
 def house(
@@ -156,7 +165,7 @@ def house(
     """A front along the road and the end that faces the vehicle; a roof that slopes away from the road."""
     side = 1 if x_m > 0 else -1
     depth = 9.0
-    inner, outer = sorted((x_m, x_m + side * depth))
+    inner, outer = between(x_m, x_m + side * depth)
     yield from box((inner, outer), (start_m, end_m), (0, height_m), look)
     if roof is not None:
         eaves = x_m - side * 0.4
@@ -164,7 +173,7 @@ def house(
             (eaves, -height_m + 0.3, start_m), (0, 0, end_m - start_m), (side * depth / 2, -depth * 0.4, 0)
         )
         gable = look.piece((inner, -height_m, start_m), (outer - inner, 0, 0), (0, -depth * 0.36, 0))
-        yield Piece(**{**gable.__dict__, "taper": 0.49})
+        yield replace(gable, taper=0.49)
 
 
 def pole(x_m: float, z_m: float, height_m: float, rng: np.random.Generator) -> Iterator[Piece]:

@@ -46,7 +46,7 @@ def expose(light: Floats, flaws: CameraFlaws, rng: np.random.Generator) -> NDArr
     image = image * (1 - np.float32(flaws.vignetting) * (across + down))
     spread = np.sqrt(np.float32(flaws.read_noise**2) + np.float32(flaws.photon_noise) * image)
     image += spread * rng.standard_normal((height, width), dtype=np.float32)
-    return np.clip(np.rint(image + np.float32(flaws.offset)), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(image + np.float32(flaws.offset)), 0, 255), dtype=np.uint8)
 
 
 def _blurred(image: Floats, share: float) -> Floats:
@@ -81,7 +81,11 @@ def lidar_rays(lidar: Lidar, directions: Floats, flaws: LidarFlaws, speed_m_s: f
         x=turned[:, :, 0],
         y=turned[:, :, 1],
         z=turned[:, :, 2],
-        origin=(np.float32([[start[0]]]), np.float32([[start[1]]]), moved[None, :].astype(np.float32)),
+        origin=(
+            np.full((1, 1), start[0], dtype=np.float32),
+            np.full((1, 1), start[1], dtype=np.float32),
+            moved[None, :].astype(np.float32),
+        ),
         pixel=_AZIMUTH_STEP,
         first_azimuth=first,
     )

@@ -1,6 +1,7 @@
-"""What a ray brings back: light from textured, shaded, shadowed and glossy pieces, or from the sky."""
+"""What a camera's ray brings back: light from textured, shaded, shadowed and glossy pieces, or from the sky."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,16 @@ from auditor.lab.casting import Hits, Rays
 from auditor.lab.surfaces import Surfaces
 from auditor.lab.textures import Atlas, Tile, level_of
 
+_PART = 1 << 15  # rays at a time: what they need stays in the processor's cache
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
-_HAZE_M = 400.0
+_HAZE_M = np.float32(400.0)
+_HAZE = np.float32(0.7)
 _GRAZING = np.float32(0.2)
+_DULL = np.float32(0.02)
+_HALF = np.float32(0.5)
 
 Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -32,107 +38,112 @@ class Light:
     shade_m: float = 18.0
 
 
+class _Met(NamedTuple):
+    """Rays that met a piece, (N,) each: direction (its z is 1), depth, piece, place on it, and n . direction."""
+
+    x: Floats
+    y: Floats
+    depth: Floats
+    piece: Ints
+    s: Floats
+    t: Floats
+    facing: Floats
+
+    def chosen(self, rows: NDArray[np.intp]) -> "_Met":
+        """Some of the rays."""
+        x, y, depth, s, t, facing = (v.take(rows) for v in (self.x, self.y, self.depth, self.s, self.t, self.facing))
+        return _Met(x, y, depth, self.piece.take(rows), s, t, facing)
+
+
 def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats:
-    """(H, W) radiances; `surfaces` are those that were cast at, in the rig frame."""
-    result = _sky(rays, atlas, light)
+    """(H, W) radiances that a camera sees; `surfaces` are those that were cast at, in the rig frame."""
+    result = _sky(rays, light)
+    scene = _Scene(rays, surfaces, atlas, light, world_SE3_rig)
     at = np.flatnonzero(hits.piece >= 0)
-    piece = hits.piece.ravel()[at]
-    s, t, distance = (values.ravel()[at] for values in (hits.s, hits.t, hits.distance))
-    x, y, z = (np.broadcast_to(axis, rays.shape).ravel()[at] for axis in (rays.x, rays.y, rays.z))
-    normal = surfaces.normal
-    facing = _dot(normal, piece, x, y, z)
-    length = np.sqrt(x * x + y * y + z * z)
-    slant = np.maximum(np.abs(facing) / length, np.float32(0.02))
-
-    value, mask = _texture(atlas, surfaces, piece, s, t, distance * rays.pixel / np.sqrt(slant))
-    world = _world(rays, x, y, z, distance, world_SE3_rig)
-    lit = _lit(atlas, light, world)
-    to_sun = (normal @ (world_SE3_rig[:3, :3].T @ np.array(light.sun))).astype(np.float32) * np.float32(light.direct)
-    # A side is lit if it is the sun's; leaves let light through.
-    sun = np.where(surfaces.cut.take(piece), np.abs(to_sun).take(piece), to_sun.take(piece) * -np.sign(facing))
-    bright = surfaces.albedo.take(piece) * value
-    bright *= np.float32(light.ambient) * surfaces.ambient.take(piece) + np.maximum(sun, 0) * lit
-
-    gloss = surfaces.gloss.take(piece) * mask
-    glossy = np.flatnonzero(gloss > 0.02)
-    if glossy.size:
-        mine = piece[glossy]
-        mirrored = _mirrored(
-            atlas, surfaces, normal, mine, (x[glossy], y[glossy], z[glossy]), facing[glossy], (s[glossy], t[glossy])
-        )
-        # Schlick: a surface mirrors more the flatter it is looked at.
-        grazing = gloss[glossy] + _GRAZING * (1 - slant[glossy]) ** 5
-        bright[glossy] += grazing * (mirrored - bright[glossy])
-    haze = 1 - np.exp(-distance / np.float32(_HAZE_M))
-    bright += haze * (np.float32(0.7) - bright)
-    result.ravel()[at] = bright
+    for first in range(0, at.size, _PART):
+        part = at[first : first + _PART]
+        piece = hits.piece.take(part)
+        depth, s, t = (grid.take(part) for grid in (hits.distance, hits.s, hits.t))
+        row, column = np.divmod(part, rays.shape[1])
+        x, y = rays.x.take(column), rays.y.take(row)
+        nx, ny, nz = (axis.take(piece) for axis in scene.normal)
+        result.ravel()[part] = scene.light_from(_Met(x, y, depth, piece, s, t, nx * x + ny * y + nz))
     return result
 
 
-def _dot(normal: Floats, piece: NDArray[np.int32], x: Floats, y: Floats, z: Floats) -> Floats:
-    return np.asarray(normal[:, 0].take(piece) * x + normal[:, 1].take(piece) * y + normal[:, 2].take(piece) * z)
+class _Scene:
+    """The columns of a table of pieces as shading needs them, one after the other in memory."""
+
+    def __init__(self, rays: Rays, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> None:
+        self._atlas = atlas
+        self._light = light
+        self._surfaces = surfaces
+        self.normal = np.ascontiguousarray(surfaces.normal.T)
+        R = world_SE3_rig[:3, :3]
+        start = R @ np.array([float(axis) for axis in rays.origin]) + world_SE3_rig[:3, 3]
+        self._R, self._start = R.astype(np.float32), start.astype(np.float32)
+        sun = (R.T @ np.array(light.sun) * light.direct).astype(np.float32)
+        self._to_sun = sun @ self.normal
+        self._ambient = surfaces.ambient * np.float32(light.ambient)
+        width_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
+        self._footprint = (rays.pixel / width_m).astype(np.float32)
+        self._repeats = np.ascontiguousarray(surfaces.repeats.T)
+        self._shift = np.ascontiguousarray(surfaces.shift.T)
+
+    def light_from(self, met: _Met) -> Floats:
+        """(N,) radiances."""
+        length = np.sqrt(met.x * met.x + met.y * met.y + 1)
+        slant = np.maximum(np.abs(met.facing) / length, _DULL)
+        value, mask = self._texture(met, slant)
+        bright = self._surfaces.albedo.take(met.piece) * value
+        bright *= self._ambient.take(met.piece) + self._sun(met)
+        gloss = self._surfaces.gloss.take(met.piece) * mask
+        glossy = np.flatnonzero(gloss > _DULL)
+        if glossy.size:
+            mirrored = self._mirrored(met.chosen(glossy))
+            # After Schlick: a surface mirrors more the flatter it is looked at.
+            share = gloss.take(glossy) + _GRAZING * (1 - slant.take(glossy)) ** 5
+            bright[glossy] += share * (mirrored - bright.take(glossy))
+        bright += (1 - np.exp(met.depth / -_HAZE_M)) * (_HAZE - bright)
+        return np.asarray(bright)
+
+    def _texture(self, met: _Met, slant: Floats) -> tuple[Floats, Floats]:
+        """(N,) texture values, stains included, and masks."""
+        level = level_of(met.depth * self._footprint.take(met.piece) / np.sqrt(slant))
+        tile = self._surfaces.tile.take(met.piece)
+        across = met.s * self._repeats[0].take(met.piece) + self._shift[0].take(met.piece)
+        up = met.t * self._repeats[1].take(met.piece) + self._shift[1].take(met.piece)
+        value = 1 + self._surfaces.contrast.take(met.piece) * (self._atlas.bilinear(tile, across, up, level) - 1)
+        coarse = np.maximum(level - 2, 0)
+        stain = self._atlas.bilinear(Tile.STAINS, across * _STAIN_SHARE, up * _STAIN_SHARE, coarse)
+        value *= 1 + self._surfaces.stains.take(met.piece) * (stain - 1)
+        return np.maximum(value, _DULL), self._atlas.masks(tile, across, up, level)
+
+    def _sun(self, met: _Met) -> Floats:
+        """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
+        R, start = self._R, self._start
+        x, y, z = (start[row] + (R[row, 0] * met.x + R[row, 1] * met.y + R[row, 2]) * met.depth for row in range(3))
+        sx, sy, sz = (np.float32(axis) for axis in self._light.sun)
+        scale = np.float32(1 / self._light.shade_m)
+        across, along = (x - y * (sx / sy)) * scale, (z - y * (sz / sy)) * (scale * np.float32(0.7))
+        open_ = self._atlas.bilinear(Tile.SHADE, across, along, 0)
+        to_sun = self._to_sun.take(met.piece)
+        sun = np.where(self._surfaces.cut.take(met.piece), np.abs(to_sun), to_sun * -np.sign(met.facing))
+        return np.asarray(np.maximum(sun, 0) * (1 - np.float32(self._light.shade) * (1 - open_)))
+
+    def _mirrored(self, met: _Met) -> Floats:
+        """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
+        nx, ny, nz = (axis.take(met.piece) for axis in self.normal)
+        double = 2 * met.facing
+        x, y, z = met.x - double * nx, met.y - double * ny, 1 - double * nz
+        bulge = self._surfaces.bulge.take(met.piece)
+        azimuth = np.asarray(np.arctan2(x, z), dtype=np.float32) + 2 * bulge * (met.s - _HALF)
+        elevation = np.asarray(np.arctan2(-y, np.hypot(x, z)), dtype=np.float32) + bulge * (met.t - np.float32(0.3))
+        row = np.clip(_HALF + elevation / np.float32(np.pi), np.float32(0.02), np.float32(0.98))
+        return self._atlas.bilinear(Tile.SURROUNDINGS, azimuth / np.float32(2 * np.pi), row, 0)
 
 
-def _texture(
-    atlas: Atlas, surfaces: Surfaces, piece: NDArray[np.int32], s: Floats, t: Floats, footprint_m: Floats
-) -> tuple[Floats, Floats]:
-    """(N,) texture values, stains included, and masks (gloss)."""
-    tile_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
-    footprint = footprint_m / tile_m.astype(np.float32).take(piece)
-    level = level_of(footprint)
-    tile = surfaces.tile.take(piece)
-    across = s * surfaces.repeats[:, 0].take(piece) + surfaces.shift[:, 0].take(piece)
-    up = t * surfaces.repeats[:, 1].take(piece) + surfaces.shift[:, 1].take(piece)
-    value = 1 + surfaces.contrast.take(piece) * (atlas.bilinear(tile, across, up, level) - 1)
-    stains = np.full(piece.size, Tile.STAINS, dtype=np.int32)
-    coarse = np.maximum(level - 2, 0)
-    stain = atlas.bilinear(stains, across * _STAIN_SHARE, up * _STAIN_SHARE, coarse)
-    value *= 1 + surfaces.stains.take(piece) * (stain - 1)
-    return np.maximum(value, np.float32(0.02)), atlas.masks(tile, across, up, level)
-
-
-def _world(
-    rays: Rays, x: Floats, y: Floats, z: Floats, distance: Floats, world_SE3_rig: Matrix
-) -> tuple[Floats, Floats, Floats]:
-    """Where the rays end, in the world frame; for a camera, whose rays start from one place."""
-    R, translation = world_SE3_rig[:3, :3].astype(np.float32), world_SE3_rig[:3, 3].astype(np.float32)
-    start = R @ np.array([float(axis) for axis in rays.origin], dtype=np.float32) + translation
-    a, b, c = (start[row] + (R[row, 0] * x + R[row, 1] * y + R[row, 2] * z) * distance for row in range(3))
-    return a, b, c
-
-
-def _lit(atlas: Atlas, light: Light, world: tuple[Floats, Floats, Floats]) -> Floats:
-    """(N,) share of the sun's light that arrives: crowns throw shadows."""
-    x, y, z = world
-    sx, sy, sz = light.sun
-    across, along = x - y * np.float32(sx / sy), z - y * np.float32(sz / sy)
-    tile = np.full(x.size, Tile.SHADE, dtype=np.int32)
-    scale = np.float32(1 / light.shade_m)
-    crowns = atlas.bilinear(tile, across * scale, along * scale * np.float32(0.7), np.zeros(x.size, dtype=np.int32))
-    return np.asarray(1 - np.float32(light.shade) * (1 - crowns))
-
-
-def _mirrored(
-    atlas: Atlas,
-    surfaces: Surfaces,
-    normal: Floats,
-    piece: NDArray[np.int32],
-    direction: tuple[Floats, Floats, Floats],
-    facing: Floats,
-    place: tuple[Floats, Floats],
-) -> Floats:
-    """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
-    x, y, z = (axis - 2 * facing * normal[:, row].take(piece) for row, axis in enumerate(direction))
-    bulge = surfaces.bulge.take(piece)
-    s, t = place
-    azimuth = np.arctan2(x, z) + 2 * bulge * (s - np.float32(0.5))
-    elevation = np.arctan2(-y, np.hypot(x, z)) + bulge * (t - np.float32(0.3))
-    tile = np.full(piece.size, Tile.SURROUNDINGS, dtype=np.int32)
-    row = np.clip(np.float32(0.5) + elevation / np.float32(np.pi), np.float32(0.02), np.float32(0.98))
-    return atlas.bilinear(tile, azimuth / np.float32(2 * np.pi), row, np.zeros(piece.size, dtype=np.int32))
-
-
-def _sky(rays: Rays, atlas: Atlas, light: Light) -> Floats:
+def _sky(rays: Rays, light: Light) -> Floats:
     """(H, W) sky, brightest near the horizon."""
     up = np.broadcast_to(-rays.y, rays.shape)
     return np.asarray(np.float32(light.sky) * (1 - np.float32(0.8) * np.clip(up, 0, 1)), dtype=np.float32)

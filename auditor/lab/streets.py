@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.lab.objects import Look, box, car, crown, fence, hedge, house, pole, sign, strip, tree
+from auditor.lab.objects import Look, between, box, car, crown, fence, hedge, house, pole, sign, strip, tree
 from auditor.lab.surfaces import Piece
 from auditor.lab.textures import Tile
 
@@ -78,7 +78,7 @@ def street(style: Style, length_m: float, speed_m_s: float, rng: np.random.Gener
         pieces += _lined(style, side, end, rng)
         pieces += _beside(style, side, end, rng)
     pieces += _traffic(style, length_m, speed_m_s, rng)
-    pieces += _closed(style, end, rng)
+    pieces += _closed(end, rng)
     return pieces
 
 
@@ -87,20 +87,21 @@ def _ground(style: Style, end: float, rng: np.random.Generator) -> Iterator[Piec
     path = Look(style.paving, (1.7, 1.7), albedo=float(rng.uniform(0.4, 0.55)), stains=0.3)
     verge = Look(style.verge, (1.9, 1.9), albedo=float(rng.uniform(0.2, 0.35)), stains=0.5)
     kerb = Look(Tile.CONCRETE, (1.0, 1.0), albedo=0.55)
-    yield strip(-style.road_m, style.road_m, -BEHIND_M, end, 0, road)
+    whole = (-BEHIND_M, end)
+    yield strip((-style.road_m, style.road_m), whole, 0, road)
     for side in (-1, 1):
         edge, back = side * style.road_m, side * (style.road_m + style.path_m)
         yield kerb.piece((edge, 0, -BEHIND_M), (0, 0, end + BEHIND_M), (0, -0.12, 0))
-        yield strip(*sorted((edge, edge + side * 0.2)), -BEHIND_M, end, 0.121, kerb)
-        yield strip(*sorted((edge, back)), -BEHIND_M, end, 0.12, path)
-        yield strip(*sorted((back, side * 60.0)), -BEHIND_M, end, 0.1, verge)
+        yield strip(between(edge, edge + side * 0.2), whole, 0.121, kerb)
+        yield strip(between(edge, back), whole, 0.12, path)
+        yield strip(between(back, side * 60.0), whole, 0.1, verge)
     marking = Look(Tile.PLASTER, albedo=0.75, contrast=3.0, stains=0.3)
     for z in np.arange(-BEHIND_M, end, 9.0):
-        yield strip(-0.08, 0.08, z, z + 4.0, 0.004, marking)
+        yield strip((-0.08, 0.08), (z, z + 4.0), 0.004, marking)
     patch = Look(Tile.ASPHALT, (2.3, 2.3), albedo=0.2, stains=0.2)
     for z in np.arange(0, end, 14.0):
         left, start = rng.uniform(-style.road_m, style.road_m - 1.5), z + rng.uniform(0, 10)
-        yield strip(left, left + rng.uniform(0.5, 1.5), start, start + rng.uniform(1, 5), 0.003, patch)
+        yield strip((left, left + rng.uniform(0.5, 1.5)), (start, start + rng.uniform(1, 5)), 0.003, patch)
 
 
 def _lined(style: Style, side: int, end: float, rng: np.random.Generator) -> Iterator[Piece]:
@@ -145,7 +146,7 @@ def _traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Gen
         z += rng.uniform(25, 70) / style.traffic
 
 
-def _closed(style: Style, end: float, rng: np.random.Generator) -> Iterator[Piece]:
+def _closed(end: float, rng: np.random.Generator) -> Iterator[Piece]:
     """What stands across the street's far end."""
     look = Look(Tile.WINDOWS, (6.0, 6.0), albedo=0.5)
     yield look.piece((-40, 0, end - 2), (80, 0, 0), (0, -9, 0))
@@ -184,8 +185,7 @@ def _glass(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator
 
 def _wall(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
     look = Look(Tile.PLASTER if rng.random() < 0.5 else Tile.CONCRETE, (4.0, 4.0), albedo=_bright(rng), stains=0.06)
-    inner, outer = sorted((x, x + np.sign(x) * 0.25))
-    return box((inner, outer), (z0, z1), (0, rng.uniform(1.7, 3)), look)
+    return box(between(x, x + np.sign(x) * 0.25), (z0, z1), (0, rng.uniform(1.7, 3)), look)
 
 
 def _fenced(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[Piece]:
@@ -216,12 +216,8 @@ def _open(x: float, z0: float, z1: float, rng: np.random.Generator) -> Iterator[
             )
         if rng.random() < 0.3:
             yield from car(x + side * rng.uniform(3, 8), z, rng)
-    yield from box(
-        tuple(sorted((x + side * 16, x + side * 26))),
-        (z0, z1),
-        (0, rng.uniform(4, 8)),
-        Look(Tile.WINDOWS, (6, 6), albedo=_bright(rng)),
-    )  # type: ignore[arg-type]
+    behind = Look(Tile.WINDOWS, (6, 6), albedo=_bright(rng))
+    yield from box(between(x + side * 16, x + side * 26), (z0, z1), (0, rng.uniform(4, 8)), behind)
 
 
 _FRONTS: Mapping[str, Callable[[float, float, float, np.random.Generator], Iterator[Piece]]] = MappingProxyType(

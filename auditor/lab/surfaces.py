@@ -16,11 +16,11 @@ Vector = tuple[float, float, float]
 class Piece:
     """A rectangle, or a trapezoid, in the world frame: x right, y down (the road at 0), z along the road; metres.
 
-    It spans `corner` + s `across` + t `up`, s and t in 0..1, the two at right angles; at t = 1 it is narrower by `taper`
-    of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask that
-    mirrors; with `cut` the mask says instead where the piece is there at all. An `oval` piece ends at its ellipse. Of a
-    LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed` moves the
-    piece along the road, in m/s.
+    It spans `corner` + s `across` + t `up`, s and t in 0..1, the two at right angles; at t = 1 it is narrower by
+    `taper` of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask
+    that mirrors; with `cut` the mask says instead where the piece is there at all. An `oval` piece ends at its ellipse.
+    Of a LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed`
+    moves the piece along the road, in m/s.
     """
 
     corner: Vector

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ _LEVELS = 9
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
+Drawn = tuple[NDArray[Any], NDArray[Any]]
 
 
 class Tile(IntEnum):
@@ -46,9 +48,10 @@ class Atlas:
     value: Floats
     mask: Floats
     starts: Ints  # (levels,): within a tile
+    sizes: Ints  # (levels,): of a side
     tile_size: int
 
-    def bilinear(self, tile: Ints, s: Floats, t: Floats, level: Ints) -> Floats:
+    def bilinear(self, tile: Ints | int, s: Floats, t: Floats, level: Ints | int) -> Floats:
         """Values at (N,) coordinates in tiles, periodic."""
         size, first = self._places(tile, level)
         x, y = s * size - np.float32(0.5), t * size - np.float32(0.5)
@@ -65,15 +68,16 @@ class Atlas:
         upper += lower_share * (lower - upper)
         return np.asarray(upper)
 
-    def masks(self, tile: Ints, s: Floats, t: Floats, level: Ints) -> Floats:
+    def masks(self, tile: Ints | int, s: Floats, t: Floats, level: Ints) -> Floats:
         """The masks of the nearest texels at (N,) coordinates."""
         size, first = self._places(tile, level)
         column = np.floor(s * size).astype(np.int32) & (size - 1)
         row = np.floor(t * size).astype(np.int32) & (size - 1)
         return np.asarray(self.mask.take(first + row * size + column))
 
-    def _places(self, tile: Ints, level: Ints) -> tuple[Ints, Ints]:
-        return np.right_shift(SIZE, level).astype(np.int32), tile * self.tile_size + self.starts.take(level)
+    def _places(self, tile: Ints | int, level: Ints | int) -> tuple[Ints, Ints]:
+        """Sizes and starts of the reductions."""
+        return self.sizes.take(level), self.starts.take(level) + np.int32(self.tile_size) * np.asarray(tile, np.int32)
 
 
 def level_of(footprint: Floats) -> Ints:
@@ -88,11 +92,12 @@ def make_atlas(rng: np.random.Generator) -> Atlas:
     mask = [np.concatenate([level.ravel() for level in _reductions(tile)]) for tile in masks]
     sizes = [(SIZE >> level) ** 2 for level in range(_LEVELS)]
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int32)
-    return Atlas(np.concatenate(value), np.concatenate(mask), starts, sum(sizes))
+    sides = np.array([SIZE >> level for level in range(_LEVELS)], dtype=np.int32)
+    return Atlas(np.concatenate(value), np.concatenate(mask), starts, sides, sum(sizes))
 
 
 def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Floats:
-    """Periodic (size, size) noise of standard deviation 1 whose amplitude falls with frequency to the power of slope."""
+    """Periodic (size, size) noise of standard deviation 1; its amplitude goes with frequency to the power of slope."""
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size
     frequency[0, 0] = np.inf
     spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * frequency**slope
@@ -118,33 +123,33 @@ def _nothing() -> Floats:
     return np.zeros((SIZE, SIZE), dtype=np.float32)
 
 
-def _asphalt(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _asphalt(rng: np.random.Generator) -> Drawn:
     return 1 + 0.13 * cloud_noise(rng, -0.35) + 0.05 * cloud_noise(rng, -1.5), _nothing()
 
 
-def _paving(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _paving(rng: np.random.Generator) -> Drawn:
     return _courses(rng, rows=24, columns=12, joint=0.12, spread=0.10) + 0.06 * cloud_noise(rng, -0.5), _nothing()
 
 
-def _grass(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _grass(rng: np.random.Generator) -> Drawn:
     return 1 + 0.24 * cloud_noise(rng, -0.7) + 0.15 * cloud_noise(rng, -1.5), _nothing()
 
 
-def _plaster(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _plaster(rng: np.random.Generator) -> Drawn:
     return 1 + 0.012 * cloud_noise(rng, -0.3) + 0.02 * cloud_noise(rng, -2), _nothing()
 
 
-def _ribs(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _ribs(rng: np.random.Generator) -> Drawn:
     wave = np.cos(2 * np.pi * 16 * np.arange(SIZE) / SIZE)
     ribs = 0.2 * np.sign(wave) * np.abs(wave) ** 0.5 + np.repeat(0.12 * rng.standard_normal(16), SIZE // 16)
     return 1 + ribs * np.ones((SIZE, 1)) + 0.05 * cloud_noise(rng, -1), _nothing()
 
 
-def _bricks(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _bricks(rng: np.random.Generator) -> Drawn:
     return _courses(rng, rows=32, columns=10, joint=-0.18, spread=0.12) + 0.04 * cloud_noise(rng, -0.5), _nothing()
 
 
-def _windows(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _windows(rng: np.random.Generator) -> Drawn:
     value, mask = 1 + 0.02 * cloud_noise(rng, -0.8), _nothing()
     half = SIZE // 2
     for row in (0, 1):
@@ -161,26 +166,26 @@ def _windows(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return value, mask
 
 
-def _roof(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _roof(rng: np.random.Generator) -> Drawn:
     return _courses(rng, rows=16, columns=20, joint=0.35, spread=0.12) + 0.05 * cloud_noise(rng, -0.8), _nothing()
 
 
-def _leaves(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _leaves(rng: np.random.Generator) -> Drawn:
     return np.exp(0.65 * cloud_noise(rng, -0.55)), _share(cloud_noise(rng, -0.85), 0.42)
 
 
-def _hedge(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _hedge(rng: np.random.Generator) -> Drawn:
     return np.exp(0.5 * cloud_noise(rng, -0.5)), _share(cloud_noise(rng, -0.6), 0.6)
 
 
-def _concrete(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _concrete(rng: np.random.Generator) -> Drawn:
     value = 1 + 0.03 * cloud_noise(rng, -0.4) + 0.07 * cloud_noise(rng, -2)
     value[:3] *= 0.6
     value[:, :2] *= 0.6
     return value, _nothing()
 
 
-def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _paint(rng: np.random.Generator) -> Drawn:
     value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.045)
     for column in (8, 90, 170, 250):
         value[:, column : column + 2] = 0.3
@@ -190,7 +195,7 @@ def _paint(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return value, mask
 
 
-def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _glass(rng: np.random.Generator) -> Drawn:
     value, mask = 0.3 + 0.25 * np.abs(cloud_noise(rng, -0.9)), np.full((SIZE, SIZE), 0.12)
     value[60:130, 60:95] = value[60:130, 160:195] = 0.9  # headrests
     value[:6] = value[-6:] = 0.2
@@ -199,7 +204,7 @@ def _glass(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return value, mask
 
 
-def _rear(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _rear(rng: np.random.Generator) -> Drawn:
     value, mask = 1 + 0.01 * cloud_noise(rng, -1), np.full((SIZE, SIZE), 0.045)
     value[:50] = 0.3
     value[150:210, 4:52] = value[150:210, 204:252] = 2.2
@@ -211,20 +216,20 @@ def _rear(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return value, mask
 
 
-def _wheel(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _wheel(rng: np.random.Generator) -> Drawn:
     across = (np.arange(SIZE) - SIZE / 2 + 0.5) / (SIZE / 2)
     radius, angle = np.hypot(across[:, None], across), np.arctan2(across[:, None], across)
     spokes = (radius < 0.62) & (np.cos(5 * angle + rng.uniform(0, 6)) > 0.1)
     return np.where(spokes, 3.0, 0.35), radius < 0.98
 
 
-def _fence(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _fence(rng: np.random.Generator) -> Drawn:
     at = np.arange(SIZE)
     bars, rails = (at % 32) < 8, (np.abs(at - 30) < 7) | (np.abs(at - 220) < 7)
     return 1 + 0.1 * cloud_noise(rng, -0.5), bars[None, :] | rails[:, None]
 
 
-def _sign(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _sign(rng: np.random.Generator) -> Drawn:
     value = np.ones((SIZE, SIZE))
     blocks = rng.random((12, 24)) < 0.5
     value[32:224, 32:224] = np.where(np.kron(blocks, np.ones((16, 8))) > 0, 0.25, 1.1)
@@ -232,21 +237,21 @@ def _sign(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return value, _nothing()
 
 
-def _bark(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _bark(rng: np.random.Generator) -> Drawn:
     noise = cloud_noise(rng, -0.7)
     return np.exp(0.35 * (noise + np.roll(noise, 3, axis=0) + np.roll(noise, 6, axis=0)) / 2), _nothing()
 
 
-def _stains(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _stains(rng: np.random.Generator) -> Drawn:
     return 1 + 0.5 * cloud_noise(rng, -1.3), _nothing()
 
 
-def _shade(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _shade(rng: np.random.Generator) -> Drawn:
     """Light that comes through crowns: 1 lit, 0 in shade."""
     return np.clip(0.5 + 2.2 * cloud_noise(rng, -1.35), 0, 1), _nothing()
 
 
-def _surroundings(rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _surroundings(rng: np.random.Generator) -> Drawn:
     """What glossy surfaces mirror: columns are directions around, rows run from straight down to straight up."""
     height = np.arange(SIZE)[:, None] / SIZE
     skyline = 0.52 + 0.03 * np.cumsum(rng.standard_normal(SIZE))[None, :] / 16

@@ -80,7 +80,7 @@ def make_rig(
 
 
 def evenly_spaced_m(n_cameras: int) -> tuple[float, ...]:
-    """x of S_1, S_2, ... 0.3 m apart, the leftmost at 0."""
+    """Positions of S_1, S_2, ... along x, 0.3 m apart, the leftmost at 0."""
     return tuple(_SPACING_M * (n_cameras - number) for number in range(1, n_cameras + 1))
 
 
