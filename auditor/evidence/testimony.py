@@ -12,6 +12,7 @@ from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness
 from auditor.evidence.photometric import Light, coarse, compare_light
+from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap
 from auditor.rig import Rig
 
@@ -23,16 +24,18 @@ _FEWEST_PX_AT_10_M = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """Three witnesses, each by camera pair (i, k).
+    """Four witnesses, the first three by camera pair (i, k), the last by reference camera.
 
     `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
-    same thing. `light`: brightness that one of them alone sees. `adjudications` and `likenesses` hold the same pixel by
+    same thing. `light`: brightness that one of them alone sees. `emptiness`: what the emptiest strip of the
+    LiDAR's view lacks. `adjudications` and `likenesses` hold the same pixel by
     pixel, for localising; they are not stored.
     """
 
     contradicted: Mapping[Pair, Cells]
     unlike: Mapping[Pair, Cells]
     light: Mapping[Pair, Light]
+    emptiness: Mapping[int, float]
     adjudications: Mapping[Pair, Adjudication]
     likenesses: Mapping[Pair, Likeness]
 
@@ -62,6 +65,7 @@ def testify(
         },
         unlike={pair: cells_of_likeness(map_) for pair, map_ in likenesses.items()},
         light={(i, k): compare_light(grids[i], grids[k]) for i, k in combinations(sorted(grids), 2)},
+        emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,
     )

@@ -42,7 +42,7 @@ def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], thresho
     for frame, absent in enumerate(missing):
         groups.setdefault(absent, []).append(frame)
     for absent, frames in groups.items():
-        gone = [not absent.isdisjoint(element.accusable) for element in system.elements]
+        gone = [not absent.isdisjoint(element.needed) for element in system.elements]
         part = np.where(gone, np.nan, z[frames])
         for frame, verdict in zip(frames, _accuse_alike(part, system, absent, threshold), strict=True):
             verdicts[frame] = verdict

@@ -14,34 +14,51 @@ Bools = NDArray[np.bool_]
 
 
 class Witness(StrEnum):
-    """CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same."""
+    """Who says something.
+
+    CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
+    strip of the LiDAR's view has no points.
+    """
 
     CONTRADICTED = "contradicted"
     UNLIKE = "unlike"
     LIGHT = "light"
+    EMPTY = "empty"
 
 
 class Element(NamedTuple):
-    """One witness's statistic of the camera pair i < k."""
+    """One witness's statistic of the camera pair i < k; of EMPTY, whose i is the LiDAR, of the view of k."""
 
     witness: Witness
     i: int
     k: int
 
     @property
+    def needed(self) -> tuple[int, ...]:
+        """The sensors without which it cannot be measured."""
+        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+
+    @property
     def accusable(self) -> tuple[int, ...]:
         """The sensors one of which must be attacked where the element is raised."""
-        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+        return (LIDAR,) if self.witness is Witness.EMPTY else self.needed
 
 
 def elements_of(
-    cameras: int, matched: Iterable[tuple[int, int]], contradicting: Iterable[tuple[int, int]]
+    cameras: int,
+    matched: Iterable[tuple[int, int]],
+    contradicting: Iterable[tuple[int, int]],
+    views: Iterable[int],
 ) -> tuple[Element, ...]:
-    """All elements in fixed order: pairs that were matched, pairs that may deny a LiDAR, every pair's light."""
+    """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
+
+    `views` are the reference cameras that the LiDAR is projected into; none without one.
+    """
     return (
         *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
         *(Element(Witness.UNLIKE, i, k) for i, k in matched),
         *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
+        *(Element(Witness.EMPTY, LIDAR, k) for k in views),
     )
 
 
@@ -54,7 +71,7 @@ def demands(element: Element, attacked: Collection[int]) -> float:
     """How surely an attack on these sensors raises the element, 0 to 1.
 
     A contradiction needs two good cameras and a bad LiDAR. A camera's attack shows as unlikeness, but may be one that
-    keeps its pictures alike; light is a witness of one kind of attack only, and its silence says nothing.
+    keeps its pictures alike; light and empty strips are witnesses of one kind of attack: their silence says nothing.
     """
     if element.witness is Witness.CONTRADICTED:
         return float(LIDAR in attacked and element.i not in attacked and element.k not in attacked)

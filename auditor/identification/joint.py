@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Element, demands, explains
+from auditor.identification.elements import Element, Witness, demands, explains
 
 PRICE = 0.02
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
@@ -65,9 +65,13 @@ def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ..
     """Weigh every attack set against (F, M) margins z, NaN where not measured.
 
     A set pays z for each raised element that it cannot have raised, |z| for each element that it should have raised and
-    did not (as surely as `demands` says), and a small price for each sensor.
+    did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that lacks points need not be
+    contradicted by those that it has.
     """
     raised, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
+    witnesses = np.array([e.witness.value for e in elements], dtype=np.str_)
+    empty, denied = witnesses == Witness.EMPTY.value, witnesses == Witness.CONTRADICTED.value
+    silent[np.ix_(raised[:, empty].any(axis=1), denied)] = 0
     unexplained = np.array([[not explains(e, s) for s in sets] for e in elements], dtype=np.float64)
     demanded = np.array([[demands(e, s) for s in sets] for e in elements], dtype=np.float64)
     if not elements:

@@ -12,7 +12,12 @@ from auditor.identification.thresholds import threshold
 
 LOWEST, HIGHEST = -2.0, 3.0
 
-FLOORS: Mapping[Witness, float] = {Witness.CONTRADICTED: 0.5, Witness.UNLIKE: 0.3, Witness.LIGHT: 0.3}
+FLOORS: Mapping[Witness, float] = {
+    Witness.CONTRADICTED: 0.5,
+    Witness.UNLIKE: 0.3,
+    Witness.LIGHT: 0.3,
+    Witness.EMPTY: 0.85,
+}
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
 _CAP = 0.95
@@ -38,7 +43,9 @@ def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardsti
     0.95 before a tenth of what is left is added. Raises ThresholdsError where N = 0, SettingError for an r outside
     0 to 1.
     """
-    quantile = min(threshold(samples, r), _CAP)
+    quantile = threshold(samples, r)
+    if witness is not Witness.EMPTY:  # a LiDAR that never fills the view is not attacked for that
+        quantile = min(quantile, _CAP)
     theta = max(quantile + _MARGIN * (1 - quantile), FLOORS[witness])
     spread = float(np.quantile(samples, _SPREAD_QUANTILE) - np.median(samples))
     return Yardstick(theta, max(spread, theta / 4), len(samples))

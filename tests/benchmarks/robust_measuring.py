@@ -15,6 +15,7 @@ from auditor.evidence.likeness import likeness
 from auditor.evidence.matchers import find_matcher
 from auditor.evidence.photometric import coarse, compare_light
 from auditor.evidence.reduction import halve
+from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import stereo_map
 from auditor.evidence.testimony import resolves_depth
 from auditor.evidence.texture import textured
@@ -49,7 +50,8 @@ class Sample:
 def rig_elements(rig: Rig) -> tuple[Element, ...]:
     """The elements that a rig is judged by."""
     matched = tuple(dict.fromkeys((w, t.k) for t in rig.triples for w in t[:2] if w != LIDAR))
-    return elements_of(rig.n, matched, [pair for pair in matched if rig.lidar and resolves_depth(rig, *pair)])
+    contradicting = [pair for pair in matched if rig.lidar and resolves_depth(rig, *pair)]
+    return elements_of(rig.n, matched, contradicting, rig.references if rig.lidar else ())
 
 
 class Bench:
@@ -111,9 +113,11 @@ class Bench:
 
     def _ratio(self, element: Element, attacks: Mapping[int, Attack]) -> float:
         witness, i, k = element
-        sensors = (LIDAR, i, k) if witness is Witness.CONTRADICTED else (i, k)
+        sensors = (LIDAR, i, k) if witness is Witness.CONTRADICTED else (LIDAR,) if i == LIDAR else (i, k)
 
         def make() -> float:
+            if witness is Witness.EMPTY:
+                return emptiness(self._view(k, attacks), self.rig.camera(k).width_px)
             if witness is Witness.LIGHT:
                 light = compare_light(coarse(self._half(i, attacks)), coarse(self._half(k, attacks)))
                 return max(light.brighter_i, light.brighter_k)
@@ -128,7 +132,7 @@ class Bench:
             found = local_ratio(cells.valid, cells.against, WINDOWS[witness])
             return found.ratio if found else np.nan
 
-        return self._once(f"ratio {witness}", sensors, attacks, make)
+        return self._once(f"ratio {witness} {k}", sensors, attacks, make)
 
     def _counts(self, triple: Triple, attacks: Mapping[int, Attack]) -> Any:
         i, j, k = triple

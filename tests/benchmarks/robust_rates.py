@@ -1,7 +1,7 @@
 """The robust method beside the paper's on real frames: `python -m tests.benchmarks.robust_rates [--cameras 4]`.
 
-Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also streets of one style
-judged by streets of another. r = 1 %. Thresholds are calibrated on the clean frames of one part and tested on another:
+Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also streets of each
+style judged by those of the others (at n = 4 by an evenly spaced rig). r = 1 %. Thresholds are calibrated on the clean frames of one part and tested on another:
 0009 on 0001, 0001 on 0009, blocks of ten frames of 0009 on the rest of it. Detection: any verdict but `clean` and
 `not_auditable`; identification: exactly the attacked set. Every rate carries its counts and 95 % Wilson interval.
 """
@@ -20,6 +20,7 @@ from auditor.identification.thresholds import threshold
 from auditor.identification.verdicts import judge
 from auditor.identification.windows import window_means
 from auditor.lab.drives import make_drive
+from auditor.lab.streets import STYLES
 from auditor.results import FINDINGS, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
@@ -29,6 +30,7 @@ R = Decimal("0.01")
 WINDOW_S = 0.5
 BLOCK = 10
 FRAMES_A_SCENE = 5
+EVENLY_SPACED_M = (0.54, 0.36, 0.18, 0.0)
 
 Judge = Callable[[Rig, Sequence[Sample], Sequence[Sample]], list[Verdict]]
 Split = tuple[list[Sample], list[Sample]]
@@ -152,7 +154,7 @@ def main() -> None:
     parser.add_argument("--cameras", type=int, default=3, choices=[3, 4])
     parser.add_argument("--draws", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each of two styles")
+    parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
     options = parser.parse_args()
     use_one_thread()
     measured: dict[str, list[Sample]] = {}
@@ -173,16 +175,24 @@ def main() -> None:
 
 
 def streets(scenes: int, cameras: int, seed: int) -> None:
-    """Synthetic streets: each style's scenes calibrated on the other's, the vehicles' flaws different too."""
-    measured: dict[str, list[Sample]] = {"city": [], "residential": []}
+    """Synthetic streets: each style's scenes calibrated on the others', the vehicles' flaws different too."""
+    measured: dict[str, list[Sample]] = {style: [] for style in STYLES}
+    positions_m = EVENLY_SPACED_M if cameras == 4 else None
     for s, style in enumerate(measured):
         for scene in range(scenes):
             number = 1000 * (s + 1) + scene
-            drive = make_drive(seed + number, FRAMES_A_SCENE, n_cameras=cameras, style=style, vehicle=number)
+            drive = make_drive(
+                seed + number,
+                FRAMES_A_SCENE,
+                n_cameras=cameras,
+                style=style,
+                vehicle=number,
+                positions_m=positions_m,
+            )
             measured[style].extend(samples(f"{style} {scene}", drive.rig, drive.frames(), 1, number))
-    city, residential = measured.values()
-    print(f"synthetic streets, each style calibrated on the other; n = {cameras}")
-    report(drive.rig, [(clean_of(city), residential), (clean_of(residential), city)])
+    print(f"synthetic streets, each style calibrated on the others; n = {cameras}")
+    others = {style: [s for other, part in measured.items() if other != style for s in part] for style in measured}
+    report(drive.rig, [(clean_of(others[style]), part) for style, part in measured.items()])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers import SgbmMatcher
@@ -27,6 +28,7 @@ def test_every_matched_pair_is_heard_and_every_pair_s_light():
     testimony = heard(plane_rig())
     assert set(testimony.contradicted) == set(testimony.unlike) == {(1, 3), (2, 3)}
     assert set(testimony.light) == {(1, 2), (1, 3), (2, 3)}
+    assert testimony.emptiness == {3: pytest.approx(0, abs=0.01)}
     assert all(cells.valid.shape == (15, 40) for cells in testimony.unlike.values())
     # At the images' left and right edges some pixels have nothing to be matched by.
     for cells in (*testimony.contradicted.values(), *testimony.unlike.values()):

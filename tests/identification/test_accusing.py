@@ -7,10 +7,11 @@ from auditor.results import VerdictKind
 from auditor.rig import triples_of
 
 PAIRS = ((1, 3), (2, 3))
-SYSTEM = System(elements_of(3, PAIRS, PAIRS), triples_of(3, lidar=True), (0, 1, 2, 3))
+SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
 NONE = frozenset()
 X13, X23 = (Element(Witness.CONTRADICTED, *pair) for pair in PAIRS)
 U13, U23 = (Element(Witness.UNLIKE, *pair) for pair in PAIRS)
+EMPTY = Element(Witness.EMPTY, 0, 3)
 L12 = Element(Witness.LIGHT, 1, 2)
 
 
@@ -29,6 +30,7 @@ def test_a_silent_frame_is_clean():
     ("raised", "attacked", "e"),
     [
         ({X13: 2.0, X23: 1.0}, (0,), "110"),
+        ({EMPTY: 0.5}, (0,), "110"),
         ({U13: 2.0, L12: 1.0}, (1,), "101"),
         ({U23: 2.0}, (2,), "011"),
         ({U13: 0.5, U23: 2.0}, (3,), "111"),

@@ -7,7 +7,7 @@ from auditor.identification.false_alarms import HeldOut, leave_one_recording_out
 from auditor.identification.joint import attack_sets
 
 PAIRS = ((1, 3), (2, 3))
-ELEMENTS = elements_of(3, PAIRS, PAIRS)
+ELEMENTS = elements_of(3, PAIRS, PAIRS, (3,))
 SETS = attack_sets(range(4), 1)
 R = Decimal("0.01")
 

@@ -12,7 +12,7 @@ from auditor.rig import triples_of
 def full_elements(n):
     """Every pair that a rig with a LiDAR and n cameras matches, all of them able to contradict the LiDAR."""
     matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=True) for w in t[:2] if w))
-    return elements_of(n, matched, matched)
+    return elements_of(n, matched, matched, (n,))
 
 
 def states(attacked, elements, *, hidden):
@@ -39,7 +39,7 @@ def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
 @pytest.mark.parametrize("n", [4, 5, 6])
 def test_cameras_alone_are_named_too(n):
     matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=False) for w in t[:2]))
-    elements = elements_of(n, matched, ())
+    elements = elements_of(n, matched, (), ())
     sets = attack_sets(range(1, n + 1), n - 3)
     z = np.array([states(s, elements, hidden=True) for s in sets])
     assert [sets[b] for b in explain(z, elements, sets).best] == list(sets)
@@ -51,12 +51,13 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
     z = np.random.default_rng(n).uniform(-2, 3, (30, len(elements)))
     z[np.random.default_rng(n + 1).random(z.shape) < 0.2] = np.nan
     found = explain(z, elements, sets)
+    empty = z[:, [e.witness is Witness.EMPTY for e in elements]].max(axis=1) > 0
     for f, s in np.ndindex(found.cost.shape):
         cost = 0.02 * len(sets[s])
         for value, element in zip(z[f], elements, strict=True):
             if value > 0 and not explains(element, sets[s]):
                 cost += value
-            elif value < 0:
+            elif value < 0 and not (empty[f] and element.witness is Witness.CONTRADICTED):
                 cost -= value * demands(element, sets[s])
         assert found.cost[f, s] == pytest.approx(cost)
     np.testing.assert_allclose(found.score, found.cost[:, 0] - found.cost[:, 1:].min(axis=1))
@@ -75,6 +76,7 @@ def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():
 
 def test_light_s_silence_clears_nobody_but_a_contradiction_s_clears_the_lidar():
     assert demands(Element(Witness.LIGHT, 1, 3), (1,)) == 0.0
+    assert demands(Element(Witness.EMPTY, 0, 3), (0,)) == 0.0
     assert demands(Element(Witness.UNLIKE, 1, 3), (1,)) == 0.5
     assert demands(Element(Witness.CONTRADICTED, 1, 3), (0,)) == 1.0
     assert demands(Element(Witness.CONTRADICTED, 1, 3), (0, 3)) == 0.0

@@ -21,6 +21,11 @@ def test_one_clean_window_at_one_does_not_silence_an_element():
     assert found.theta < 1
 
 
+def test_a_lidar_that_never_fills_the_view_is_not_raised_for_it():
+    found = yardstick(Witness.EMPTY, [1.0] * 50, R)
+    assert margins(np.array([[1.0]]), [found])[0, 0] <= 0
+
+
 @pytest.mark.parametrize("witness", list(Witness))
 def test_easy_drives_do_not_set_the_threshold(witness):
     assert yardstick(witness, [0.0] * 100, R).theta == FLOORS[witness]
