@@ -1,9 +1,10 @@
 """The robust method beside the paper's on real frames: `python -m tests.benchmarks.robust_rates [--cameras 4]`.
 
 Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also streets of each
-style judged by those of the others (at n = 4 by an evenly spaced rig). r = 1 %. Thresholds are calibrated on the clean frames of one part and tested on another:
-0009 on 0001, 0001 on 0009, blocks of ten frames of 0009 on the rest of it. Detection: any verdict but `clean` and
-`not_auditable`; identification: exactly the attacked set. Every rate carries its counts and 95 % Wilson interval.
+style judged by those of the others (at n = 4 by an evenly spaced rig). r = 1 %. Thresholds are calibrated on the clean
+frames of one part and tested on another: 0009 on 0001, 0001 on 0009, blocks of ten frames of 0009 on the rest of it.
+Detection: any verdict but `clean` and `not_auditable`; identification: exactly the attacked set. Every rate carries
+its counts and 95 % Wilson interval.
 """
 
 import argparse
