@@ -12,6 +12,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
+from auditor.evidence.matchers import find_matcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.cost import frame_cost  # noqa: E402
 from auditor.evidence.matchers.psmnet.inference import Engine, make_engine  # noqa: E402
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
@@ -225,6 +226,25 @@ def test_the_cost_grows_with_images_pairs_and_pixels(small: PsmnetMatcher, monke
     assert (cost.seconds_per_image, cost.seconds_per_pair) == (4.0, 4.0)  # four times the pixels measured, 1 s each
     assert cost.frame_s(images=3, pairs=2) == 20.0
     assert (cost.device, cost.threads) == ("cpu", 1)
+
+
+@pytest.mark.parametrize(
+    ("matcher", "package"), [("psmnet", "torch"), ("onnx:m", "onnxruntime"), ("torchscript:m", "torch")]
+)
+def test_a_package_that_is_not_installed_is_named_with_its_extra(matcher: str, package: str) -> None:
+    code = (
+        f"import sys; sys.modules[{package!r}] = None\n"
+        "from pathlib import Path\n"
+        "from auditor.evidence.matchers import MatcherOptions, find_matcher\n"
+        f"find_matcher({matcher!r}, MatcherOptions(weights=Path('w') if {matcher!r} == 'psmnet' else None))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert f"needs the package {package}; pip install 'auditor[" in done.stderr
+
+
+def test_psmnet_without_weights_says_so() -> None:
+    with pytest.raises(SettingError, match="--weights: psmnet needs weights"):
+        find_matcher("psmnet")
 
 
 def test_the_evidence_room_is_entered_without_torch() -> None:

@@ -8,7 +8,7 @@
     left = "left"                       # names in the model; TorchScript takes (left, right) in this order
     right = "right"
     colour = "rgb"                      # rgb, bgr or grey
-    divisor = 255.0                     # values are divided by it, then by the deviation, less the mean
+    divisor = 255.0                     # values are divided by it, less the mean, then divided by the deviation
     mean = [0.485, 0.456, 0.406]
     deviation = [0.229, 0.224, 0.225]
     multiple = 32                       # heights and widths that it takes are multiples of it

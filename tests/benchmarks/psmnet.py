@@ -1,0 +1,146 @@
+"""What PSMNet costs: `python -m tests.benchmarks.psmnet [--weights FILE --align-corners] [--device cuda]`.
+
+On the CPU: seconds and peak memory of one pair at 1248 x 384 with 192 disparities, here and in the naive form (the
+published network as it is written down, called once a pair), and what `frame_cost` foretold. With --device cuda: frames
+a second with three cameras (two pairs), naive and here, for each precision and number of frames at once, compiled or
+not, and how far each precision's disparities are from fp32's. Without --weights the weights are drawn by a rule from
+their names: times stay the same, but what a precision does to disparities should be judged with trained ones.
+With AUDITOR_TEST_DATA set the images are real.
+"""
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import cv2
+import numpy as np
+import torch
+
+from auditor.evidence.matchers.psmnet import PsmnetMatcher, Weights, check_precision, frame_cost, load_weights
+from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine
+from auditor.evidence.matchers.psmnet.network import PSMNet
+from auditor.evidence.matchers.psmnet.weights import content_sha256
+from tests.evidence.psmnet_networks import noise, ruled_state
+
+HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192
+CAMERAS = (2, 3, 1)  # left to right: the reference, then its witnesses
+PAIRS = [(0, 1), (0, 2)]
+FRAMES_AT_ONCE = (1, 2, 4, 8)
+ROUNDS = 5
+PIXELS_MB = 1e6
+
+
+def images() -> list[np.ndarray]:
+    """One frame of three cameras, the reference first."""
+    data = os.environ.get("AUDITOR_TEST_DATA")
+    if not data:
+        return [noise(HEIGHT, WIDTH, seed) for seed in range(3)]
+    drive = Path(data) / "kitti_raw_2011_09_26_drive_0009" / "2011_09_26" / "2011_09_26_drive_0009_sync"
+    paths = [sorted((drive / f"image_{camera:02}" / "data").iterdir())[0] for camera in CAMERAS]
+    return [cv2.imread(str(path), cv2.IMREAD_COLOR)[:HEIGHT, :WIDTH] for path in paths]
+
+
+class Naive:
+    """The network as it is written down: two feature passes a pair, batch normalisation apart, nothing batched."""
+
+    def __init__(self, weights: Weights, align_corners: bool, device: str) -> None:
+        self.network = PSMNet(max_disparity=RANGE_PX, align_corners=align_corners, width=weights.width)
+        self.network.load_state_dict(weights.state)
+        self.network.eval().to(device)
+        self.engine = Engine(self.network, torch.device(device))
+
+    @torch.inference_mode()
+    def match(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        tensors = [self.engine.load([image]).contiguous() for image in (left, right)]
+        features = [self.network.feature_extraction(tensor) for tensor in tensors]
+        cost = self.network.costs(self.network.volume(*features))[2]
+        size = (tensors[0].shape[-2], tensors[0].shape[-1])
+        return self.network.disparity(cost, size)[0].cpu().numpy()
+
+
+def seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
+    """Median of a few rounds after one that is not counted."""
+    times = []
+    for _ in range(rounds + 1):
+        started = perf_counter()
+        work()  # ends with the disparities on the CPU, so a GPU has finished
+        times.append(perf_counter() - started)
+    return median(times[1:])
+
+
+def on_cpu(weights: Weights, align_corners: bool, form: str) -> None:
+    """One pair, one thread, in this process: memory is the process's own peak."""
+    torch.set_num_threads(1)
+    left, right = images()[:2]
+    matcher = PsmnetMatcher(weights, align_corners=align_corners, max_disparity=RANGE_PX)
+    told = frame_cost(matcher, (HEIGHT, WIDTH)).frame_s(images=2, pairs=1) if form == "here" else None
+    match = matcher.match if form == "here" else Naive(weights, align_corners, "cpu").match
+    before = resource.getrusage(resource.RUSAGE_SELF)
+    started = perf_counter()
+    match(left, right)
+    wall = perf_counter() - started
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    foretold = f", foretold {told:.1f} s" if told else ""
+    print(f"{form:6} {cpu:6.1f} s CPU, {wall:6.1f} s wall{foretold}, peak {after.ru_maxrss / PIXELS_MB:.2f} GB")
+
+
+def on_gpu(weights: Weights, align_corners: bool, device: str) -> None:
+    """Frames a second of three cameras, with the memory and the precision of each way."""
+    frame = images()
+    naive = Naive(weights, align_corners, device)
+    torch.cuda.reset_peak_memory_stats()
+    slow = seconds(lambda: [naive.match(frame[left], frame[right]) for left, right in PAIRS])
+    print(f"{torch.cuda.get_device_name()}, torch {torch.__version__}")
+    print(f"naive                      {1 / slow:7.2f} frames/s   {torch.cuda.max_memory_allocated() / 1e9:6.2f} GB")
+    for precision in PRECISIONS:
+        for compiled in (False, True):
+            matcher = PsmnetMatcher(
+                weights, align_corners=align_corners, max_disparity=RANGE_PX, device=device, precision=precision
+            )
+            if compiled:
+                matcher.engine.network.costs = torch.compile(matcher.engine.network.costs)
+            check = check_precision(matcher, frame, PAIRS)
+            for count in FRAMES_AT_ONCE:
+                pairs = [(3 * n + left, 3 * n + right) for n in range(count) for left, right in PAIRS]
+                torch.cuda.reset_peak_memory_stats()
+                fast = (
+                    seconds(lambda matcher=matcher, pairs=pairs, n=count: matcher.match_pairs(frame * n, pairs)) / count
+                )
+                print(
+                    f"{precision} {'compiled' if compiled else '        '} {count} at once {1 / fast:7.2f} frames/s   "
+                    f"{torch.cuda.max_memory_allocated() / 1e9:6.2f} GB   {slow / fast:5.2f} times naive   "
+                    f"|d - fp32| mean {check.mean_px:.4f}, largest {check.largest_px:.3f} px"
+                )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--weights", type=Path)
+    parser.add_argument("--align-corners", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--form", choices=["here", "naive"], help="CPU: one form alone, in this process")
+    arguments = parser.parse_args()
+    if arguments.device == "cpu" and arguments.form is None:
+        for form in ("naive", "here"):  # a process each: peak memory never falls
+            subprocess.run([sys.executable, "-m", "tests.benchmarks.psmnet", *sys.argv[1:], "--form", form], check=True)
+        return
+    if arguments.weights:
+        weights = load_weights(arguments.weights)
+    else:
+        state = ruled_state()
+        weights = Weights(state, 32, content_sha256(state), None, None, "the rule")
+    if arguments.device == "cpu":
+        on_cpu(weights, arguments.align_corners, arguments.form)
+    else:
+        on_gpu(weights, arguments.align_corners, arguments.device)
+
+
+if __name__ == "__main__":
+    main()
