@@ -1,7 +1,7 @@
 """The local ratio: the largest share of inconsistent pixels in any window of the cell grid."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,12 @@ WINDOWS: Mapping[Witness, Window] = {
 }
 """By witness, of cells of 8 x 8 px: 80 x 80 px of LiDAR points, 56 x 104 px of half-resolution pixels.
 
-The light witness brings its own window. 120 points are those of a beam spacing of 0.4 degrees (64 beams).
+The light and emptiness witnesses bring their own. 120 points are half of what 64 beams usually give; for fewer beams
+see `fitted`.
 """
+
+FEWEST_POINTS = 30
+"""Of fewer points a share says little, however few beams there are."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,17 @@ def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None
     ratio = np.where(enough, B / np.maximum(N, 1), -1.0)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     return LocalRatio(float(ratio[row, column]), int(row), int(column))
+
+
+def fitted(window: Window, valid: Iterable[Grid]) -> Window:
+    """The window for a LiDAR of fewer beams: half of the usual count is enough, 30 points at least.
+
+    `valid` are the (rows, columns) counts of clean frames; usual is the median over the windows that hold any. It is
+    never made harder than `window`.
+    """
+    counts = [sums[sums > 0] for sums in (_window_sums(grid, window) for grid in valid)]
+    usual = float(np.median(np.concatenate(counts))) if any(count.size for count in counts) else 0.0
+    return replace(window, fewest_valid=min(max(round(usual / 2), FEWEST_POINTS), window.fewest_valid))
 
 
 def _window_sums(grid: Grid, window: Window) -> NDArray[np.int64]:

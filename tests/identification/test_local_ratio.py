@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.local_ratio import Window, local_ratio
+from auditor.identification.local_ratio import Window, fitted, local_ratio
 
 
 def by_hand(valid, against, window):
@@ -41,3 +41,16 @@ def test_a_grid_smaller_than_the_window_has_no_local_ratio():
     small = np.full((3, 40), 16, dtype=np.uint8)
     assert local_ratio(small, small, Window(7, 13, 1)) is None
     assert local_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
+
+
+@pytest.mark.parametrize(("points", "fewest"), [(5, 120), (2, 100), (1, 50), (0, 30)])
+def test_fewer_beams_need_fewer_points_in_a_window_but_never_more_than_sixty_four_do(points, fewest):
+    grids = [np.full((12, 12), points, dtype=np.uint8)] * 3
+    assert fitted(Window(10, 10, 120), grids) == Window(10, 10, fewest)
+
+
+def test_windows_that_hold_no_points_do_not_make_it_easier():
+    grid = np.zeros((30, 10), dtype=np.uint8)
+    grid[:10] = 2
+    assert fitted(Window(10, 10, 120), [grid]).fewest_valid == 55  # windows of 200, 180, ... 20 points
+    assert fitted(Window(10, 10, 120), []).fewest_valid == 30
