@@ -123,8 +123,10 @@ def make_drive(
 
     `seed` decides the street, the weather and the noise; `vehicle` the flaws of its sensors, so that drives of one
     vehicle share them. `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises
-    SettingError for an unknown style or positions that do not fit.
+    SettingError for an unknown style, no frames, or positions that do not fit.
     """
+    if frames < 1:
+        raise SettingError(f"{frames} frames make no drive", where="synthetic drive", remedy="ask for one at least")
     rng = np.random.default_rng([seed, _STREAMS["scene"]])
     look = style_named(style)
     speed = float(rng.uniform(6, 10))
