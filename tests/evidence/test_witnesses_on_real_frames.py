@@ -1,0 +1,42 @@
+"""Every witness accuses whom it should, and nobody else, on a real frame."""
+
+import os
+from itertools import islice
+
+import pytest
+
+from auditor.identification.margins import FLOORS
+from auditor.lab.attacks import BogusWall, Facula
+from tests.benchmarks.real_drives import frames
+from tests.benchmarks.robust_measuring import Bench
+
+pytestmark = pytest.mark.skipif(
+    "AUDITOR_TEST_DATA" not in os.environ, reason="AUDITOR_TEST_DATA is not set: no real recorded data"
+)
+
+FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
+
+
+@pytest.fixture(scope="module")
+def bench():
+    rig, stream = frames("0009")
+    return Bench(rig, next(islice(stream, 20, None)))
+
+
+@pytest.mark.parametrize(
+    ("attacks", "raised"),
+    [
+        ({}, set()),
+        ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"contradicted 1 3", "contradicted 2 3"}),
+        ({1: FACULA}, {"unlike 1 3", "light 1 2", "light 1 3"}),
+        ({2: FACULA}, {"unlike 2 3", "light 1 2", "light 2 3"}),
+        ({3: FACULA}, {"unlike 1 3", "unlike 2 3", "light 1 3", "light 2 3"}),
+    ],
+    ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
+)
+def test_exactly_the_elements_of_the_attacked_sensor_are_raised(bench, attacks, raised):
+    ratios, _ = bench.measure(attacks)
+    above = {
+        f"{e.witness} {e.i} {e.k}" for e, ratio in zip(bench.elements, ratios, strict=True) if ratio > FLOORS[e.witness]
+    }
+    assert above == raised
