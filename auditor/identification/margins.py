@@ -12,6 +12,17 @@ from auditor.identification.thresholds import threshold
 
 LOWEST, HIGHEST = -2.0, 3.0
 
+CEILINGS: Mapping[Witness, float] = {
+    Witness.CONTRADICTED: 0.7,
+    Witness.UNLIKE: 0.55,
+    Witness.LIGHT: 0.5,
+    Witness.EMPTY: 1.0,
+}
+"""theta is never larger: attacked frames among the clean ones must not silence a witness.
+
+Only a LiDAR that never fills the view may silence its own.
+"""
+
 FLOORS: Mapping[Witness, float] = {
     Witness.CONTRADICTED: 0.5,
     Witness.UNLIKE: 0.3,
@@ -20,7 +31,6 @@ FLOORS: Mapping[Witness, float] = {
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
-_CAP = 0.95
 _MARGIN = 0.1
 _SPREAD_QUANTILE = 0.95
 
@@ -39,14 +49,11 @@ class Yardstick:
 def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardstick:
     """Take theta at r from N clean local ratios in ascending order, and add what carries it to other drives.
 
-    Local ratios end at 1, and one clean window at 1 would silence an element for good: their quantile is capped at
-    0.95 before a tenth of what is left is added. Raises ThresholdsError where N = 0, SettingError for an r outside
-    0 to 1.
+    A tenth of what is left to 1 is added; then theta is kept between the witness's floor and its ceiling. Raises
+    ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
     quantile = threshold(samples, r)
-    if witness is not Witness.EMPTY:  # a LiDAR that never fills the view is not attacked for that
-        quantile = min(quantile, _CAP)
-    theta = max(quantile + _MARGIN * (1 - quantile), FLOORS[witness])
+    theta = min(max(quantile + _MARGIN * (1 - quantile), FLOORS[witness]), CEILINGS[witness])
     spread = float(np.quantile(samples, _SPREAD_QUANTILE) - np.median(samples))
     return Yardstick(theta, max(spread, theta / 4), len(samples))
 

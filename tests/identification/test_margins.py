@@ -5,20 +5,20 @@ import pytest
 
 from auditor.errors import ThresholdsError
 from auditor.identification.elements import Element, Witness
-from auditor.identification.margins import FLOORS, Yardstick, margins, yardstick, yardsticks
+from auditor.identification.margins import CEILINGS, FLOORS, Yardstick, margins, yardstick, yardsticks
 
 R = Decimal("0.01")
 
 
 def test_a_tenth_of_what_is_left_is_added_to_the_quantile():
-    samples = sorted([*np.linspace(0, 0.6, 199).tolist(), 0.99])
+    samples = sorted([*np.linspace(0, 0.4, 199).tolist(), 0.99])
     assert yardstick(Witness.UNLIKE, samples, R).theta == pytest.approx(samples[197] + 0.1 * (1 - samples[197]))
 
 
 def test_one_clean_window_at_one_does_not_silence_an_element():
-    found = yardstick(Witness.CONTRADICTED, [0.0] * 9 + [1.0], Decimal(0))
-    assert found.theta == pytest.approx(0.955)
-    assert found.theta < 1
+    for witness in (Witness.CONTRADICTED, Witness.UNLIKE, Witness.LIGHT):
+        found = yardstick(witness, [0.0] * 9 + [1.0], Decimal(0))
+        assert found.theta == CEILINGS[witness] < 1
 
 
 def test_a_lidar_that_never_fills_the_view_is_not_raised_for_it():
@@ -46,11 +46,11 @@ def test_margins_are_zero_at_theta_clipped_and_nan_where_unmeasured():
 
 def test_each_element_is_measured_by_its_own_clean_frames():
     elements = (Element(Witness.UNLIKE, 1, 3), Element(Witness.LIGHT, 1, 2), Element(Witness.LIGHT, 1, 3))
-    ratios = np.array([[0.1, np.nan, 0.8], [0.6, np.nan, np.nan]])
+    ratios = np.array([[0.1, np.nan, 0.4], [0.4, np.nan, np.nan]])
     unlike, silent, light = yardsticks(ratios, elements, Decimal(0))
-    assert unlike.theta == pytest.approx(0.64)
+    assert unlike.theta == pytest.approx(0.46)
     assert silent is None
-    assert (light.theta, light.samples) == (pytest.approx(0.82), 1)
+    assert (light.theta, light.samples) == (pytest.approx(0.46), 1)
 
 
 def test_no_samples_make_no_threshold():
