@@ -20,6 +20,7 @@ from auditor.identification.margins import margins, yardsticks
 from auditor.identification.thresholds import threshold
 from auditor.identification.verdicts import judge
 from auditor.identification.windows import window_means
+from auditor.lab.attacks import STRENGTHS
 from auditor.lab.drives import make_drive
 from auditor.lab.streets import STYLES
 from auditor.results import FINDINGS, Verdict, VerdictKind
@@ -194,6 +195,26 @@ def streets(scenes: int, cameras: int, seed: int) -> None:
     print(f"synthetic streets, each style calibrated on the others; n = {cameras}")
     others = {style: [s for other, part in measured.items() if other != style for s in part] for style in measured}
     report(drive.rig, [(clean_of(others[style]), part) for style, part in measured.items()])
+    last = next(reversed(measured))
+    contaminated(drive.rig, others[last], measured[last], np.random.default_rng(seed))
+
+
+def contaminated(rig: Rig, calibrated: list[Sample], tested: list[Sample], rng: np.random.Generator) -> None:
+    """Faculas on single cameras again, where a share of the frames that were taken for clean had been attacked."""
+    clean = clean_of(calibrated)
+    camera = [s for s in tested if s.kind in STRENGTHS and len(s.attacked) == 1 and LIDAR not in s.attacked]
+    for share in (0.0, 0.05, 0.1, 0.2):
+        for strength in ("mild", "opaque"):
+            bad = [s for s in calibrated if s.kind == strength and len(s.attacked) == 1]
+            count = round(share * len(clean))
+            order = rng.permutation(len(clean))
+            mixed = [clean[c] for c in order[count:]] + [bad[b] for b in rng.permutation(len(bad))[:count]]
+            told = list(zip(camera, robust(None)(rig, mixed, camera), strict=True))
+            rates = {
+                kind: wilson(sum(v.attacked == s.attacked for s, v in told if s.kind == kind), len(camera) // 3)
+                for kind in ("mild", "opaque")
+            }
+            print(f"  {share:.0%} of the calibration {strength}: mild {rates['mild']}, opaque {rates['opaque']}")
 
 
 if __name__ == "__main__":
