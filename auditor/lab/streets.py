@@ -45,18 +45,18 @@ class Style:
 STYLES: Mapping[str, Style] = MappingProxyType(
     {
         "city": Style(
-            road_m=4.6, path_m=2.6, paving=Tile.PAVING, verge=Tile.PAVING, parked=0.5, trees=0.55, tree_layers=10,
-            bushes=0.15, poles=0.4, signs=0.25, traffic=1.0, setback_m=(0.3, 3.0),
+            road_m=5.0, path_m=2.6, paving=Tile.PAVING, verge=Tile.PAVING, parked=0.5, trees=0.55, tree_layers=10,
+            bushes=0.35, poles=0.6, signs=0.25, traffic=1.0, setback_m=(0.3, 3.0),
             fronts={"windows": 3, "bricks": 1, "plain": 1, "ribs": 1, "glass": 0.5, "wall": 1, "fence": 0.5, "open": 1},
         ),
         "residential": Style(
-            road_m=4.0, path_m=1.8, paving=Tile.PAVING, verge=Tile.GRASS, parked=0.3, trees=0.5, tree_layers=10,
-            bushes=0.6, poles=0.25, signs=0.08, traffic=0.6, setback_m=(3.0, 8.0),
+            road_m=4.6, path_m=1.8, paving=Tile.PAVING, verge=Tile.GRASS, parked=0.3, trees=0.5, tree_layers=10,
+            bushes=0.7, poles=0.45, signs=0.08, traffic=0.6, setback_m=(3.0, 8.0),
             fronts={"cottage": 4, "plain": 0.6, "hedge": 3, "fence": 1, "wall": 0.7, "open": 1.5},
         ),
         "industrial": Style(
-            road_m=4.2, path_m=3.0, paving=Tile.CONCRETE, verge=Tile.GRASS, parked=0.4, trees=0.3, tree_layers=9,
-            bushes=0.3, poles=0.5, signs=0.4, traffic=0.8, setback_m=(1.0, 6.0),
+            road_m=4.8, path_m=3.0, paving=Tile.CONCRETE, verge=Tile.GRASS, parked=0.4, trees=0.3, tree_layers=9,
+            bushes=0.4, poles=0.6, signs=0.4, traffic=0.8, setback_m=(1.0, 6.0),
             fronts={"ribs": 2, "plain": 1.5, "glass": 0.4, "wall": 1.5, "fence": 1, "hedge": 1, "open": 1.5},
         ),
     }
@@ -142,7 +142,7 @@ def _traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Gen
     yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=speed_m_s * rng.uniform(0.97, 1.1))
     z = rng.uniform(25, 60)
     while z < 2.2 * length_m + BEYOND_M:
-        yield from car(-style.lane_m - 0.8, z, rng, speed=-rng.uniform(7, 11))
+        yield from car(-style.lane_m - 0.4, z, rng, speed=-rng.uniform(7, 11))
         z += rng.uniform(25, 70) / style.traffic
 
 

@@ -141,7 +141,7 @@ def _plaster(rng: np.random.Generator) -> Drawn:
 
 def _ribs(rng: np.random.Generator) -> Drawn:
     wave = np.cos(2 * np.pi * 16 * np.arange(SIZE) / SIZE)
-    ribs = 0.2 * np.sign(wave) * np.abs(wave) ** 0.5 + np.repeat(0.12 * rng.standard_normal(16), SIZE // 16)
+    ribs = 0.2 * np.sign(wave) * np.abs(wave) ** 0.5 + np.repeat(0.2 * rng.standard_normal(16), SIZE // 16)
     return 1 + ribs * np.ones((SIZE, 1)) + 0.05 * cloud_noise(rng, -1), _nothing()
 
 

@@ -95,18 +95,18 @@ def make_vehicle(rig: Rig, seed: int) -> Vehicle:
             vignetting=float(rng.uniform(0.05, 0.2)),
             read_noise=float(rng.uniform(0.7, 1.3)),
             photon_noise=float(rng.uniform(0.006, 0.012)),
-            row_shift_px=float(rng.uniform(-0.2, 0.2)),
+            row_shift_px=float(rng.uniform(-0.25, 0.25)),
             stamp_error_s=float(rng.uniform(-0.001, 0.004)),
         )
         for _ in rig.cameras
     )
-    angles = rng.normal(0, np.deg2rad(0.08), 3)
+    angles = rng.normal(0, np.deg2rad(0.1), 3)
     return Vehicle(
         rig=rig,
         cameras=cameras,
         lidar=LidarFlaws(
             tilt=rotation(*angles),
-            shift_m=rng.normal(0, 0.012, 3),
+            shift_m=rng.normal(0, 0.015, 3),
             range_noise_m=float(rng.uniform(0.012, 0.025)),
             dropout=float(rng.uniform(0.01, 0.04)),
             stamp_error_s=float(rng.uniform(0.005, 0.015)),
