@@ -1,12 +1,12 @@
 """The local ratio: the largest share of inconsistent pixels in any window of the cell grid."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Witness
+from auditor.identification.elements import Element, Witness
 
 Grid = NDArray[np.integer]
 
@@ -55,6 +55,23 @@ def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None
     ratio = np.where(enough, B / np.maximum(N, 1), -1.0)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     return LocalRatio(float(ratio[row, column]), int(row), int(column))
+
+
+def local_ratios(
+    elements: Sequence[Element],
+    cells: Mapping[Element, tuple[Grid, Grid]],
+    shares: Mapping[Element, float],
+    windows: Mapping[Witness, Window] = WINDOWS,
+) -> tuple[float | None, ...]:
+    """The statistic of each element in a frame, None where it was not measured.
+
+    `cells` holds (valid, against) counts by element, `shares` those statistics that come ready: light and emptiness.
+    """
+    ratios: list[float | None] = []
+    for element in elements:
+        found = local_ratio(*cells[element], windows[element.witness]) if element in cells else None
+        ratios.append(found.ratio if found else shares.get(element))
+    return tuple(ratios)
 
 
 def fitted(window: Window, valid: Iterable[Grid]) -> Window:

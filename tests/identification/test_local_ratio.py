@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from auditor.identification.local_ratio import Window, fitted, local_ratio
+from auditor.identification.elements import Element, Witness
+from auditor.identification.local_ratio import Window, fitted, local_ratio, local_ratios
 
 
 def by_hand(valid, against, window):
@@ -54,3 +55,12 @@ def test_windows_that_hold_no_points_do_not_make_it_easier():
     grid[:10] = 2
     assert fitted(Window(10, 10, 120), [grid]).fewest_valid == 55  # windows of 200, 180, ... 20 points
     assert fitted(Window(10, 10, 120), []).fewest_valid == 30
+
+
+def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_ready():
+    full, half, few = (np.full((12, 14), n, dtype=np.uint8) for n in (16, 8, 1))
+    seen, blind, light, absent = (
+        Element(witness, 1, 3) for witness in (Witness.UNLIKE, Witness.CONTRADICTED, Witness.LIGHT, Witness.EMPTY)
+    )
+    found = local_ratios((seen, blind, light, absent), {seen: (full, half), blind: (few, few)}, {light: 0.25})
+    assert found == (0.5, None, 0.25, None)
