@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +59,9 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
     best, lead = explanations.best, explanations.lead
     raised = explanations.score > threshold if len(sets) > 1 else np.nanmax(z, axis=1, initial=-np.inf) > threshold
     states = _states(z, system)
+    named = cache(lambda e: _algorithm_2(e, system, present))
     verdicts = []
     for f in range(len(z)):
-        verdict = Verdict(VerdictKind.CLEAN, states[f], out_of_system=outside)
         if np.isnan(z[f]).all():
             kind, attacked, reason = VerdictKind.NOT_AUDITABLE, (), "no witness could be heard"
         elif not raised[f]:
@@ -71,9 +72,8 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
             kind = VerdictKind.UNIDENTIFIED if doubt else VerdictKind.ATTACKED
             reason = "; ".join(part for part in (doubt, _evidence(z[f], system), _others(explanations, f)) if part)
             attacked = () if doubt else attacked
-        named = _algorithm_2(states[f], system, present)
         margin = float(lead[f]) if np.isfinite(lead[f]) else None
-        verdicts.append(Verdict(kind, verdict.e, attacked, named, outside, margin, reason))
+        verdicts.append(Verdict(kind, states[f], attacked, named(states[f]), outside, margin, reason))
     return verdicts
 
 
