@@ -6,18 +6,24 @@ MAX_ENTRIES = 100
 
 
 class DamageLog:
-    """Collects Damage; beyond MAX_ENTRIES it only counts."""
+    """Collects Damage; beyond MAX_ENTRIES it only counts. `file` is the one being read, where there are several."""
 
     def __init__(self) -> None:
+        self.file = ""
         self._entries: list[Damage] = []
         self._more = 0
 
-    def add(self, what: str, offset: int | None = None, *, file: str = "") -> None:
+    def add(self, what: str, offset: int | None = None) -> None:
         """Note one more."""
         if len(self._entries) < MAX_ENTRIES:
-            self._entries.append(Damage(what, offset, file))
+            self._entries.append(Damage(what, offset, self.file))
         else:
             self._more += 1
+
+    @property
+    def count(self) -> int:
+        """How many were noted."""
+        return len(self._entries) + self._more
 
     @property
     def entries(self) -> tuple[Damage, ...]:

@@ -10,6 +10,10 @@ from auditor.results import AttackLabel
 LABELS_NAME = "auditor-labels.json"
 LABELS_MEDIA_TYPE = "application/json"
 METADATA_NAME = "auditor"
+MAX_JSON_BYTES = 16 * 2**20
+MAX_JSON_PARTS = 1_000_000
+"""A parsed list or object takes many times its text: they are counted first."""
+
 METADATA_TOPIC = "/auditor/metadata"
 """Where .bag and .db3 recordings carry both, as JSON in a std_msgs/String: they have no attachments."""
 
@@ -41,9 +45,17 @@ def label_from_dict(description: dict[str, Any]) -> AttackLabel:
     )
 
 
+def load_json(text: bytes | str) -> Any:  # noqa: ANN401  # what json.loads gives
+    """Parse what may be hostile. Raises ValueError and RecursionError."""
+    text = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    if len(text) > MAX_JSON_BYTES or sum(text.count(sign) for sign in (b",", b"[", b"{")) > MAX_JSON_PARTS:
+        raise ValueError("it is too large")
+    return json.loads(text)
+
+
 def labels_from_json(text: bytes | str, where: object) -> tuple[AttackLabel, ...]:
     """Read what `labels_to_json` wrote. Raises RecordingError where it is something else."""
     try:
-        return tuple(label_from_dict(description) for description in json.loads(text))
+        return tuple(label_from_dict(description) for description in load_json(text))
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise RecordingError(f"its ground truth ({LABELS_NAME}) is ill-formed ({error})", where=where) from error

@@ -10,12 +10,14 @@ from mcap.records import Metadata
 
 from auditor.errors import RecordingError
 from auditor.frames import Message
+from auditor.recordings.channels import total_counts
 from auditor.recordings.content import content_id
 from auditor.recordings.damage_log import DamageLog
 from auditor.recordings.interface import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
 from auditor.recordings.labels import LABELS_NAME, METADATA_NAME, labels_from_json
-from auditor.recordings.mcap_reading import FileRead, Names, attached_to
+from auditor.recordings.mcap_reading import FileRead, attached_to
 from auditor.recordings.mcap_stream import MAGIC, read_ending
+from auditor.recordings.names import Names
 from auditor.results import AttackLabel
 
 _PEEK_BYTES = 32 * 2**20
@@ -82,11 +84,7 @@ class McapRecording:
     @property
     def counts(self) -> Mapping[str, int]:
         """Messages met by the last read, by topic."""
-        counts = dict.fromkeys(self._names.topics, 0)
-        for read in self._reads:
-            for channel in read.channels:
-                counts[channel.topic.name] += channel.count
-        return counts
+        return total_counts(self._names, [read.channels for read in self._reads])
 
     @property
     def damage(self) -> tuple[Damage, ...]:
@@ -109,7 +107,12 @@ class McapRecording:
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
         reads = [FileRead(file, topics, self._names, damage) for file in self.files]
-        return reads, (message for read in reads for message in read.messages())
+        return reads, self._one_by_one(reads, damage)
+
+    def _one_by_one(self, reads: list[FileRead], damage: DamageLog) -> Iterator[Message]:
+        for file, read in zip(self.files, reads, strict=True):
+            damage.file = file.name if len(self.files) > 1 else ""
+            yield from read.messages()
 
     def _look(self) -> None:
         """Learn topics: from the summaries where there are any, else from the beginning."""

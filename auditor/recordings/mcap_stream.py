@@ -2,11 +2,13 @@
 
 import struct
 import zlib
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from typing import IO, NamedTuple
 
 from auditor.recordings.damage_log import DamageLog
-from auditor.recordings.mcap_chunks import MAX_BYTES
+from auditor.recordings.forward_stream import CutError, ForwardStream
+from auditor.recordings.unpacking import MAX_BYTES
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -25,10 +27,9 @@ class Opcode:
     ATTACHMENT = 0x09
     METADATA = 0x0C
     DATA_END = 0x0F
-
-
-class CutError(Exception):
-    """The file ends inside a record; caught by the reading loop."""
+    CHUNK_INDEX = 0x08
+    CUT_CHUNK = 0x100
+    """No opcode of a file: the last chunk where the file ends inside it."""
 
 
 class Record(NamedTuple):
@@ -39,45 +40,13 @@ class Record(NamedTuple):
     length: int
 
 
-class ForwardStream:
-    """A file read forward only. With `checksum` the CRC of everything passed is kept, skipped bytes included."""
-
-    def __init__(self, file: IO[bytes], size: int, *, checksum: bool) -> None:
-        self._file = file
-        self._checksum = checksum
-        self.size = size
-        self.offset = 0
-        self.crc = 0
-
-    def read(self, length: int) -> bytes:
-        """Exactly `length` bytes. Raises CutError."""
-        if self.offset + length > self.size:
-            raise CutError
-        data = self._file.read(length)
-        self.offset += len(data)
-        if len(data) < length:
-            raise CutError
-        if self._checksum:
-            self.crc = zlib.crc32(data, self.crc)
-        return data
-
-    def skip_to(self, offset: int) -> None:
-        """Move forward without keeping what lies between. Raises CutError."""
-        if not self._checksum:
-            if offset > self.size:
-                raise CutError
-            self._file.seek(offset)
-            self.offset = offset
-            return
-        while self.offset < offset:
-            self.read(min(offset - self.offset, 1 << 20))
-
-
-def records(stream: ForwardStream, damage: DamageLog) -> Iterator[Record]:
+def records(stream: ForwardStream, damage: DamageLog, resume_at: Sequence[int] = ()) -> Iterator[Record]:
     """Every top-level record up to the footer; the caller may read its body, and what it leaves is skipped.
 
-    Stops, noting the damage, where the file is cut or filled with zeros, or where a length makes no sense. Raises
-    CutError where the file became shorter while it was read.
+    `resume_at` are places, in order, where the file says that records begin: behind a damaged place reading goes on at
+    the next of them. Without one it stops, noting the damage, where the file is cut or filled with zeros, or where a
+    length makes no sense. The last chunk of a cut file comes out with what is left of it. Raises CutError where the
+    file became shorter while it was read.
     """
     stream.read(len(MAGIC))
     start = stream.offset
@@ -87,14 +56,22 @@ def records(stream: ForwardStream, damage: DamageLog) -> Iterator[Record]:
         except CutError:
             break
         end = start + HEAD.size + length
-        if opcode == 0:
-            damage.add(f"no records from here on: {stream.size - start} bytes are not read", start)
-            return
-        if end > stream.size:
-            break
-        yield Record(opcode, start, length)
-        if opcode == Opcode.FOOTER:
-            return
+        if opcode == 0 or end > stream.size:
+            place = bisect_right(resume_at, start)
+            if place < len(resume_at):
+                damage.add(f"{resume_at[place] - start} bytes are left out: they are no records", start)
+                end = resume_at[place]
+            elif opcode == 0:
+                damage.add(f"no records from here on: {stream.size - start} bytes are not read", start)
+                return
+            else:
+                if opcode == Opcode.CHUNK:
+                    yield Record(Opcode.CUT_CHUNK, start, stream.size - start - HEAD.size)
+                break
+        else:
+            yield Record(opcode, start, length)
+            if opcode == Opcode.FOOTER:
+                return
         stream.skip_to(end)
         start = end
     damage.add("the recording is cut, or still being written: it ends without its footer", start)

@@ -13,7 +13,7 @@ from auditor.recordings.rosbag import Ros1Reader, Ros2Reader
 READERS: tuple[Reader, ...] = (McapReader(), Ros1Reader(), Ros2Reader(), KittiReader())
 """Built-in readers; those of the entry points group `auditor.readers` are asked after them."""
 
-KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI raw drive folder"
+KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
 
 @cache

@@ -3,6 +3,7 @@ import zlib
 from pathlib import Path
 
 import lz4.frame
+import numpy as np
 import pytest
 import zstandard
 from hypothesis import given, settings
@@ -11,7 +12,8 @@ from mcap.writer import CompressionType, Writer
 
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_mcap
-from auditor.recordings.mcap_chunks import MAX_BYTES, BadChunkError, unpack_chunk
+from auditor.recordings.mcap_chunks import unpack_chunk
+from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion
 from auditor.results import AttackLabel
 from tests.recordings.drives import chunk_ends, make_frames, make_rig, mcap_file, rechunk, same_frame, split, stream_of
 
@@ -79,7 +81,37 @@ def test_whatever_precedes_a_cut_is_read_and_the_cut_is_told(
     with open_recording(path) as recording:
         messages = list(recording.messages())
         assert recording.damage
-    assert len(messages) == sum(number for _, end, number in ends if end <= at)
+    whole_chunks = sum(number for _, end, number in ends if end <= at)
+    with open_recording(whole) as recording:
+        expected = list(recording.messages())
+    assert [message.data for message in messages] == [message.data for message in expected[: len(messages)]]
+    most = max(number for _, _, number in ends)
+    assert whole_chunks <= len(messages) <= whole_chunks + most
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_whole_messages_of_a_cut_chunk_are_kept_and_told(tmp_path: Path, compression: str) -> None:
+    random = np.random.default_rng(5)
+    texts = [random.integers(1, 256, 50_000, np.uint8).tobytes() for _ in range(20)]
+    messages = [("/a", number, text) for number, text in enumerate(texts)]
+    mcap_file(tmp_path / "a.mcap", messages, chunk_size=2**24, compression=CompressionType[compression])
+    content = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "a.mcap").write_bytes(content[:600_000])
+    with open_recording(tmp_path / "a.mcap") as recording:
+        kept = [message.data for message in recording.messages()]
+        assert recording.counts == {"/a": len(kept)}
+        assert f"{len(kept)} messages before the cut are kept" in str(recording.damage[0])
+    assert kept == texts[: len(kept)]
+    assert 8 <= len(kept) < 12
+
+
+def test_a_message_of_a_cut_chunk_with_a_hole_of_zeros_is_not_kept(tmp_path: Path) -> None:
+    texts = [b"x" * 50_000, b"y" * 20_000 + bytes(5000) + b"y" * 20_000, b"z" * 50_000]
+    messages = [("/a", number, text) for number, text in enumerate(texts)]
+    mcap_file(tmp_path / "a.mcap", messages, chunk_size=2**24, compression=CompressionType.NONE)
+    (tmp_path / "a.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:140_000])
+    with open_recording(tmp_path / "a.mcap") as recording:
+        assert [message.data for message in recording.messages()] == texts[:1]
 
 
 def test_frames_before_a_cut_come_out(whole: Path, ends: list[tuple[int, int, int]], tmp_path: Path) -> None:
@@ -166,14 +198,18 @@ def test_a_tail_of_zeros_is_told_once_and_not_walked(
     assert len(messages) == sum(n for _, _, n in ends[:4])
 
 
-def test_a_chunk_with_an_absurd_length_ends_the_reading_without_asking_for_memory(
+def test_behind_a_chunk_with_an_absurd_length_reading_goes_on_where_the_summary_knows_the_next_one(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path: Path
 ) -> None:
     content = bytearray(whole.read_bytes())
     struct.pack_into("<Q", content, ends[2][0] + 1, 2**60)
     (tmp_path / "a.mcap").write_bytes(content)
     with open_recording(tmp_path / "a.mcap") as recording:
-        assert len(list(recording.messages())) == sum(n for _, _, n in ends[:2])
+        assert len(list(recording.messages())) == sum(n for _, _, n in ends) - ends[2][2]
+        assert [damage.offset for damage in recording.damage] == [ends[2][0]]
+    (tmp_path / "a.mcap").write_bytes(content[: ends[-1][1]])
+    with open_recording(tmp_path / "a.mcap") as recording:
+        assert sum(n for _, _, n in ends[:2]) <= len(list(recording.messages())) <= sum(n for _, _, n in ends[:3])
         assert recording.damage[0].offset == ends[2][0]
 
 
@@ -214,15 +250,15 @@ def zstd_declaring(size: int) -> bytes:
 )
 def test_a_hostile_chunk_is_refused(body: bytes) -> None:
     with pytest.raises(BadChunkError):
-        unpack_chunk(body)
+        unpack_chunk(body, Expansion())
 
 
 def test_a_zstd_frame_without_a_declared_size_is_read() -> None:
     packer = zstandard.ZstdCompressor(write_content_size=False)
     body = chunk_body(KILO, compression="zstd", packed=packer.compress(KILO))
-    assert bytes(unpack_chunk(body)) == KILO
+    assert bytes(unpack_chunk(body, Expansion())) == KILO
     with pytest.raises(BadChunkError):
-        unpack_chunk(chunk_body(KILO, size=999, compression="zstd", packed=packer.compress(KILO)))
+        unpack_chunk(chunk_body(KILO, size=999, compression="zstd", packed=packer.compress(KILO)), Expansion())
 
 
 def test_an_oversized_chunk_is_left_out_and_the_next_one_is_read(tmp_path: Path) -> None:

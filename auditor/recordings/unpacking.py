@@ -1,0 +1,101 @@
+"""Unpacking compressed chunks without trusting what they declare."""
+
+import bz2
+
+import lz4.frame
+import zstandard
+
+MAX_BYTES = 64 * 2**20
+"""No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
+
+_FREE_BYTES = 64 * 2**20
+_MAX_RATIO = 100
+_STEP_BYTES = 1 << 20
+
+
+class BadChunkError(Exception):
+    """Why a chunk is left out; caught by the reading loop, which notes it with its offset and goes on."""
+
+
+class Expansion:
+    """How much a file may unpack to: images and points shrink to a half or a tenth, bombs to a ten-thousandth."""
+
+    def __init__(self) -> None:
+        self._packed = 0
+        self._unpacked = 0
+
+    def allow(self, packed: int, size: int) -> None:
+        """Count one chunk. Raises BadChunkError where it would be too much, or is too large by itself."""
+        if size > MAX_BYTES:
+            raise BadChunkError(f"it declares {size} unpacked bytes; at most {MAX_BYTES} are accepted")
+        if self._unpacked + size > _FREE_BYTES + _MAX_RATIO * (self._packed + packed):
+            raise BadChunkError(f"it would unpack {packed} bytes to {size}, and the file has unpacked too much already")
+        self._packed += packed
+        self._unpacked += size
+
+
+def unpack(compression: bytes, packed: memoryview, size: int) -> memoryview:
+    """Unpack exactly `size` bytes. Raises BadChunkError where they are damaged, more or fewer."""
+    if compression in {b"", b"none"}:
+        records = packed
+    elif compression == b"zstd":
+        records = memoryview(_unpack_zstd(packed, size))
+    elif compression in {b"lz4", b"bz2"}:
+        records = memoryview(_unpack_stream(compression, packed, size))
+    else:
+        raise BadChunkError(f"its compression {compression[:20]!r} is unknown")
+    if len(records) != size:
+        raise BadChunkError(f"it declares {size} unpacked bytes and holds {len(records)}")
+    return records
+
+
+def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memoryview:
+    """What a cut chunk still holds, at most `size` bytes: up to the cut, or up to where its data make no sense."""
+    if compression in {b"", b"none"}:
+        return packed[:size]
+    unpacked = bytearray()
+    try:
+        if compression == b"zstd":
+            with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(packed) as reader:
+                while piece := reader.read(min(_STEP_BYTES, size - len(unpacked))):
+                    unpacked += piece
+        elif compression in {b"lz4", b"bz2"}:
+            unpacker = _stream_unpacker(compression)
+            data: bytes | memoryview = packed
+            while len(unpacked) < size and not unpacker.eof:
+                piece = unpacker.decompress(data, min(_STEP_BYTES, size - len(unpacked)))
+                if not piece and unpacker.needs_input:
+                    break
+                unpacked += piece
+                data = b""
+    except (zstandard.ZstdError, RuntimeError, OSError, EOFError):
+        pass  # what came before it stays
+    return memoryview(unpacked)
+
+
+def _unpack_zstd(packed: memoryview, size: int) -> bytes:
+    try:
+        # -1: the frame does not say; the output limit below then holds it.
+        if zstandard.frame_content_size(packed) not in {-1, size}:
+            raise BadChunkError("its zstd frame declares another size than the chunk")
+        unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
+        return unpacker.decompress(packed, max_output_size=size, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise BadChunkError(f"its zstd data are damaged ({error})") from error
+
+
+def _unpack_stream(compression: bytes, packed: memoryview, size: int) -> bytes:
+    unpacker = _stream_unpacker(compression)
+    try:
+        # One byte more than declared, so that a stream that holds more is seen.
+        records: bytes = unpacker.decompress(packed, size + 1)
+    except (RuntimeError, OSError, EOFError) as error:
+        raise BadChunkError(f"its {compression.decode()} data are damaged ({error})") from error
+    if not unpacker.eof:
+        raise BadChunkError(f"its {compression.decode()} data are cut or longer than declared")
+    return records
+
+
+def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
+    # lz4 ships no types; its class has the same methods.
+    return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
