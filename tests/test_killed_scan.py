@@ -21,9 +21,9 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     """A store with thresholds, and three recordings of which one is attacked."""
     folder = tmp_path_factory.mktemp("night")
     drives = [
-        write_drive(folder / "one.mcap", count=40, seed=1),
-        write_drive(folder / "two.mcap", count=40, seed=1, attacked={1: range(10, 30)}),
-        write_drive(folder / "three.bag", count=40, seed=1),
+        write_drive(folder / "one.mcap", count=16, seed=1),
+        write_drive(folder / "two.mcap", count=16, seed=1, attacked={1: range(4, 12)}),
+        write_drive(folder / "three.bag", count=16, seed=1),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
     for table in ("recordings", "rigs", "triples", "measurements", "frames", "labels", "pictures"):
@@ -55,30 +55,34 @@ def tables(store: Path) -> dict[str, bytes]:
     }
 
 
-def test_scans_killed_at_seeded_points_are_completed_to_the_same_bytes(
+def files(store: Path) -> int:
+    """How far a scan has come: files there, finished or under way."""
+    return sum(path.is_file() for path in store.rglob("*"))
+
+
+def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_bytes(
     night: tuple[Path, list[Path]], tmp_path: Path
 ) -> None:
     thresholds, drives = night
     undisturbed = shutil.copytree(thresholds, tmp_path / "undisturbed")
-    started = time.monotonic()
+    first = files(undisturbed)
     with scan(undisturbed, drives) as process:
         process.communicate()
-    seconds = time.monotonic() - started
     expected = tables(undisturbed)
     assert len(expected) == 6
-    points = random.Random(7)
-    measured_before = 0
-    for kill in range(KILLS):
+    points = random.Random(7).sample(range(first + 1, files(undisturbed)), KILLS)
+    finished = []
+    for kill, point in enumerate(points):
         store = shutil.copytree(thresholds, tmp_path / f"killed{kill}")
         with scan(store, drives) as process:
-            time.sleep(seconds * points.uniform(0.25, 0.95))
+            while files(store) < point and process.poll() is None:
+                time.sleep(0.001)
             process.send_signal(signal.SIGKILL)
             process.communicate()
-        finished = len(list((store / "measurements").glob("*.parquet"))) if (store / "measurements").exists() else 0
+        finished.append(len(list((store / "measurements").glob("*.parquet"))))
         with scan(store, drives) as process:
             _, remarks = process.communicate()
         assert process.returncode == 1, remarks
-        assert remarks.count("measured before") == finished, remarks
+        assert remarks.count("measured before") == finished[-1], remarks
         assert tables(store) == expected
-        measured_before += finished
-    assert 0 < measured_before < KILLS * len(drives), "the kills fell before, between and after finished recordings"
+    assert 0 < sum(finished) < KILLS * len(drives), "kills fell before and after finished recordings"
