@@ -12,7 +12,7 @@ from auditor.geometry import Matrix, compose, invert, motion
 from auditor.lab.casting import Floats, Hits, Rays, cast, placed
 from auditor.lab.sensing import camera_rays, echoes, expose, lidar_directions, lidar_rays
 from auditor.lab.shading import Light, radiance
-from auditor.lab.streets import street, style_named
+from auditor.lab.streets import street, style_named, traffic
 from auditor.lab.surfaces import Surfaces, gather
 from auditor.lab.textures import Atlas, make_atlas
 from auditor.lab.vehicles import Vehicle, make_rig, make_vehicle, rotation
@@ -22,7 +22,8 @@ PERIOD_NS = 100_000_000
 START_NS = 1_600_000_000_000_000_000
 _CAMERA_HEIGHT_M = 1.65
 _SWAY = np.deg2rad([0.25, 0.35])
-_STREAMS = {"scene": 1, "camera": 2, "lidar": 3}
+_SPEEDS_M_S = (6.0, 10.0)
+_STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,7 @@ class SyntheticDrive:
     """A drive of `frame_count` frames at 10 Hz. Every frame is made when it is asked for, and always the same."""
 
     seed: int
+    trip: int
     frame_count: int
     style: str
     vehicle: Vehicle
@@ -62,7 +64,7 @@ class SyntheticDrive:
         flaws = self.vehicle.cameras[camera - 1]
         world_SE3_rig, rays, surfaces, hits = self._seen(number, camera)
         light = radiance(rays, hits, surfaces, self.atlas, self.light, world_SE3_rig)
-        rng = np.random.default_rng([self.seed, _STREAMS["camera"], camera, number])
+        rng = np.random.default_rng([self.seed, self.trip, _STREAMS["camera"], camera, number])
         return CameraImage(camera, self._stamp_ns(number), expose(light, flaws, rng))
 
     def depth_m(self, number: int, camera: int) -> Floats:
@@ -77,7 +79,7 @@ class SyntheticDrive:
         time_s = number * PERIOD_NS / 1e9 - flaws.stamp_error_s
         rig_SE3_world = invert(self._world_SE3_rig(time_s))
         surfaces = placed(self.surfaces, rig_SE3_world, time_s)
-        rng = np.random.default_rng([self.seed, _STREAMS["lidar"], number])
+        rng = np.random.default_rng([self.seed, self.trip, _STREAMS["lidar"], number])
         rays = lidar_rays(self.rig.lidar, self._directions, flaws, self.speed_m_s)
         hits = cast(rays, surfaces, self.atlas, rng)
         xyz_m = echoes(rays, hits, surfaces, self._directions, flaws, rng)
@@ -100,9 +102,10 @@ class SyntheticDrive:
 
     def _world_SE3_rig(self, time_s: float) -> Matrix:
         """Where the vehicle is: it follows its lane, swaying and nodding a little."""
-        pitch = _SWAY[0] * np.sin(2.1 * time_s + self.seed)
-        yaw = _SWAY[1] * np.sin(0.7 * time_s + 2 * self.seed)
-        at = np.array([self.lane_m + 0.1 * np.sin(0.5 * time_s), -_CAMERA_HEIGHT_M, self.speed_m_s * time_s])
+        phase = self.seed + 1.7 * self.trip
+        pitch = _SWAY[0] * np.sin(2.1 * time_s + phase)
+        yaw = _SWAY[1] * np.sin(0.7 * time_s + 2 * phase)
+        at = np.array([self.lane_m + 0.1 * np.sin(0.5 * time_s + phase), -_CAMERA_HEIGHT_M, self.speed_m_s * time_s])
         return compose(motion(np.eye(3), at), motion(rotation(float(pitch), float(yaw), 0.0), np.zeros(3)))
 
 
@@ -116,35 +119,45 @@ def make_drive(
     width_px: int = 1242,
     height_px: int = 375,
     vehicle: int = 0,
+    trip: int = 0,
     positions_m: tuple[float, ...] | None = None,
     start_ns: int = START_NS,
 ) -> SyntheticDrive:
-    """A drive through a street of its own.
+    """A drive along a street.
 
-    `seed` decides the street, the weather and the noise; `vehicle` the flaws of its sensors, so that drives of one
-    vehicle share them. `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises
-    SettingError for an unknown style, no frames, or positions that do not fit.
+    `seed` decides the street and what is parked there; `trip` the light, the traffic, the speed and the noise: trips of
+    one seed, and of as many frames, go along the same street on different days. `vehicle` decides the flaws of the
+    sensors, which drives of one vehicle share. `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as
+    many cameras. Raises SettingError for an unknown style, no frames, or positions that do not fit.
     """
     if frames < 1:
         raise SettingError(f"{frames} frames make no drive", where="synthetic drive", remedy="ask for one at least")
-    rng = np.random.default_rng([seed, _STREAMS["scene"]])
     look = style_named(style)
-    speed = float(rng.uniform(6, 10))
     rig = make_rig(n_cameras, lidar=lidar, width_px=width_px, height_px=height_px, positions_m=positions_m)
-    sun = np.array([rng.uniform(-1, 1), -rng.uniform(0.6, 1.2), rng.uniform(-1, 0.6)])
-    x, y, z = (float(axis) for axis in sun / np.linalg.norm(sun))
+    still = np.random.default_rng([seed, _STREAMS["scene"]])
+    day = np.random.default_rng([seed, _STREAMS["day"], trip])
+    speed = float(day.uniform(*_SPEEDS_M_S))
+    length_m = frames * PERIOD_NS / 1e9 * _SPEEDS_M_S[1]
+    pieces = [*street(look, length_m, seed), *traffic(look, length_m, speed, day)]
     return SyntheticDrive(
         seed=seed,
+        trip=trip,
         frame_count=frames,
         style=style,
         vehicle=make_vehicle(rig, vehicle),
         start_ns=start_ns,
         speed_m_s=speed,
         lane_m=look.lane_m,
-        light=Light(sun=(x, y, z), direct=float(rng.uniform(1.1, 1.7)), ambient=float(rng.uniform(0.28, 0.42))),
-        atlas=make_atlas(rng),
-        surfaces=gather(street(look, frames * PERIOD_NS / 1e9 * speed, speed, rng), rng),
+        light=_light(day),
+        atlas=make_atlas(still),
+        surfaces=gather(pieces, still),
     )
+
+
+def _light(rng: np.random.Generator) -> Light:
+    sun = np.array([rng.uniform(-1, 1), -rng.uniform(0.6, 1.2), rng.uniform(-1, 0.6)])
+    x, y, z = (float(axis) for axis in sun / np.linalg.norm(sun))
+    return Light(sun=(x, y, z), direct=float(rng.uniform(1.1, 1.7)), ambient=float(rng.uniform(0.28, 0.42)))
 
 
 __all__ = ["LIDAR", "SyntheticDrive", "make_drive"]

@@ -70,16 +70,27 @@ def style_named(name: str) -> Style:
     return STYLES[name]
 
 
-def street(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> list[Piece]:
-    """A straight street for a vehicle that drives from z = 0 to `length_m`, with other traffic."""
+def street(style: Style, length_m: float, seed: int) -> list[Piece]:
+    """What stands still along a straight street for a vehicle that drives from z = 0 to `length_m`.
+
+    A longer street of the same seed begins like a shorter one.
+    """
     end = length_m + BEYOND_M
-    pieces = list(_ground(style, end, rng))
+    parts = [_ground(style, end, np.random.default_rng([seed, 0]))]
     for side in (-1, 1):
-        pieces += _lined(style, side, end, rng)
-        pieces += _beside(style, side, end, rng)
-    pieces += _traffic(style, length_m, speed_m_s, rng)
-    pieces += _closed(end, rng)
-    return pieces
+        parts.append(_lined(style, side, end, np.random.default_rng([seed, 2, side + 1])))
+        parts.append(_beside(style, side, end, np.random.default_rng([seed, 3, side + 1])))
+    parts.append(_closed(end, np.random.default_rng([seed, 4])))
+    return [piece for part in parts for piece in part]
+
+
+def traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> Iterator[Piece]:
+    """One vehicle ahead, and some that come the other way."""
+    yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=speed_m_s * rng.uniform(0.97, 1.1))
+    z = rng.uniform(25, 60)
+    while z < 2.2 * length_m + BEYOND_M:
+        yield from car(-style.lane_m - 0.4, z, rng, speed=-rng.uniform(7, 11))
+        z += rng.uniform(25, 70) / style.traffic
 
 
 def _ground(style: Style, end: float, rng: np.random.Generator) -> Iterator[Piece]:
@@ -135,15 +146,6 @@ def _beside(style: Style, side: int, end: float, rng: np.random.Generator) -> It
             radius, height = rng.uniform(0.5, 1.3), rng.uniform(0.4, 0.8)
             at = kerb + side * (style.path_m + rng.uniform(0.3, 1.5))
             yield from crown((at, -height, z + rng.uniform(0, 6)), radius, height, 6, rng, tile=Tile.HEDGE)
-
-
-def _traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> Iterator[Piece]:
-    """One vehicle ahead, and some that come the other way."""
-    yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=speed_m_s * rng.uniform(0.97, 1.1))
-    z = rng.uniform(25, 60)
-    while z < 2.2 * length_m + BEYOND_M:
-        yield from car(-style.lane_m - 0.4, z, rng, speed=-rng.uniform(7, 11))
-        z += rng.uniform(25, 70) / style.traffic
 
 
 def _closed(end: float, rng: np.random.Generator) -> Iterator[Piece]:

@@ -163,3 +163,13 @@ def test_pictures_have_sky_shade_and_noise_and_cameras_of_their_own_brightness(c
 def test_a_lidar_gets_less_back_from_glass_and_dark_paint(city: SyntheticDrive) -> None:
     lossless = replace(city, surfaces=replace(city.surfaces, lost=np.zeros_like(city.surfaces.lost)))
     assert len(city.cloud(0).xyz_m) < 0.99 * len(lossless.cloud(0).xyz_m)
+
+
+def test_trips_of_one_seed_go_along_the_same_street_in_another_light() -> None:
+    first, second = small(), small(trip=1)
+    still = first.surfaces.speed == 0
+    assert still.sum() > 500
+    np.testing.assert_array_equal(first.surfaces.corner[still], second.surfaces.corner[second.surfaces.speed == 0])
+    assert first.light != second.light
+    assert not np.array_equal(first.image(0, 3).pixels, second.image(0, 3).pixels)
+    assert np.mean(np.isclose(first.depth_m(0, 3), second.depth_m(0, 3), rtol=0.05)) > 0.7
