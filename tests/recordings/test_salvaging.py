@@ -11,33 +11,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader as BagReader
-from rosbags.rosbag1 import Writer as BagWriter
 
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_bag, write_db3
 from auditor.recordings.unpacking import MAX_BYTES
 from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
+from tests.recordings.forms import copy_bag
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 12)
 MESSAGES = 1 + 12 * 7 + 1
-CHUNK_BYTES = 12_000
 
 
 def write_small_chunks(path: Path, compression: str = "none") -> None:
-    """A bag of several chunks, by rosbags' own writer."""
+    """A bag of several chunks."""
     write_bag(path.with_suffix(".big.bag"), RIG, FRAMES)
-    unopened = BagWriter(path)
-    unopened.chunk_threshold = CHUNK_BYTES
-    if compression != "none":
-        unopened.set_compression(getattr(BagWriter.CompressionFormat, compression.upper()))
-    with BagReader(path.with_suffix(".big.bag")) as reader, unopened as writer:
-        made = {
-            c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, md5sum=c.digest)
-            for c in reader.connections
-        }
-        for connection, time_ns, data in reader.messages():
-            writer.write(made[connection.id], time_ns, data)
+    copy_bag(path.with_suffix(".big.bag"), path, compression)
     path.with_suffix(".big.bag").unlink()
 
 
@@ -190,7 +179,7 @@ def test_a_bz2_chunk_that_unpacks_to_more_than_it_says_is_left_out(tmp_path: Pat
     content = (tmp_path / "a.bag").read_bytes()
     start, end = chunks(tmp_path / "a.bag")[2]
     (length,) = struct.unpack_from("<I", content, start)
-    bomb = bz2.compress(bytes(200 * 2**20))
+    bomb = bz2.compress(bytes(20 * 2**20))
     header = content[start : start + 4 + length]
     (tmp_path / "b.bag").write_bytes(content[:start] + header + struct.pack("<I", len(bomb)) + bomb + content[end:])
     data, damage = read(tmp_path / "b.bag")

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from rosbags.serde import SerdeError
@@ -62,9 +63,15 @@ class RosTypes:
             raise DecodingError(f"the message does not fit its definition ({error})", where=message.topic) from error
 
 
+@cache
+def _known() -> Typestore:
+    """ROS 2's own definitions; nothing is ever registered in it."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
 def _make_store(schema: str, definition: Definition | None) -> Typestore:
     if definition is None:
-        return get_typestore(Stores.ROS2_HUMBLE)
+        return _known()
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(parse_definition(schema, definition))
@@ -77,7 +84,7 @@ def _make_store(schema: str, definition: Definition | None) -> Typestore:
 
 def _check_layout(schema: str, store: Typestore) -> None:
     """Raises DecodingError where a well-known name is defined as something else than it is known for."""
-    known = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+    known = _known().fielddefs
     for name, (_, fields) in store.fielddefs.items():
         if name in known and _layout(fields) != _layout(known[name][1]):
             raise DecodingError(f"{name} is defined otherwise than ROS does", where=schema)

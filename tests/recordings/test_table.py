@@ -1,0 +1,42 @@
+"""Every container with every form of images: the frames that went in come out, and every message is accounted for."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from auditor.recordings import open_recording
+from auditor.recordings.decoding.pictures import encode_picture
+from auditor.recordings.writers.messages import Form
+from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
+from tests.recordings.forms import CONTAINERS, Container
+
+RIG = make_rig(3)
+FRAMES = {False: make_frames(RIG, 4), True: make_frames(RIG, 4, colour=True)}
+
+
+@pytest.mark.parametrize(("form", "colour"), [("raw", False), ("raw", True), ("png", True), ("jpeg", False)])
+@pytest.mark.parametrize("container", CONTAINERS, ids=lambda container: container.name)
+def test_a_recording_gives_the_frames_that_were_written(
+    container: Container, form: Form, colour: bool, tmp_path: Path
+) -> None:
+    if "protobuf" in container.name:
+        pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
+    written = FRAMES[colour]
+    with open_recording(container.write(tmp_path, RIG, written, form)) as recording:
+        stream = stream_of(recording, colour=colour)
+        frames, skipped = split(stream)
+        assert recording.damage == ()
+        assert all(topic.adds_up for topic in stream.balance)
+        assert [topic.read for topic in stream.balance if topic.sensor is not None] == [4] * 4
+    assert not skipped
+    assert len(frames) == 4
+    if form != "jpeg":
+        assert all(same_frame(a, b) for a, b in zip(frames, written, strict=True))
+        return
+    for frame, before in zip(frames, written, strict=True):
+        assert np.array_equal(frame.cloud.xyz_m, before.cloud.xyz_m)
+        for number, image in frame.images.items():
+            packed = np.frombuffer(encode_picture(before.images[number].pixels, "jpeg"), np.uint8)
+            assert np.array_equal(image.pixels, cv2.imdecode(packed, cv2.IMREAD_GRAYSCALE))
