@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from rosbags.serde import SerdeError
@@ -17,6 +17,9 @@ from auditor.recordings.interface import Definition
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
 _ROS1_HEAD = struct.Struct("<4xIII")
 _MAX_FRAME_ID_BYTES = 1024
+MAX_DEFINITION_BYTES = 2**17
+"""CameraInfo with all it is made of has 12 kB as text."""
+
 _IDL_RULER = "=" * 80 + "\n"
 
 
@@ -69,9 +72,12 @@ def _known() -> Typestore:
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
+@lru_cache(maxsize=64)  # the recordings of a fleet share their definitions
 def _make_store(schema: str, definition: Definition | None) -> Typestore:
     if definition is None:
         return _known()
+    if len(definition.data) > MAX_DEFINITION_BYTES:
+        raise DecodingError(f"its definition of {len(definition.data)} bytes is not accepted", where=schema)
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(parse_definition(schema, definition))

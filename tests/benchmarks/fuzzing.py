@@ -1,0 +1,222 @@
+"""A mutation loop over containers and payloads: `python -m tests.benchmarks.fuzzing --iterations 100000`.
+
+Every iteration damages a small recording of one container, or one message of one schema, and reads all there is:
+topics, messages, ground truth, metadata, headers, pixels, points, calibrations, transforms, frames. Anything raised but
+our own errors, and anything that takes longer than --limit seconds, is printed with the seed that repeats it
+(--seed N --iterations 1) and makes the exit code 1.
+"""
+
+import argparse
+import random
+import resource
+import signal
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+
+from auditor.errors import AuditorError
+from auditor.frames import Message
+from auditor.recordings import find_rigs, open_recording, survey, synchronise
+from auditor.recordings.decoding import Decoders
+from auditor.recordings.interface import Definition
+from tests.recordings.drives import make_frames, make_rig
+from tests.recordings.forms import CONTAINERS
+
+INTERESTING = (
+    b"\x00",
+    b"\xff",
+    b"\x7f",
+    b"\x80",
+    b"\x00" * 4,
+    b"\xff" * 4,
+    b"\xff" * 8,
+    b"\x00\x00\x00\x80",
+    b"\x00" * 64,
+)
+INTERESTING += tuple((1 << power).to_bytes(8, "little") for power in (16, 24, 31, 32, 40, 60, 63))
+CONTAINER_SHARE = 0.3
+DEFINITION_SHARE = 0.03
+MAX_DECODED = 20
+
+
+class HangError(Exception):
+    """An iteration took too long."""
+
+
+def mutate(data: bytes, rng: random.Random) -> bytes:
+    """One to eight changes: bits, bytes, numbers, cuts, holes, repetitions, swaps."""
+    content = bytearray(data)
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
+        if not content:
+            break
+        # Headers and ends hold the sizes: half of the changes go there.
+        at = rng.randrange(len(content)) if rng.random() < 0.5 else rng.randrange(min(len(content), 256))
+        at = len(content) - 1 - at if rng.random() < 0.2 else at
+        span = rng.choice((1, 2, 4, 8, 32, 512))
+        kind = rng.randrange(8)
+        if kind == 0:
+            content[at] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            content[at] = rng.randrange(256)
+        elif kind == 2:
+            number = rng.choice(INTERESTING)
+            content[at : at + len(number)] = number
+        elif kind == 3:
+            del content[at:]
+        elif kind == 4:
+            del content[at : at + span]
+        elif kind == 5:
+            content[at:at] = content[at : at + span]
+        elif kind == 6:
+            content[at:at] = rng.randbytes(span)
+        else:
+            other = rng.randrange(len(content))
+            content[at : at + span] = content[other : other + span]
+    return bytes(content)
+
+
+def read_all(path: Path) -> None:
+    """Whatever can be asked of a recording."""
+    with open_recording(path) as recording:
+        decoders = Decoders(recording.definition)
+        for number, message in enumerate(recording.messages()):
+            if number < MAX_DECODED:
+                decode_all(message, decoders)
+        (
+            recording.topics(),
+            recording.counts,
+            recording.damage,
+            recording.clock,
+            recording.metadata(),
+            recording.labels(),
+        )
+        known = survey(recording)
+        for rig in find_rigs(known):
+            stream = synchronise(recording, rig, known, colour=True)
+            for _ in stream:
+                pass
+            assert all(topic.adds_up for topic in stream.balance)
+
+
+def decode_all(message: Message, decoders: Decoders) -> None:
+    """Whatever can be asked of a message."""
+    decoder = decoders.of(message.schema, message.encoding)
+    if decoder is None:
+        return
+    asked: list[Callable[[], object]] = [lambda: decoder.header(message)] if decoder.kind != "transforms" else []
+    if decoder.kind == "image":
+        asked += [lambda: decoder.size_px(message), lambda: decoder.pixels(message, colour=True)]
+    elif decoder.kind == "cloud":
+        asked.append(lambda: decoder.xyz_m(message))
+    elif decoder.kind == "camera_info":
+        asked.append(lambda: decoder.camera_info(message))
+    else:
+        asked.append(lambda: decoder.transforms(message))
+    for ask in asked:
+        with suppress(AuditorError):
+            ask()
+
+
+class Seeds:
+    """Small recordings of every container, and one message of every schema and encoding in them."""
+
+    def __init__(self, folder: Path) -> None:
+        rig, self.files = make_rig(2), {}
+        self.payloads: dict[str, tuple[Message, Definition | None, Decoders]] = {}
+        for number, container in enumerate(CONTAINERS):
+            for form in ("raw", "png", "jpeg") if number in {2, 9, 11, 12} else ("raw",):
+                place = folder / f"{number}{form}"
+                place.mkdir()
+                path = container.write(place, rig, make_frames(rig, 2), form)
+                self._messages(container.name, path)
+                if path.is_dir():
+                    path = max(path.glob("*.[md][cb]*"), key=lambda file: file.stat().st_size)
+                self.files[f"{container.name} {form}"] = (path.suffix, path.read_bytes())
+
+    def _messages(self, container: str, path: Path) -> None:
+        with open_recording(path) as recording:
+            for message in recording.messages():
+                key = f"{message.schema} {message.encoding} {'idl' if 'idl' in container else ''}"
+                definition = recording.definition(message.schema)
+                decoders = Decoders(lambda _, definition=definition: definition)
+                if decoders.of(message.schema, message.encoding) is not None:
+                    self.payloads.setdefault(key, (message, definition, decoders))
+
+
+def one(seed: int, seeds: Seeds, folder: Path) -> str:
+    """One iteration; what it was done to."""
+    rng = random.Random(seed)
+    if rng.random() < CONTAINER_SHARE:
+        name = rng.choice(list(seeds.files))
+        suffix, content = seeds.files[name]
+        path = folder / f"a{suffix}"
+        path.write_bytes(mutate(content, rng))
+        with suppress(AuditorError):
+            read_all(path)
+        return name
+    name = rng.choice(list(seeds.payloads))
+    message, definition, decoders = seeds.payloads[name]
+    if rng.random() < DEFINITION_SHARE and definition is not None:
+        changed = Definition(definition.encoding, mutate(definition.data, rng))
+        decode_all(message, Decoders(lambda _: changed))
+    else:
+        decode_all(replace(message, data=mutate(bytes(message.data), rng)), decoders)
+    return name
+
+
+def run(first: int, count: int, limit_s: float) -> bool:
+    """Run and print; True where nothing was found."""
+    found, slowest, touched = 0, (0.0, 0), Counter[str]()
+    signal.signal(signal.SIGALRM, _hang)
+    with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
+        (Path(name) / "seeds").mkdir()
+        seeds = Seeds(Path(name) / "seeds")
+        idle_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        started = perf_counter()
+        for seed in range(first, first + count):
+            before = perf_counter()
+            signal.setitimer(signal.ITIMER_REAL, limit_s)
+            try:
+                touched[one(seed, seeds, Path(name)).split()[0]] += 1
+            except Exception:  # noqa: BLE001 - a foreign exception is what this looks for
+                found += 1
+                print(f"seed {seed}:\n{traceback.format_exc()}", flush=True)
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            slowest = max(slowest, (perf_counter() - before, seed))
+        seconds = perf_counter() - started
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(
+        f"{count} iterations in {seconds:.0f} s ({count / seconds:.0f} a second), {found} foreign exceptions or hangs; "
+        f"slowest {slowest[0]:.2f} s (seed {slowest[1]}); peak memory {peak_mb - idle_mb:.0f} MB above the start"
+    )
+    print(", ".join(f"{name} {number}" for name, number in sorted(touched.items())))
+    return found == 0
+
+
+def _hang(_signal: int, _frame: object) -> None:
+    raise HangError
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--iterations", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first iteration")
+    parser.add_argument("--limit", type=float, default=5.0, help="seconds that one iteration may take")
+    options = parser.parse_args()
+    cv2.setNumThreads(1)
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    sys.exit(0 if run(options.seed, options.iterations, options.limit) else 1)
+
+
+if __name__ == "__main__":
+    main()
