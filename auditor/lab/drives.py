@@ -148,16 +148,19 @@ def make_drive(
         start_ns=start_ns,
         speed_m_s=speed,
         lane_m=look.lane_m,
-        light=_light(day),
+        light=_light(still, day),
         atlas=make_atlas(still),
         surfaces=gather(pieces, still),
     )
 
 
-def _light(rng: np.random.Generator) -> Light:
-    sun = np.array([rng.uniform(-1, 1), -rng.uniform(0.6, 1.2), rng.uniform(-1, 0.6)])
+def _light(street: np.random.Generator, day: np.random.Generator) -> Light:
+    """A street's light, a little different every day."""
+    sun = np.array([street.uniform(-1, 1), -street.uniform(0.6, 1.2), street.uniform(-1, 0.6)])
+    sun += day.uniform(-0.2, 0.2, 3)
     x, y, z = (float(axis) for axis in sun / np.linalg.norm(sun))
-    return Light(sun=(x, y, z), direct=float(rng.uniform(1.1, 1.7)), ambient=float(rng.uniform(0.28, 0.42)))
+    direct, ambient = street.uniform(1.15, 1.65), street.uniform(0.3, 0.4)
+    return Light((x, y, z), direct=float(direct * day.uniform(0.93, 1.07)), ambient=float(ambient))
 
 
 __all__ = ["LIDAR", "SyntheticDrive", "make_drive"]

@@ -172,4 +172,3 @@ def test_trips_of_one_seed_go_along_the_same_street_in_another_light() -> None:
     np.testing.assert_array_equal(first.surfaces.corner[still], second.surfaces.corner[second.surfaces.speed == 0])
     assert first.light != second.light
     assert not np.array_equal(first.image(0, 3).pixels, second.image(0, 3).pixels)
-    assert np.mean(np.isclose(first.depth_m(0, 3), second.depth_m(0, 3), rtol=0.05)) > 0.7
