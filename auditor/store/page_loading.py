@@ -103,7 +103,16 @@ def _audits(store: Store, wanted: str | None) -> list[_Audit]:
         )
         for measurement in latest.values()
     ]
+    if wanted is None:
+        audits = _without_teachers(store, audits)
     return sorted(audits, key=lambda audit: (audit.recording.from_ns or 0, audit.recording.name))
+
+
+def _without_teachers(store: Store, audits: list[_Audit]) -> list[_Audit]:
+    """Leave out what was only calibrated on: nobody asked for its audit. All stay where that would leave none."""
+    teachers = {recording for calibration in store.calibrations() for recording in calibration.recordings}
+    asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in teachers]
+    return asked_for or audits
 
 
 def _outline(store: Store, audit: _Audit) -> RecordingPart:

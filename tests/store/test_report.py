@@ -4,7 +4,8 @@ from html.parser import HTMLParser
 import pytest
 
 from auditor.errors import StoreError
-from auditor.results import VerdictKind
+from auditor.results import Statistic, VerdictKind
+from auditor.store.calibrations import make_calibration
 from auditor.store.page_loading import load_page
 from auditor.store.report import render, render_incident_report
 from tests.store.report_stores import PERIOD_NS, START_NS, add_recording, make_rig, new_store
@@ -299,3 +300,16 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one_and_says_so(store, tmp
     with pytest.raises(StoreError):
         render_incident_report(store, out=tmp_path / "file" / "page.html")
     assert (tmp_path / "file").read_text() == "old"
+
+
+def test_a_recording_that_was_only_calibrated_on_is_not_part_of_the_audit(store, tmp_path):
+    add_recording(store, attacks=[((1,), 10, 19)])
+    add_recording(store, "b.mcap", judged=False)
+    assert "b.mcap" in page_of(store, tmp_path).words
+    rig = store.rig(store.measurements()[0].rig_id)
+    samples = {(Statistic.GATED, triple): [0.1] for triple in rig.triples}
+    [learnt_on] = [one.recording_id for one in store.recordings() if one.name == "b.mcap"]
+    store.write_calibration(make_calibration(rig.kind, store.measurements()[0].procedure, [learnt_on], samples))
+    words = page_of(store, tmp_path).words
+    assert "b.mcap" not in words
+    assert "could be audited" not in words
