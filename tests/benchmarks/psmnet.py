@@ -5,7 +5,7 @@ published network as it is written down, called once a pair), and what `frame_co
 a second with three cameras (two pairs), naive and here, for each precision and number of frames at once, compiled or
 not, and how far each precision's disparities are from fp32's. Without --weights the weights are drawn by a rule from
 their names: times stay the same, but what a precision does to disparities should be judged with trained ones.
-With AUDITOR_TEST_DATA set the images are real.
+With AUDITOR_TEST_DATA set the images are real. With --train: a toy network learns two planes of known disparity.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
@@ -22,10 +23,13 @@ import cv2
 import numpy as np
 import torch
 
+from auditor.evidence.matchers import SgbmMatcher
 from auditor.evidence.matchers.psmnet import PsmnetMatcher, Weights, check_precision, frame_cost, load_weights
 from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine
 from auditor.evidence.matchers.psmnet.network import PSMNet
+from auditor.evidence.matchers.psmnet.training import TrainingSettings, train
 from auditor.evidence.matchers.psmnet.weights import content_sha256
+from auditor.evidence.matchers.scoring import Sample, score
 from tests.evidence.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192
@@ -120,13 +124,42 @@ def on_gpu(weights: Weights, align_corners: bool, device: str) -> None:
                 )
 
 
+def planes(seed: int, height: int = 64, width: int = 96) -> Sample:
+    """Noise on two planes, one above the other, 2 to 13 and 14 to 25 px; every second truth is missing."""
+    rng = np.random.default_rng(seed)
+    texture = cv2.GaussianBlur(rng.integers(0, 256, (height, width + 40, 3)).astype(np.uint8), (0, 0), 1.0)
+    edge, far, near = rng.integers(height), rng.integers(2, 14), rng.integers(14, 26)
+    disparity = np.where(np.arange(height)[:, None] < edge, far, near).repeat(width, axis=1)
+    right = texture[np.arange(height)[:, None], np.arange(width) + disparity]
+    truth = np.where(rng.random(disparity.shape) < 0.5, np.nan, disparity).astype(np.float32)
+    return texture[:, :width], right, truth
+
+
+def training() -> None:
+    """Print the curve of a toy network on unseen planes, and what SGBM gives on the same pixels."""
+    torch.set_num_threads(1)
+    settings = TrainingSettings(
+        max_disparity=32, width=8, crop=(48, 64), batch=2, steps=400, validate_every=50, learning_rate=2e-3
+    )
+    unseen = [planes(1000 + seed) for seed in range(8)]
+    started = perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for row in train([planes(seed) for seed in range(64)], unseen, settings, Path(folder)):
+            print(f"step {row.step:4} loss {row.loss:6.3f} {row.validation} after {perf_counter() - started:.0f} s")
+    print(f"sgbm-full {score(SgbmMatcher(step=1), unseen)}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--weights", type=Path)
     parser.add_argument("--align-corners", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--form", choices=["here", "naive"], help="CPU: one form alone, in this process")
+    parser.add_argument("--train", action="store_true", help="train a toy network")
     arguments = parser.parse_args()
+    if arguments.train:
+        training()
+        return
     if arguments.device == "cpu" and arguments.form is None:
         for form in ("naive", "here"):  # a process each: peak memory never falls
             subprocess.run([sys.executable, "-m", "tests.benchmarks.psmnet", *sys.argv[1:], "--form", form], check=True)

@@ -266,3 +266,13 @@ def test_a_frame_is_measured_with_each_image_looked_at_once(monkeypatch) -> None
     assert sum(counts) == 3
     assert all(count is not None and count.valid_px > 0 for count in measurement.counts)
     assert all(measurement.coverage[camera].unmatched_share in (None, 0.0) for camera in (1, 2, 3))
+
+
+def test_no_pointwise_convolution_is_strided() -> None:
+    # Their backward pass corrupts memory in oneDNN 3.12: with 8 channels laid out last a training crashes.
+    network = PSMNet(**SMALL, align_corners=True)
+    layers = [
+        layer for layer in network.modules() if isinstance(layer, torch.nn.Conv2d) and layer.kernel_size == (1, 1)
+    ]
+    assert layers
+    assert all(layer.stride == (1, 1) for layer in layers)
