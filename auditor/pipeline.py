@@ -14,7 +14,7 @@ import numpy as np
 from auditor import __version__
 from auditor.errors import RecordingError, ThresholdsError
 from auditor.evidence import PictureBook, measure, use_one_thread
-from auditor.evidence.matchers import Matcher, find_matcher
+from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher
 from auditor.frames import Frame, SensorState
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.identification.verdicts import judge_frames
@@ -48,6 +48,9 @@ _REPORT_EVERY = 5
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
 
 
+_NO_NETWORK = MatcherOptions()
+
+
 @dataclass(frozen=True)
 class MeasureTask:
     """One recording to be measured into a store. `rig` is a rig.toml that stands in for what the recording says."""
@@ -55,6 +58,7 @@ class MeasureTask:
     recording: Path
     store: Path
     matcher: str = "sgbm"
+    network: MatcherOptions = _NO_NETWORK
     rig: Path | None = None
     vehicle: str | None = None
 
@@ -80,7 +84,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     Raises RecordingError, RigError, SettingError and StoreError.
     """
     use_one_thread()
-    matcher = find_matcher(task.matcher)
+    matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
     with open_recording(task.recording) as recording:
         surveyed = survey(recording)

@@ -12,6 +12,7 @@ from auditor.cli.output import emit, format_option, print_rows, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.evidence.matchers import MatcherOptions
     from auditor.results import Calibration
     from auditor.store import Store
 
@@ -39,7 +40,7 @@ class _Frames(click.ParamType[range]):
 @click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N).")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
-@options.matcher_option
+@options.matcher_options
 @options.rig_option
 @options.vehicle_option
 @options.jobs_option
@@ -51,6 +52,7 @@ def command(
     frames: range | None,
     out: Path | None,
     matcher: str,
+    network: "MatcherOptions",
     rig: Path | None,
     vehicle: str | None,
     jobs: int,
@@ -78,7 +80,9 @@ def command(
     recordings = [path for path in sources if path not in stores]
     measurements = [(kept, known) for kept in map(Store.open, stores) for known in kept.ids("measurements")]
     if recordings:
-        measured = measure_all(recordings, store, tally, matcher=matcher, rig=rig, vehicle=vehicle, jobs=jobs)
+        measured = measure_all(
+            recordings, store, tally, matcher=matcher, network=network, rig=rig, vehicle=vehicle, jobs=jobs
+        )
         measurements += [(Store.open(store), known) for one in measured for known in one.measurement_ids]
     clean = [(kept, known) for kept, known in measurements if _is_clean(kept, known)]
     if not clean:

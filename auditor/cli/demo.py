@@ -35,6 +35,7 @@ def command(folder: Path, jobs: int) -> int:
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
     from auditor.cli.showing import show_audit  # noqa: PLC0415
     from auditor.demo import fleet  # noqa: PLC0415
+    from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415
     from auditor.pipeline import calibrate  # noqa: PLC0415
     from auditor.store import Store, render_incident_report  # noqa: PLC0415
 
@@ -43,7 +44,16 @@ def command(folder: Path, jobs: int) -> int:
     store = folder / "audit"
     tally = Tally()
     _record((*clean, *suspected), jobs)
-    measured = partial(measure_all, store=store, tally=tally, matcher="sgbm", rig=None, vehicle=None, jobs=jobs)
+    measured = partial(
+        measure_all,
+        store=store,
+        tally=tally,
+        matcher="sgbm",
+        network=MatcherOptions(),
+        rig=None,
+        vehicle=None,
+        jobs=jobs,
+    )
     learnt = measured([take.file for take in clean])
     kept = Store.open(store)
     calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])

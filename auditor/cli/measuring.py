@@ -1,6 +1,8 @@
 """Measuring as scan and calibrate do it: many recordings, side by side, none spoilt by another."""
 
+import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +11,7 @@ from auditor.cli.output import progress, say
 from auditor.errors import RigError
 
 if TYPE_CHECKING:
+    from auditor.evidence.matchers import MatcherOptions
     from auditor.pipeline import Measured
 
 
@@ -18,6 +21,7 @@ def measure_all(
     tally: Tally,
     *,
     matcher: str,
+    network: "MatcherOptions",
     rig: Path | None,
     vehicle: str | None,
     jobs: int,
@@ -29,7 +33,7 @@ def measure_all(
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    find_matcher(matcher)  # an unknown one is the command's error, not each recording's
+    find_matcher(matcher, network)  # an unknown one is the command's error, not each recording's
     found = find_recordings(paths)
     for error in found.errors:
         say(f"auditor: {error}")
@@ -37,7 +41,9 @@ def measure_all(
     if not found.recordings:
         return []
     Store.open(store, create=True)
-    tasks = [MeasureTask(path, store, matcher, rig, vehicle) for path in found.recordings]
+    side_by_side = min(jobs, len(found.recordings))
+    network = replace(network, threads=max(1, len(os.sched_getaffinity(0)) // side_by_side))
+    tasks = [MeasureTask(path, store, matcher, network, rig, vehicle) for path in found.recordings]
     measured = {}
     with progress(len(tasks), "measuring") as (advanced, finished):
         for outcome in run_all(measure_recording, tasks, jobs, advanced):

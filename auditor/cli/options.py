@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from decimal import Decimal
+from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,9 +23,6 @@ store_option = click.option(
 recordings_argument = click.argument(
     "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
 )
-matcher_option = click.option(
-    "--matcher", default="sgbm", show_default=True, help="Stereo matcher: sgbm (half resolution) or sgbm-full."
-)
 rig_option = click.option(
     "--rig", type=click.Path(path_type=Path), help="A rig.toml in place of the recording's own calibration."
 )
@@ -36,6 +34,54 @@ jobs_option = click.option(
     show_default="the number of cores",
     help="Recordings measured at the same time.",
 )
+
+
+matcher_option = click.option(
+    "--matcher",
+    default="sgbm",
+    show_default=True,
+    help="Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE.",
+)
+
+
+def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The stereo matcher and what networks need; the command gets `matcher` and `network`, a MatcherOptions."""
+
+    @wraps(command)
+    def collected(
+        *,
+        weights: Path | None,
+        align_corners: bool | None,
+        max_disparity: int | None,
+        device: str,
+        precision: str,
+        **others: Any,  # noqa: ANN401 - handed on
+    ) -> Any:  # noqa: ANN401 - whatever the command returns
+        from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415 - keeps --help quick
+
+        network = MatcherOptions(weights, align_corners, max_disparity, device, precision)
+        return command(network=network, **others)
+
+    for option in (
+        click.option(
+            "--precision",
+            type=click.Choice(["fp32", "tf32", "fp16", "bf16"]),
+            default="fp32",
+            show_default=True,
+            help="Arithmetic of psmnet on a GPU.",
+        ),
+        click.option("--device", default="cpu", show_default=True, help="Where a network runs: cpu, cuda or cuda:1."),
+        click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity that psmnet looks for."),
+        click.option(
+            "--align-corners/--no-align-corners",
+            default=None,
+            help="Upsampling convention that psmnet's weights were trained with; needed where they do not say.",
+        ),
+        click.option("--weights", type=click.Path(path_type=Path), help="Checkpoint of psmnet."),
+        matcher_option,
+    ):
+        collected = option(collected)
+    return collected
 
 
 class _Rate(click.ParamType[Decimal]):

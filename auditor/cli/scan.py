@@ -1,12 +1,15 @@
 """`auditor scan`: the main job."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from auditor.cli import options
 from auditor.cli.output import format_option, say
+
+if TYPE_CHECKING:
+    from auditor.evidence.matchers import MatcherOptions
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
@@ -14,7 +17,7 @@ from auditor.cli.output import format_option, say
 @options.store_option
 @options.judging_options
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
-@options.matcher_option
+@options.matcher_options
 @options.rig_option
 @options.vehicle_option
 @options.jobs_option
@@ -30,6 +33,7 @@ def command(
     recordings: tuple[Path, ...],
     store: Path,
     matcher: str,
+    network: "MatcherOptions",
     rig: Path | None,
     vehicle: str | None,
     jobs: int,
@@ -53,7 +57,9 @@ def command(
     from auditor.store import Store  # noqa: PLC0415
 
     tally = Tally()
-    measured = measure_all(recordings, store, tally, matcher=matcher, rig=rig, vehicle=vehicle, jobs=jobs)
+    measured = measure_all(
+        recordings, store, tally, matcher=matcher, network=network, rig=rig, vehicle=vehicle, jobs=jobs
+    )
     if not measured:
         return tally.exit_code()
     kept = Store.open(store)
