@@ -10,6 +10,8 @@ from torch import Tensor
 
 from auditor.evidence.matchers.psmnet.network import PSMNet
 
+torch.set_num_threads(1)  # tests run side by side, and threads that wait for one another on a busy machine cost seconds
+
 SMALL = {"max_disparity": 32, "width": 4}
 
 

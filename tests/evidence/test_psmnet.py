@@ -3,7 +3,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +23,6 @@ from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
 # Of json.dumps(sorted {name: shape}) of the published network.
 PUBLISHED = "6214e562767122df8d1387cfb903530b40f8d377dd82a87cc3925952e539840f"
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")

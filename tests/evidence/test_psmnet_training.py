@@ -1,6 +1,5 @@
 import dataclasses
 import itertools
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,25 +19,18 @@ from auditor.evidence.matchers.psmnet.training import (  # noqa: E402
 )
 from auditor.evidence.matchers.psmnet.weights import inspect_weights  # noqa: E402
 from auditor.evidence.matchers.scoring import Sample, score  # noqa: E402
+from tests.evidence.psmnet_networks import noise  # noqa: E402
 
 TOY = TrainingSettings(
     max_disparity=16, width=2, crop=(32, 48), batch=2, steps=4, validate_every=2, learning_rate=3e-3, seed=5
 )
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 def sample(seed: int, height: int = 32, width: int = 64, range_px: int = 14) -> Sample:
     """A textured plane at some disparity, with every second truth missing as between a LiDAR's points."""
     rng = np.random.default_rng(seed)
     disparity = int(rng.integers(1, range_px))
-    texture = rng.integers(0, 256, (height, width + disparity, 3)).astype(np.uint8)
+    texture = noise(height, width + disparity, seed)
     truth = np.full((height, width), disparity, dtype=np.float32)
     truth[rng.random(truth.shape) < 0.5] = np.nan
     return np.ascontiguousarray(texture[:, :width]), np.ascontiguousarray(texture[:, disparity:]), truth
