@@ -22,6 +22,8 @@ TABLES = (
     "judgements",
     "verdicts",
     "labels",
+    "evaluations",
+    "cases",
 )
 
 _VERSION_KEY = b"schema_version"

@@ -219,9 +219,9 @@ class Store:
     def ids(self, table: str) -> list[str]:
         """The ids of the finished files of a table, sorted.
 
-        Frames are finished with their measurement, verdicts with their judgement.
+        Frames are finished with their measurement, verdicts with their judgement, cases with their evaluation.
         """
-        manifest = {"frames": "measurements", "verdicts": "judgements"}.get(table, table)
+        manifest = {"frames": "measurements", "verdicts": "judgements", "cases": "evaluations"}.get(table, table)
         return finished(self.folder / manifest)
 
     def finished_paths(self, table: str) -> list[Path]:

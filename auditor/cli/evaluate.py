@@ -1,0 +1,96 @@
+"""`auditor evaluate`: the paper's experiments on one's own clean recordings."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import Exit, options
+from auditor.cli.output import emit, format_option, progress, say
+from auditor.errors import SettingError
+
+if TYPE_CHECKING:
+    from auditor.evaluation import EvaluateTask, Source
+
+_STREET_FRAMES = 50
+_FIRST_STREET = 1000
+
+
+@click.command("evaluate", short_help="The paper's tables on your own clean logs.")
+@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
+@click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and evaluate on them too.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="What attacks are drawn from.")
+@click.option(
+    "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked anew."
+)
+@options.store_option
+@options.matcher_option
+@options.rig_option
+@options.jobs_option
+@format_option
+def command(
+    recordings: tuple[Path, ...],
+    synthetic: int | None,
+    seed: int,
+    draws: int,
+    store: Path,
+    matcher: str,
+    rig: Path | None,
+    jobs: int,
+    form: str,
+) -> int:
+    """Attack clean recordings in memory, measure every attack, and print how often it was detected and named.
+
+    \b
+    auditor evaluate clean_logs/*.mcap
+    auditor evaluate clean_drive.mcap --draws 3 --store evaluation
+    auditor evaluate --synthetic 40
+
+    Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three; nothing is written but counts. What is
+    finished is not measured again. auditor report evaluation writes the page, the evaluation queries answer the rest.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.evaluation import EvaluateTask, Recorded, Street  # noqa: PLC0415 - heavy
+    from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
+    from auditor.recordings import find_recordings  # noqa: PLC0415
+    from auditor.store import Store, run_query  # noqa: PLC0415
+
+    if not recordings and synthetic is None:
+        raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
+    find_matcher(matcher)  # an unknown one is the command's error, not each recording's
+    found = find_recordings(recordings)
+    for error in found.errors:
+        say(f"auditor: {error}")
+    sources: list[Source] = [Recorded(path, rig) for path in found.recordings]
+    sources += [Street(_FIRST_STREET + number, _STREET_FRAMES) for number in range(synthetic or 0)]
+    if not sources:
+        return Exit.FAILED
+    Store.open(store, create=True)
+    shares = -(-jobs // len(sources))  # few recordings are shared among all processes
+    tasks = [
+        EvaluateTask(source, store, matcher, seed, draws, share, shares)
+        for source in sources
+        for share in range(shares)
+    ]
+    done = _evaluate_all(tasks, jobs)
+    kept = Store.open(store)
+    if kept.ids("evaluations"):
+        emit(run_query(kept, "evaluation_summary"), form)
+    return Exit.CLEAN if done and not found.errors else Exit.FAILED
+
+
+def _evaluate_all(tasks: "list[EvaluateTask]", jobs: int) -> bool:
+    """Measure all; False where something could not be."""
+    from auditor.engines import run_all  # noqa: PLC0415
+    from auditor.evaluation import evaluate_source  # noqa: PLC0415
+
+    done = True
+    with progress(len(tasks), "evaluating") as (advanced, finished):
+        for outcome in run_all(evaluate_source, tasks, jobs, advanced):
+            if outcome.error is not None:
+                finished(f"auditor: {outcome.error.located(outcome.item)}")
+                done = False
+            elif outcome.result is not None and outcome.result.fresh:
+                finished(f"{outcome.item}: {outcome.result.frames} frames, {outcome.result.cases} cases measured")
+            else:
+                finished(f"{outcome.item}: measured before")
+    return done

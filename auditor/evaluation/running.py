@@ -1,0 +1,207 @@
+"""Evaluating one recording: its frames times the experiments' cases, measured into a store, stretch by stretch."""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+
+from auditor import __version__
+from auditor.evaluation.bench import Bench
+from auditor.evaluation.experiments import EXPERIMENTS, Dice, Experiment
+from auditor.evaluation.sources import CleanDrive, Source
+from auditor.evidence import use_one_thread
+from auditor.evidence.matchers import Matcher, find_matcher
+from auditor.frames import Frame, Skipped
+from auditor.results import Procedure
+from auditor.store import Store
+from auditor.store.evaluations import CasesWriter, EvaluationPart, MeasuredCase, cases_writer, finished_part
+
+STRETCH_FRAMES = 20
+"""Frames that are finished together: a killed evaluation loses no more than these."""
+
+_VERSIONED = ("numpy", "opencv-python-headless")
+
+
+@dataclass(frozen=True)
+class EvaluateTask:
+    """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks."""
+
+    source: Source
+    store: Path
+    matcher: str = "sgbm"
+    seed: int = 0
+    draws: int = 1
+    share: int = 0
+    of: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.source}" + (f" ({self.share + 1}/{self.of})" if self.of > 1 else "")
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What was done for a task: frames and cases measured just now, and whether anything had to be."""
+
+    frames: int
+    cases: int
+
+    @property
+    def fresh(self) -> bool:
+        """True where something was measured."""
+        return self.cases > 0
+
+
+def evaluate_source(task: EvaluateTask, progress: Callable[[str, int], None]) -> Evaluated:
+    """Measure every case of every clean frame; what is finished already is not measured again.
+
+    Raises RecordingError, RigError, SettingError and StoreError.
+    """
+    use_one_thread()
+    matcher = find_matcher(task.matcher)
+    store = Store.open(task.store, create=True)
+    with task.source.open(colour=matcher.colour) as drive:
+        run = _Run(task, drive, matcher, store)
+        if run.finished():
+            return Evaluated(0, 0)
+        store.write_rig(drive.rig)
+        for stretch, frames, last in _stretches(drive.frames):
+            if stretch % task.of == task.share:
+                run.measure(stretch, frames, last=last, progress=progress)
+        return Evaluated(run.frames, run.cases)
+
+
+def _stretches(
+    frames: Iterator[Frame | Skipped],
+) -> Iterator[tuple[int, Iterator[Frame | Skipped], Callable[[], bool]]]:
+    """Runs of frames by number, each with whether it was the last, which is known once it has been read."""
+    peeked = _Peeking(frames)
+    for stretch in itertools.count():
+        end = (stretch + 1) * STRETCH_FRAMES
+        yield stretch, peeked.below(end), peeked.ended
+        for _ in peeked.below(end):  # what the caller left unread
+            pass
+        if peeked.ended():
+            return
+
+
+class _Peeking:
+    def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
+        self._frames = frames
+        self._next = next(frames, None)
+
+    def below(self, end: int) -> Iterator[Frame | Skipped]:
+        while self._next is not None and self._next.number < end:
+            frame, self._next = self._next, next(self._frames, None)
+            yield frame
+
+    def ended(self) -> bool:
+        return self._next is None
+
+
+class _Run:
+    def __init__(self, task: EvaluateTask, drive: CleanDrive, matcher: Matcher, store: Store) -> None:
+        self._task = task
+        self._drive = drive
+        self._matcher = matcher
+        self._store = store
+        self.frames = 0
+        self.cases = 0
+
+    def part(self, experiment: Experiment, stretch: int) -> EvaluationPart:
+        return EvaluationPart(
+            recording_id=self._drive.recording_id,
+            name=self._drive.name,
+            synthetic=self._drive.synthetic,
+            rig_id=self._drive.rig.rig_id,
+            procedure=Procedure(self._matcher.name, self._matcher.settings),
+            experiment=experiment.name,
+            seed=self._task.seed if experiment.drawn else None,
+            draws=self._task.draws if experiment.drawn else None,
+            stretch=stretch,
+        )
+
+    def finished(self) -> bool:
+        """True where every stretch of this share is there, and the last one is known."""
+        for stretch in itertools.count():
+            parts = [finished_part(self._store, self.part(experiment, stretch)) for experiment in EXPERIMENTS]
+            mine = stretch % self._task.of == self._task.share
+            if (mine and None in parts) or all(part is None for part in parts):
+                return False
+            if any(parts):
+                return True
+        raise AssertionError  # counting has no end
+
+    def measure(
+        self,
+        stretch: int,
+        frames: Iterator[Frame | Skipped],
+        *,
+        last: Callable[[], bool],
+        progress: Callable[[str, int], None],
+    ) -> None:
+        todo = [e for e in EXPERIMENTS if finished_part(self._store, self.part(e, stretch)) is None]
+        if not todo:
+            return
+        with ExitStack() as stack:
+            writers = [stack.enter_context(cases_writer(self._store, self.part(e, stretch))) for e in todo]
+            seconds = [0.0] * len(todo)
+            count = skipped = 0
+            for frame in frames:
+                if isinstance(frame, Skipped):
+                    skipped += 1
+                    continue
+                for at, spent in enumerate(self._measure_frame(frame, todo, writers)):
+                    seconds[at] += spent
+                count += 1
+                self.frames += 1
+                progress(self._drive.name, self.frames)
+            for writer, spent in zip(writers, seconds, strict=True):
+                writer.commit(
+                    frames=count,
+                    skipped=skipped,
+                    last=last(),
+                    seconds=spent,
+                    versions=_versions(),
+                    evaluated_at=datetime.now(UTC),
+                )
+
+    def _measure_frame(
+        self, frame: Frame, experiments: Sequence[Experiment], writers: Sequence[CasesWriter]
+    ) -> Iterator[float]:
+        """Measure all cases; yields the seconds of each experiment."""
+        bench = Bench(frame, self._drive.rig, self._matcher)
+        for experiment, writer in zip(experiments, writers, strict=True):
+            started = perf_counter()
+            for draw in range(self._task.draws if experiment.drawn else 1):
+                for case in self._measured(bench, experiment, draw):
+                    writer.add(case)
+                    self.cases += 1
+            yield perf_counter() - started
+
+    def _measured(self, bench: Bench, experiment: Experiment, draw: int) -> Iterator[MeasuredCase]:
+        frame, rig = bench.frame, self._drive.rig
+        dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), frame.number, draw)
+        triples, present = experiment.triples(rig), set(bench.sensors)
+        for case in experiment.cases(rig, dice):
+            if not present.issuperset(case.attacked):
+                continue
+            yield MeasuredCase(
+                frame=frame.number,
+                stamp_ns=frame.stamp_ns,
+                draw=draw,
+                attacked=case.attacked,
+                strength=case.strength,
+                size=case.size,
+                visible_share=case.visible_share,
+                parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
+                counts=bench.counts(case.attacks, triples),
+            )
+        bench.forget_attacks()
+
+
+def _versions() -> dict[str, str]:
+    return {"auditor": __version__} | {name: version(name) for name in _VERSIONED}

@@ -1,0 +1,76 @@
+"""Where clean frames come from: recordings, or streets made for the evaluation."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from auditor import __version__
+from auditor.errors import RecordingError
+from auditor.frames import Frame, Skipped
+from auditor.lab.drives import make_drive
+from auditor.lab.streets import STYLES
+from auditor.pipeline import rigs_of
+from auditor.recordings import open_recording, survey, synchronise
+from auditor.rig import Rig
+from auditor.store.records import content_id
+
+
+@dataclass(frozen=True, eq=False)
+class CleanDrive:
+    """Clean frames of one rig, in order; `frames` can be read once."""
+
+    recording_id: str
+    name: str
+    synthetic: bool
+    rig: Rig
+    frames: Iterator[Frame | Skipped]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording known to be clean, with its own rig or that of a rig.toml; of several rigs the first is taken."""
+
+    path: Path
+    rig: Path | None = None
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    @contextmanager
+    def open(self, *, colour: bool) -> Iterator[CleanDrive]:
+        """Its frames. Raises RecordingError where it cannot be read or was attacked, and RigError."""
+        with open_recording(self.path) as recording:
+            if recording.labels():
+                raise RecordingError(
+                    "it carries labels of attacks, so it is not clean",
+                    where=self.path,
+                    remedy="evaluate on recordings that are free of attacks",
+                )
+            surveyed = survey(recording)
+            rig = rigs_of(surveyed, self.rig)[0]
+            frames = iter(synchronise(recording, rig, surveyed, colour=colour))
+            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=rig, frames=frames)
+
+
+@dataclass(frozen=True)
+class Street:
+    """A synthetic drive of `frames` frames; `seed` decides everything, and each has a vehicle of its own."""
+
+    seed: int
+    frames: int
+    cameras: int = 3
+
+    def __str__(self) -> str:
+        return f"street {self.seed}"
+
+    @contextmanager
+    def open(self, *, colour: bool) -> Iterator[CleanDrive]:  # noqa: ARG002 - they are grey
+        """Its frames, made when they are asked for."""
+        style = list(STYLES)[self.seed % len(STYLES)]
+        drive = make_drive(self.seed, self.frames, n_cameras=self.cameras, style=style, vehicle=self.seed)
+        known = content_id("street", __version__, self.seed, self.frames, self.cameras, style)
+        yield CleanDrive(known, f"{style} {self.seed}", synthetic=True, rig=drive.rig, frames=drive.frames())
+
+
+Source = Recorded | Street

@@ -1,0 +1,115 @@
+"""Parts of an evaluation: what was measured of attacks made in memory, one file of cases a part."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import datetime
+
+from auditor.results import Counts, Procedure
+from auditor.store.records import content_id, to_utc
+from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.store import Store
+from auditor.store.tables import TableWriter, read_rows, write_rows, writing
+
+_PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px")
+
+
+@dataclass(frozen=True)
+class EvaluationPart:
+    """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn."""
+
+    recording_id: str
+    name: str
+    synthetic: bool
+    rig_id: str
+    procedure: Procedure
+    experiment: str
+    seed: int | None
+    draws: int | None
+    stretch: int
+
+    @property
+    def evaluation_id(self) -> str:
+        """The id that follows from what decides every count of the part."""
+        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiment, self.seed, self.draws)
+        return content_id("evaluation", *decides, self.stretch)
+
+
+@dataclass(frozen=True)
+class MeasuredCase:
+    """The counts of one case, in the order of the rig's triples; the other fields as in the table `cases`."""
+
+    frame: int
+    stamp_ns: int
+    draw: int
+    attacked: tuple[int, ...]
+    strength: str | None
+    size: float | None
+    visible_share: float | None
+    parameters: Mapping[str, object]
+    counts: Sequence[Counts | None]
+
+
+class CasesWriter:
+    """Takes the cases of one part, and makes them finished with `commit`."""
+
+    def __init__(self, part: EvaluationPart, store: Store, table: TableWriter) -> None:
+        self.part = part
+        self._store = store
+        self._table = table
+        self._cases = 0
+
+    def add(self, case: MeasuredCase) -> None:
+        """Take one case."""
+        self._table.add(
+            {
+                **vars(case),
+                "evaluation_id": self.part.evaluation_id,
+                "attacked": list(case.attacked),
+                "parameters": json.dumps(case.parameters, sort_keys=True),
+                **{name: [c and getattr(c, name) for c in case.counts] for name in _PIXELS},
+            }
+        )
+        self._cases += 1
+
+    def commit(
+        self,
+        *,
+        frames: int,
+        skipped: int,
+        last: bool,
+        seconds: float,
+        versions: Mapping[str, str],
+        evaluated_at: datetime,
+    ) -> None:
+        """Put the cases in their place, then write the row that makes them finished."""
+        self._table.commit()
+        part = self.part
+        row = {
+            **vars(part),
+            "evaluation_id": part.evaluation_id,
+            **asdict(part.procedure),
+            "last": last,
+            "frames": frames,
+            "skipped": skipped,
+            "cases": self._cases,
+            "seconds": seconds,
+            "versions": dict(sorted(versions.items())),
+            "evaluated_at": to_utc(evaluated_at),
+            "schema_version": SCHEMA_VERSION,
+        }
+        write_rows("evaluations", self._store.path("evaluations", part.evaluation_id), [row])
+
+
+@contextmanager
+def cases_writer(store: Store, part: EvaluationPart) -> Iterator[CasesWriter]:
+    """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
+    with writing("cases", store.path("cases", part.evaluation_id)) as table:
+        yield CasesWriter(part, store, table)
+
+
+def finished_part(store: Store, part: EvaluationPart) -> bool | None:
+    """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
+    path = store.path("evaluations", part.evaluation_id)
+    return bool(read_rows("evaluations", path)[0]["last"]) if path.is_file() else None

@@ -1,0 +1,29 @@
+-- Truth against verdict, counted: everything that was said of clean and of attacked frames at one r.
+--
+-- param r RATE = 0.01: The designated false-alarm rate.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
+-- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+--
+-- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column system: The sensors that took part.
+-- column strength: Amplitude of the faculas by name; NULL for clean frames.
+-- column attacked: The attacked sensors; empty for clean frames.
+-- column verdict: clean, attacked, unidentified or not_auditable.
+-- column accused: The sensors that the verdict names; empty unless it is attacked.
+-- column cases: Frames.
+WITH verdict_of AS (
+    FROM evaluation_verdicts(cases, triples, [$r], $statistic, $block_frames)
+)
+SELECT
+    setup,
+    held_out,
+    system,
+    strength,
+    attacked,
+    verdict,
+    CASE WHEN verdict = 'attacked' THEN named ELSE [] END AS accused,
+    CAST(sum(cases) AS BIGINT) AS cases
+FROM verdict_of
+GROUP BY ALL
+ORDER BY setup, held_out, system, strength NULLS FIRST, attacked, verdict, accused

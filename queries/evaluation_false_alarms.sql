@@ -1,0 +1,102 @@
+-- How often clean frames are raised: by three sensors of the leftmost camera, by the system of n = 3, and by all sensors.
+--
+-- In sample this is about r by construction for one disparity error, and more for a system, which has several.
+--
+-- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
+-- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+--
+-- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column system: The sensors that took part.
+-- column r: The designated false-alarm rate.
+-- column samples: The smallest number N of clean samples that a theta came from.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column frames: Clean frames.
+-- column not_auditable: Those in which nothing was measured.
+-- column raised: Those in which some disparity error of the system is above its theta.
+-- column rate: raised / frames.
+-- column low: Lower end of its interval.
+-- column high: Upper end of its interval.
+-- column accused: Those whose verdict names a sensor.
+-- column hours: Time that the frames stand for: their number times the usual time between two.
+-- column raised_an_hour: Raised frames per hour of driving.
+WITH threshold_of AS MATERIALIZED (
+    FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
+),
+verdict_of AS MATERIALIZED (
+    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+),
+triple AS (
+    SELECT rig_id, position, [i, j, k] AS system FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+),
+error AS (
+    SELECT
+        setup,
+        recording_id,
+        frame // $block_frames AS block,
+        system,
+        position,
+        errors_by($statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px)[position] AS E
+    FROM cases
+    JOIN triple USING (rig_id)
+    WHERE experiment = 'clean'
+),
+step AS (
+    SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id ORDER BY frame) AS step_ns
+    FROM cases
+    WHERE experiment = 'clean'
+),
+period AS (
+    SELECT setup, median(step_ns) / 1e9 AS period_s FROM step GROUP BY setup
+),
+counted AS (
+    SELECT
+        setup,
+        held_out,
+        system,
+        r,
+        min(samples[position]) AS samples,
+        bool_and(resolvable_with(samples[position], r)) AS resolvable,
+        count(*) AS frames,
+        count(*) - count(E > theta[position]) AS not_auditable,
+        CAST(count_if(coalesce(E > theta[position], FALSE)) AS BIGINT) AS raised,
+        0 AS accused
+    FROM error
+    JOIN threshold_of USING (setup, recording_id, block)
+    GROUP BY ALL
+    UNION ALL
+    SELECT
+        setup,
+        held_out,
+        system,
+        r,
+        min(samples),
+        bool_and(resolvable),
+        CAST(sum(cases) AS BIGINT),
+        CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT),
+        CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT),
+        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked'), 0) AS BIGINT)
+    FROM verdict_of
+    WHERE attacked = [] AND len(system) >= 4
+    GROUP BY ALL
+)
+SELECT
+    setup,
+    held_out,
+    system,
+    CAST(r AS DOUBLE) AS r,
+    samples,
+    resolvable,
+    frames,
+    not_auditable,
+    raised,
+    raised / frames AS rate,
+    wilson(raised, frames, -1) AS low,
+    wilson(raised, frames, 1) AS high,
+    accused,
+    frames * period_s / 3600 AS hours,
+    raised / (frames * period_s / 3600) AS raised_an_hour
+FROM counted
+JOIN period USING (setup)
+ORDER BY setup, held_out, len(system), system, r

@@ -1,0 +1,72 @@
+-- How often Algorithm 2 names exactly the attacked sensors, by the sensors attacked and by r: the paper's Table II and Fig. 10, and the same for two attacked sensors.
+--
+-- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
+-- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+--
+-- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column system: The sensors that took part.
+-- column strength: Amplitude of the faculas by name.
+-- column attacked: The attacked sensors; NULL for all sets of this size together.
+-- column attacked_sensors: How many they are.
+-- column r: The designated false-alarm rate.
+-- column samples: The smallest number N of clean samples that a theta came from.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column cases: Attacked frames.
+-- column not_auditable: Those in which nothing was measured.
+-- column named: Those in which Algorithm 2 names exactly the attacked sensors, which is what Table II counts.
+-- column rate: named / cases.
+-- column low: Lower end of its interval.
+-- column high: Upper end of its interval.
+-- column identified: Those of them whose verdict is attacked: the named sensors explain the whole of e.
+-- column identification_rate: identified / cases.
+-- column identification_low: Lower end of its interval.
+-- column identification_high: Upper end of its interval.
+WITH verdict_of AS MATERIALIZED (
+    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+),
+tally AS (
+    SELECT
+        setup,
+        held_out,
+        system,
+        strength,
+        attacked,
+        len(attacked) AS attacked_sensors,
+        r,
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable,
+        CAST(sum(cases) AS BIGINT) AS cases,
+        CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT) AS not_auditable,
+        CAST(coalesce(sum(cases) FILTER (raised AND named = attacked), 0) AS BIGINT) AS named,
+        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND named = attacked), 0) AS BIGINT) AS identified
+    FROM verdict_of
+    WHERE attacked <> [] AND len(system) >= 4
+    GROUP BY GROUPING SETS (
+        (setup, held_out, system, strength, attacked, len(attacked), r),
+        (setup, held_out, system, strength, len(attacked), r)
+    )
+)
+SELECT
+    setup,
+    held_out,
+    system,
+    strength,
+    attacked,
+    attacked_sensors,
+    CAST(r AS DOUBLE) AS r,
+    samples,
+    resolvable,
+    cases,
+    not_auditable,
+    named,
+    named / cases AS rate,
+    wilson(named, cases, -1) AS low,
+    wilson(named, cases, 1) AS high,
+    identified,
+    identified / cases AS identification_rate,
+    wilson(identified, cases, -1) AS identification_low,
+    wilson(identified, cases, 1) AS identification_high
+FROM tally
+ORDER BY setup, held_out, len(system), strength, r, attacked_sensors, attacked NULLS LAST

@@ -1,0 +1,103 @@
+-- The evaluation in short: detection in the paper's two scenarios and identification by Algorithm 2, averaged over the combinations, by strength and r.
+--
+-- The scenarios are those of the leftmost camera and the one farthest from it: with the LiDAR, and with the camera next to that one.
+--
+-- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
+-- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+--
+-- column kind: The rig kind in words.
+-- column synthetic: TRUE where the drives were made for the evaluation.
+-- column matcher: The stereo matcher.
+-- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column strength: Amplitude of the faculas by name.
+-- column r: The designated false-alarm rate.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column scenario_1: Detection rate over the seven combinations of the LiDAR and two cameras.
+-- column scenario_2: Detection rate over the seven combinations of three cameras.
+-- column one_of_3: Identification rate of one attacked sensor among the LiDAR and three cameras.
+-- column one_of_all: Identification rate of one attacked sensor among all sensors, where they are more.
+-- column two_of_all: Identification rate of two attacked sensors among all sensors.
+WITH threshold_of AS MATERIALIZED (
+    FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
+),
+verdict_of AS MATERIALIZED (
+    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+),
+triple AS (
+    SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+),
+error AS MATERIALIZED (
+    SELECT
+        setup,
+        recording_id,
+        frame // $block_frames AS block,
+        strength,
+        CASE WHEN i = 0 THEN 1 ELSE 2 END AS scenario,
+        position,
+        errors_by($statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px)[position] AS E
+    FROM cases
+    JOIN triple USING (rig_id)
+    WHERE experiment = 'combinations' AND list_has_all([i, j, k], attacked) AND (i, j) IN ((0, 1), (1, 2))
+),
+detection AS (
+    SELECT
+        setup,
+        held_out,
+        strength,
+        r,
+        bool_and(resolvable_with(samples[position], r)) AS resolvable,
+        count_if(coalesce(E > theta[position], FALSE) AND scenario = 1)
+            / nullif(count_if(scenario = 1), 0) AS scenario_1,
+        count_if(coalesce(E > theta[position], FALSE) AND scenario = 2)
+            / nullif(count_if(scenario = 2), 0) AS scenario_2
+    FROM error
+    JOIN threshold_of USING (setup, recording_id, block)
+    GROUP BY setup, held_out, strength, r
+),
+sized AS (
+    SELECT
+        *,
+        len(attacked) AS size,
+        len(system) = max(len(system)) OVER (PARTITION BY setup) AND len(system) > 4 AS everyone,
+        coalesce(raised AND named = attacked, FALSE) AS right_name
+    FROM verdict_of
+    WHERE attacked <> [] AND len(system) >= 4
+),
+identification AS (
+    SELECT
+        setup,
+        held_out,
+        strength,
+        r,
+        coalesce(sum(cases) FILTER (right_name AND len(system), 0) = 4 AND size = 1)
+            / sum(cases) FILTER (len(system) = 4 AND size = 1) AS one_of_3,
+        coalesce(sum(cases) FILTER (right_name AND everyone AND size = 1), 0)
+            / sum(cases) FILTER (everyone AND size = 1) AS one_of_all,
+        coalesce(sum(cases) FILTER (right_name AND everyone AND size = 2), 0)
+            / sum(cases) FILTER (everyone AND size = 2) AS two_of_all
+    FROM sized
+    GROUP BY setup, held_out, strength, r
+),
+described AS (
+    SELECT setup, any_value(kind) AS kind, any_value(synthetic) AS synthetic, any_value(matcher) AS matcher
+    FROM evaluations
+    GROUP BY setup
+)
+SELECT
+    kind,
+    synthetic,
+    matcher,
+    held_out,
+    strength,
+    CAST(r AS DOUBLE) AS r,
+    resolvable,
+    scenario_1,
+    scenario_2,
+    one_of_3,
+    one_of_all,
+    two_of_all
+FROM detection
+LEFT JOIN identification USING (setup, held_out, strength, r)
+JOIN described USING (setup)
+ORDER BY setup, held_out, strength, r

@@ -1,0 +1,172 @@
+-- What the queries on evaluations share.
+
+-- E of every triple by the statistic named.
+CREATE MACRO errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS
+    list_transform(
+        CASE statistic
+            WHEN 'plain' THEN list_zip(inconsistent_px, valid_px)
+            WHEN 'gated' THEN list_zip(gated_inconsistent_px, gated_valid_px)
+        END,
+        lambda px: disparity_error(px[1], px[2])
+    );
+
+-- The e vector: one character a triple; '-' where E or theta is not known.
+CREATE MACRO states_of(E, theta) AS
+    array_to_string(
+        list_transform(
+            list_zip(E, theta),
+            lambda x: CASE WHEN x[1] > x[2] THEN '1' WHEN x[1] <= x[2] THEN '0' ELSE '-' END
+        ),
+        ''
+    );
+
+-- theta by triple for the frames of each block of each recording, in sample (held_out = 'nothing') and held out: from
+-- the clean frames of all other blocks ('block') or of all other recordings ('recording'). `source` names the cases.
+CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
+WITH rate AS (
+    SELECT DISTINCT unnest(CAST(rates AS DECIMAL(18, 17)[])) AS r
+),
+clean AS (
+    SELECT
+        setup,
+        recording_id,
+        frame // block_frames AS block,
+        errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS errors
+    FROM query_table(source)
+    WHERE experiment = 'clean'
+),
+sample AS MATERIALIZED (
+    SELECT setup, recording_id, block, unnest(errors) AS E, generate_subscripts(errors, 1) AS position FROM clean
+),
+block AS MATERIALIZED (
+    SELECT DISTINCT setup, recording_id, block FROM sample
+),
+-- one fold is what is held out together, with the samples that are left
+fold AS (
+    SELECT 'nothing' AS held_out, setup, NULL AS fold_recording, NULL AS fold_block, position,
+        list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples
+    FROM sample
+    GROUP BY setup, position
+    UNION ALL
+    SELECT 'block', block.setup, block.recording_id, block.block, position,
+        list(E ORDER BY E) FILTER (E IS NOT NULL)
+    FROM block
+    JOIN sample ON sample.setup = block.setup
+        AND (sample.recording_id <> block.recording_id OR sample.block <> block.block)
+    GROUP BY block.setup, block.recording_id, block.block, position
+    UNION ALL
+    SELECT 'recording', recording.setup, recording.recording_id, NULL, position,
+        list(E ORDER BY E) FILTER (E IS NOT NULL)
+    FROM (SELECT DISTINCT setup, recording_id FROM block) AS recording
+    JOIN sample ON sample.setup = recording.setup AND sample.recording_id <> recording.recording_id
+    GROUP BY recording.setup, recording.recording_id, position
+),
+theta AS (
+    SELECT
+        held_out,
+        setup,
+        fold_recording,
+        fold_block,
+        r,
+        list(threshold(samples, r) ORDER BY position) AS theta,
+        list(len(samples) ORDER BY position) AS samples
+    FROM fold CROSS JOIN rate
+    GROUP BY ALL
+)
+SELECT theta.setup, held_out, block.recording_id, block.block, r, theta, samples
+FROM theta
+JOIN block ON block.setup = theta.setup
+    AND (fold_recording IS NULL OR fold_recording = block.recording_id)
+    AND (fold_block IS NULL OR fold_block = block.block);
+
+-- What Algorithm 2 says of the clean frames and the combinations of attacks, counted: by system, truth and verdict.
+-- Systems are all sensors, and of more than three cameras with a LiDAR also the LiDAR with S_n, S_1 and S_2: the
+-- leftmost camera and the two farthest from it. `source` names the cases, `sensors` the triples.
+CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames) AS TABLE
+WITH threshold_of AS MATERIALIZED (
+    FROM evaluation_thresholds(source, rates, statistic, block_frames)
+),
+layout AS MATERIALIZED (
+    SELECT
+        rig_id,
+        list({i: i, j: j, k: k} ORDER BY position) AS triples,
+        list_sort(list_distinct(list_concat(list(i), list(j), list(k)))) AS everyone
+    FROM query_table(sensors)
+    GROUP BY rig_id
+),
+-- `everyone` of the larger systems, of four sensors those of n = 3
+system AS MATERIALIZED (
+    SELECT rig_id, triples, everyone AS system FROM layout
+    UNION ALL
+    SELECT rig_id, triples, [everyone[1], everyone[2], everyone[3], everyone[-1]]
+    FROM layout
+    WHERE len(everyone) > 4 AND everyone[1] = 0
+),
+error AS MATERIALIZED (
+    SELECT
+        setup,
+        rig_id,
+        recording_id,
+        frame // block_frames AS block,
+        strength,
+        attacked,
+        errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS E
+    FROM query_table(source)
+    WHERE experiment IN ('clean', 'combinations')
+),
+counted AS MATERIALIZED (
+    SELECT
+        error.setup,
+        threshold_of.held_out,
+        system.system,
+        system.triples,
+        error.strength,
+        error.attacked,
+        threshold_of.r,
+        states_of(
+            list_transform(
+                error.E,
+                lambda x, p: CASE
+                    WHEN list_has_all(
+                        system.system, [system.triples[p]['i'], system.triples[p]['j'], system.triples[p]['k']]
+                    ) THEN x
+                END
+            ),
+            theta
+        ) AS e,
+        min(list_min(samples)) AS samples,
+        bool_and(len(list_filter(samples, lambda N: NOT resolvable_with(N, threshold_of.r))) = 0) AS resolvable,
+        count(*) AS cases
+    FROM error
+    JOIN system USING (rig_id)
+    JOIN threshold_of USING (setup, recording_id, block)
+    WHERE list_has_all(system.system, error.attacked) AND len(error.attacked) <= greatest(len(system.system) - 3, 0)
+    GROUP BY ALL
+),
+pattern AS MATERIALIZED (
+    SELECT DISTINCT e, triples FROM counted
+),
+answer AS MATERIALIZED (
+    FROM algorithm2(pattern)
+)
+SELECT
+    counted.setup,
+    counted.held_out,
+    counted.system,
+    counted.strength,
+    counted.attacked,
+    counted.r,
+    CASE
+        WHEN answer.system = [] THEN 'not_auditable'
+        WHEN NOT contains(counted.e, '1') THEN 'clean'
+        WHEN len(answer.system) >= 4 AND len(answer.named) BETWEEN 1 AND len(answer.system) - 3
+            AND explains(answer.named, counted.e, counted.triples) THEN 'attacked'
+        ELSE 'unidentified'
+    END AS verdict,
+    answer.named,
+    contains(counted.e, '1') AS raised,
+    counted.samples,
+    counted.resolvable,
+    counted.cases
+FROM counted
+JOIN answer ON answer.e = counted.e AND answer.triples = counted.triples;

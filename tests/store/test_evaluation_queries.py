@@ -1,0 +1,325 @@
+"""The SQL tables of an evaluation equal the same tables computed in Python from the stored counts, exactly."""
+
+from collections import Counter, defaultdict
+from datetime import UTC, datetime
+from decimal import Decimal
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from auditor.identification.algorithm2 import identify
+from auditor.identification.codewords import disagreements
+from auditor.identification.thresholds import resolvable, threshold
+from auditor.results import Counts, Statistic
+from auditor.rig import Triple
+from auditor.store.evaluations import EvaluationPart, MeasuredCase, cases_writer, finished_part
+from auditor.store.queries import run_query
+from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
+
+RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
+R = ",".join(map(str, RATES))
+BLOCK = 5
+RIG = make_rig(4)
+FRAMES = {"a": 17, "b": 9}
+
+
+def part(recording, experiment, stretch=0, *, synthetic=False):
+    drawn = 3 if experiment != "clean" else None
+    return EvaluationPart(
+        recording * 64, f"{recording}.mcap", synthetic, RIG.rig_id, PROCEDURE, experiment, drawn, drawn, stretch
+    )
+
+
+def write(store, which, cases, *, last=True):
+    with cases_writer(store, which) as writer:
+        for case in cases:
+            writer.add(case)
+        writer.commit(
+            frames=1, skipped=0, last=last, seconds=1.0, versions={}, evaluated_at=datetime(2026, 1, 1, tzinfo=UTC)
+        )
+
+
+def drawn_counts(rng, attacked, unmeasured):
+    """Counts whose E rises where a sensor of the triple is attacked, mostly; ties and gaps among them."""
+    counts = []
+    for triple in RIG.triples:
+        level = rng.integers(0, 60) + (rng.integers(20, 200) if set(attacked) & set(triple) else 0)
+        valid = 100 if rng.random() < unmeasured else 1000
+        counts.append(Counts(2 * valid, int(level), valid, int(level), 0) if rng.random() > unmeasured / 3 else None)
+    return counts
+
+
+def attacked_sets():
+    triples = [t for t in RIG.triples if t.k == 4]
+    sets = {s for t in triples for size in (1, 2, 3) for s in combinations(t, size)}
+    return sorted(sets | set(combinations(RIG.sensors, 2)))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A store of two recordings, and all of its cases by experiment and recording."""
+    store = new_store(tmp_path_factory.mktemp("evaluation"))
+    store.write_rig(RIG)
+    rng = np.random.default_rng(8)
+    cases = defaultdict(list)
+    for recording, frames in FRAMES.items():
+        for frame in range(frames):
+
+            def case(attacked, strength=None, size=None, *, at=frame):
+                counts = drawn_counts(rng, attacked, 0.02)
+                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, strength, size, None, {}, counts)
+
+            cases["clean", recording].append(case(()))
+            for strength in ("mild", "opaque"):
+                cases["combinations", recording] += [case(attacked, strength) for attacked in attacked_sets()]
+            cases["sensitivity", recording] += [case((0,), None, width) for width in (0.5, 2.5)]
+            cases["sensitivity", recording] += [case((s,), "mild", 75.0) for s in (1, 4)]
+    for (experiment, recording), of_it in cases.items():
+        half = len(of_it) // 2
+        write(store, part(recording, experiment, 0), of_it[:half], last=False)
+        write(store, part(recording, experiment, 1), of_it[half:])
+    return store, cases
+
+
+def folds(cases, statistic):
+    """theta and N by (held_out, recording, block, r): the definition, spelled out."""
+    clean = [(recording, case) for recording in FRAMES for case in cases["clean", recording]]
+    blocks = {(recording, case.frame // BLOCK) for recording, case in clean}
+    kept = {
+        "nothing": lambda other, here: True,
+        "block": lambda other, here: other != here,
+        "recording": lambda other, here: other[0] != here[0],
+    }
+    found = {}
+    for here in blocks:
+        for held_out, keeps in kept.items():
+            samples = [[] for _ in RIG.triples]
+            for recording, case in clean:
+                if keeps((recording, case.frame // BLOCK), here):
+                    for of_triple, E in zip(samples, errors(case, statistic), strict=True):
+                        if E is not None:
+                            of_triple.append(E)
+            for of_triple in samples:
+                of_triple.sort()
+            for r in RATES:
+                theta = [threshold(of_triple, r) for of_triple in samples]
+                found[held_out, *here, r] = theta, [len(of_triple) for of_triple in samples]
+    return found
+
+
+def errors(case, statistic):
+    return [c and c.disparity_error(statistic) for c in case.counts]
+
+
+def state(E, theta):
+    return "-" if E is None else "1" if theta < E else "0"
+
+
+def answer(made, name, **parameters):
+    return run_query(made[0], name, {"block_frames": BLOCK, **parameters}).to_pylist()
+
+
+@pytest.mark.parametrize("statistic", list(Statistic))
+def test_detection_by_combination_equals_python(made, statistic):
+    theta_of = folds(made[1], statistic)
+    expected = Counter()
+    smallest = {}
+    for (held_out, recording, block, r), (theta, N) in theta_of.items():
+        for case in made[1]["combinations", recording]:
+            for at, triple in enumerate(RIG.triples):
+                if case.frame // BLOCK == block and triple.k == 4 and set(case.attacked) <= set(triple):
+                    found = state(errors(case, statistic)[at], theta[at])
+                    for attacked in (case.attacked, None):
+                        key = held_out, triple, case.strength, attacked, r
+                        expected[key, "cases"] += 1
+                        expected[key, "not_measured"] += found == "-"
+                        expected[key, "detected"] += found == "1"
+                        smallest[key] = min(smallest.get(key, N[at]), N[at])
+    rows = answer(made, "evaluation_detection", r=R, statistic=statistic.value)
+    assert len(rows) == len(smallest)
+    for row in rows:
+        triple = Triple(row["i"], row["j"], row["k"])
+        attacked = None if row["attacked"] is None else tuple(row["attacked"])
+        key = row["held_out"], triple, row["strength"], attacked, Decimal(str(row["r"])).normalize() + 0
+        for column in ("cases", "not_measured", "detected"):
+            assert row[column] == expected[key, column], (key, column)
+        assert row["rate"] == expected[key, "detected"] / expected[key, "cases"]
+        assert row["low"] <= row["rate"] <= row["high"]
+        assert row["samples"] == smallest[key]
+        assert row["resolvable"] == resolvable(key[-1], smallest[key])
+        assert row["scenario"] == (1 if triple.i == 0 else 2)
+
+
+def verdicts(made, statistic):
+    """(held_out, system, strength, attacked, r) -> counts of (verdict, named or None, raised)."""
+    found = defaultdict(Counter)
+    for (held_out, recording, block, r), (theta, _) in folds(made[1], statistic).items():
+        for case in made[1]["clean", recording] + made[1]["combinations", recording]:
+            if case.frame // BLOCK != block:
+                continue
+            for system in ((0, 1, 2, 3, 4), (0, 1, 2, 4)):
+                if set(case.attacked) <= set(system) and len(case.attacked) <= len(system) - 3:
+                    E = errors(case, statistic)
+                    states = zip(RIG.triples, E, theta, strict=True)
+                    e = "".join(state(E_t, th) if set(t) <= set(system) else "-" for t, E_t, th in states)
+                    found[held_out, system, case.strength, case.attacked, r][said(e)] += 1
+    return found
+
+
+def said(e):
+    sensors = {s for t, x in zip(RIG.triples, e, strict=True) if x != "-" for s in t}
+    if not sensors:
+        return "not_auditable", None, False
+    found = identify(e, RIG.triples, sensors)
+    named = None if found.undetermined else found.attacked
+    if "1" not in e:
+        return "clean", named, False
+    nameable = named and len(sensors) >= 4 and len(named) <= len(sensors) - 3
+    if nameable and disagreements(e, named, RIG.triples) == 0:
+        return "attacked", named, True
+    return "unidentified", named, True
+
+
+def test_identification_equals_python(made):
+    rows = answer(made, "evaluation_identification", r=R)
+    expected = verdicts(made, Statistic.GATED)
+    assert {(len(row["system"]), row["attacked_sensors"]) for row in rows} == {(4, 1), (5, 1), (5, 2)}
+    averages = defaultdict(Counter)
+    for row in rows:
+        if row["attacked"] is None:
+            continue
+        attacked = tuple(row["attacked"])
+        r = Decimal(str(row["r"])).normalize() + 0
+        counts = expected[row["held_out"], tuple(row["system"]), row["strength"], attacked, r]
+        named = sum(n for (_, name, raised), n in counts.items() if raised and name == attacked)
+        identified = sum(n for (kind, name, _), n in counts.items() if kind == "attacked" and name == attacked)
+        assert (row["cases"], row["named"], row["identified"]) == (counts.total(), named, identified)
+        assert row["rate"] == named / counts.total()
+        average = averages[row["held_out"], tuple(row["system"]), row["strength"], len(attacked), row["r"]]
+        average.update(cases=row["cases"], named=row["named"], identified=row["identified"])
+    for row in rows:
+        if row["attacked"] is None:
+            key = row["held_out"], tuple(row["system"]), row["strength"], row["attacked_sensors"], row["r"]
+            assert averages[key] == {name: row[name] for name in averages[key]}
+
+
+def test_the_matrix_of_truth_against_verdict_equals_python(made):
+    expected = Counter()
+    for (held_out, system, strength, attacked, r), counts in verdicts(made, Statistic.GATED).items():
+        for (kind, named, _), n in counts.items():
+            if r == Decimal("0.05"):
+                expected[held_out, system, strength, attacked, kind, named if kind == "attacked" else ()] += n
+    rows = answer(made, "evaluation_confusion", r="0.05")
+    names = ("held_out", "system", "strength", "attacked", "verdict", "accused")
+    found = {tuple(tuple(x) if isinstance(x := row[n], list) else x for n in names): row["cases"] for row in rows}
+    assert found == expected
+
+
+def test_false_alarms_equal_python(made):
+    expected = Counter()
+    theta_of = folds(made[1], Statistic.GATED)
+    for (held_out, system, _, attacked, r), counts in verdicts(made, Statistic.GATED).items():
+        if not attacked:
+            for (kind, _, raised), n in counts.items():
+                expected[held_out, system, r, "frames"] += n
+                expected[held_out, system, r, "raised"] += n * raised
+                expected[held_out, system, r, "accused"] += n * (kind == "attacked")
+    for (held_out, recording, block, r), (theta, _) in theta_of.items():
+        for case in made[1]["clean", recording]:
+            for at, triple in enumerate(RIG.triples):
+                if case.frame // BLOCK == block and triple.k == 4:
+                    key = held_out, tuple(triple), r
+                    expected[*key, "frames"] += 1
+                    expected[*key, "raised"] += state(errors(case, Statistic.GATED)[at], theta[at]) == "1"
+    rows = answer(made, "evaluation_false_alarms", r=R)
+    assert len(rows) == 3 * len(RATES) * 8
+    for row in rows:
+        key = row["held_out"], tuple(row["system"]), Decimal(str(row["r"])).normalize() + 0
+        for column in ("frames", "raised", "accused"):
+            assert row[column] == expected[*key, column], (key, column)
+        assert row["hours"] == pytest.approx(26 * 0.1 / 3600)
+        assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * 0.1 / 3600))
+
+
+def test_sensitivity_equals_python(made):
+    at = RIG.triples.index(Triple(0, 1, 4))
+    expected = Counter()
+    for (held_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
+        for case in made[1]["sensitivity", recording]:
+            if case.frame // BLOCK == block:
+                role = {0: "lidar", 1: "witness", 4: "reference"}[case.attacked[0]]
+                key = held_out, role, case.size, r
+                expected[key] += state(errors(case, Statistic.GATED)[at], theta[at]) == "1"
+                expected[key, "cases"] += 1
+    rows = answer(made, "evaluation_sensitivity", r=R)
+    assert len(rows) == 3 * 4 * len(RATES)
+    for row in rows:
+        key = row["held_out"], row["sensor"], row["size"], Decimal(str(row["r"])).normalize() + 0
+        assert (row["detected"], row["cases"]) == (expected[key], expected[key, "cases"])
+    facula = next(row for row in rows if row["sensor"] == "witness")
+    assert facula["nominal_share"] == pytest.approx(0.0379, abs=5e-5)
+
+
+def test_distributions_equal_python(made):
+    rows = run_query(made[0], "evaluation_distribution", {"bins": 8}).to_pylist()
+    clean = [row for row in rows if not row["attacked"]]
+    assert [(row["i"], row["j"]) for row in clean] == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+    for row in clean:
+        at = RIG.triples.index(Triple(row["i"], row["j"], row["k"]))
+        E = [errors(case, Statistic.GATED)[at] for recording in FRAMES for case in made[1]["clean", recording]]
+        measured = sorted(x for x in E if x is not None)
+        assert (row["cases"], row["not_measured"]) == (len(E), len(E) - len(measured))
+        assert (row["smallest"], row["largest"]) == (measured[0], measured[-1])
+        assert row["histogram"] == np.histogram(measured, bins=8, range=(0, 1))[0].tolist()
+        assert row["median"] == measured[-(-len(measured) // 2) - 1]
+
+
+def test_the_summary_agrees_with_the_tables(made):
+    summary = {(row["held_out"], row["strength"], row["r"]): row for row in answer(made, "evaluation_summary", r=R)}
+    for row in answer(made, "evaluation_detection", r=R):
+        if row["attacked"] is None and (row["i"], row["j"]) in ((0, 1), (1, 2)):
+            short = summary[row["held_out"], row["strength"], row["r"]]
+            assert short[f"scenario_{row['scenario']}"] == row["rate"]
+    for row in answer(made, "evaluation_identification", r=R):
+        if row["attacked"] is None:
+            short = summary[row["held_out"], row["strength"], row["r"]]
+            name = {(4, 1): "one_of_3", (5, 1): "one_of_all", (5, 2): "two_of_all"}
+            assert short[name[len(row["system"]), row["attacked_sensors"]]] == row["rate"]
+
+
+def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
+    store = new_store(tmp_path)
+    store.write_rig(RIG)
+    rng = np.random.default_rng(1)
+    clean = [MeasuredCase(f, f, 0, (), None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
+    hit = [MeasuredCase(f, f, 0, (1,), "mild", None, None, {}, drawn_counts(rng, (1,), 0)) for f in range(12)]
+    write(store, part("a", "clean"), clean)
+    write(store, part("a", "combinations"), hit)
+    rows = run_query(store, "evaluation_detection", {"r": "0"}).to_pylist()
+    assert {row["held_out"] for row in rows} == {"nothing", "block"}
+
+
+def test_real_and_synthetic_drives_are_not_pooled(tmp_path):
+    store = new_store(tmp_path)
+    store.write_rig(RIG)
+    rng = np.random.default_rng(1)
+    for recording, synthetic in (("a", False), ("b", True)):
+        clean = [MeasuredCase(f, f, 0, (), None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
+        write(store, part(recording, "clean", synthetic=synthetic), clean)
+    rows = run_query(store, "evaluation_false_alarms", {"r": "0"}).to_pylist()
+    assert len({row["setup"] for row in rows}) == 2
+    assert {row["frames"] for row in rows} == {12}
+
+
+def test_a_part_is_finished_only_once_its_row_is_there(tmp_path):
+    store = new_store(tmp_path)
+    store.write_rig(RIG)
+    which = part("a", "clean")
+    with cases_writer(store, which) as writer:
+        writer.add(MeasuredCase(0, 0, 0, (), None, None, None, {}, [None] * len(RIG.triples)))
+    assert finished_part(store, which) is None
+    write(store, which, [], last=False)
+    assert finished_part(store, which) is False
+    write(store, which, [])
+    assert finished_part(store, which) is True

@@ -1,0 +1,215 @@
+"""Attacks in memory: the same counts as measuring the attacked frame, and nothing measured twice."""
+
+import json
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from auditor.cli import auditor
+from auditor.errors import RecordingError
+from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, running
+from auditor.evaluation.bench import Bench
+from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
+from auditor.evidence import measure
+from auditor.evidence.matchers import find_matcher
+from auditor.lab.attacks import BogusWall, Facula
+from auditor.recordings import write_mcap
+from auditor.results import AttackLabel
+from auditor.rig import LIDAR, Triple
+from auditor.store import Store, run_sql
+from tests.evidence.scenes import plane_frame, plane_rig
+from tests.small_drives import FOUR_CAMERAS, drive_frames, write_drive
+
+RIG = plane_rig(FOUR_CAMERAS)
+FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)}
+ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
+FRAMES = 7
+STRETCH = 3
+
+
+class CountingMatcher:
+    """SGBM that counts how often it is asked."""
+
+    def __init__(self):
+        self.asked = 0
+        self._sgbm = find_matcher("sgbm")
+
+    def __getattr__(self, name):
+        return getattr(self._sgbm, name)
+
+    def match(self, left, right):
+        self.asked += 1
+        return self._sgbm.match(left, right)
+
+
+def attacked_frame(frame, attacks):
+    images = {s: attacks[s].apply(i) if s in attacks else i for s, i in frame.images.items()}
+    return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
+
+
+def test_a_bench_gives_the_counts_of_the_attacked_frame():
+    frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
+    bench = Bench(frame, RIG, matcher)
+    for size in (0, 1, 2, 3):
+        for attacked in combinations(RIG.sensors, size):
+            attacks = {s: ATTACKS[s] for s in attacked}
+            assert bench.counts(attacks) == measure(attacked_frame(frame, attacks), RIG, matcher)[0].counts
+
+
+def test_only_what_an_attack_changes_is_matched_again():
+    matcher = CountingMatcher()
+    bench = Bench(plane_frame(RIG), RIG, matcher)
+    asked = []
+    for attacked in ((), (0,), (1,), (0, 1), (4,), (1, 4), (0, 1, 4)):
+        bench.counts({s: ATTACKS[s] for s in attacked})
+        asked.append(matcher.asked)
+    # 5 pairs: (1,4) (2,4) (3,4) (1,3) (2,3). A witness is in two of them, S_4 in three, both of them in one.
+    assert [b - a for a, b in pairwise([0, *asked])] == [5, 0, 2, 0, 3, 1, 0]
+    bench.forget_attacks()
+    bench.counts({})
+    assert matcher.asked == asked[-1]
+    bench.counts({1: ATTACKS[1]})
+    assert matcher.asked == asked[-1] + 2
+
+
+def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
+    bench = Bench(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
+    assert bench.sensors == (0, 1, 3, 4)
+    counts = dict(zip(RIG.triples, bench.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
+    assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
+
+
+def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can_be_identified():
+    assert len(attacked_sets(plane_rig(FOUR_CAMERAS))) == 5 + 10 + 6
+    assert len(attacked_sets(plane_rig((0.6, 0.3, 0.0)))) == 4 + 6 + 3
+    assert len(attacked_sets(plane_rig((0.6, 0.0)))) == 7
+    assert len(attacked_sets(plane_rig((0.6, 0.3, 0.0), lidar=False))) == 7
+
+
+def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_do_not_depend_on_strength():
+    experiment = next(e for e in EXPERIMENTS if e.name == "combinations")
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 3)))
+    for strength in ("mild", "strong", "opaque"):
+        of_it = [case for case in cases if case.strength == strength]
+        assert [case.attacked for case in of_it] == list(attacked_sets(RIG))
+        assert len({case.attacks[1] for case in of_it if 1 in case.attacks}) == 1
+    faculas = {case.attacks[1] for case in cases if case.attacked == (1,)}
+    assert {f.amplitude for f in faculas} == {255.0, 510.0, 2000.0}
+    assert len({(f.radius_px, f.u_px, f.v_px) for f in faculas}) == 1
+    assert len({case.attacks[0] for case in cases if case.attacked == (0,)}) == 1
+    assert list(experiment.cases(RIG, Dice(0, 1, 2, 4)))[1].attacks != cases[1].attacks
+
+
+def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_witness():
+    experiment = next(e for e in EXPERIMENTS if e.name == "sensitivity")
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 0)))
+    assert [c.size for c in cases if c.attacked == (0,)] == [0.5, 1.0, 1.5, 2.0, 2.5]
+    for sensor in (1, 4):
+        sizes = [c.size for c in cases if c.attacked == (sensor,) and c.strength == "mild"]
+        assert sizes == [37.5, 75.0, 112.5, 150.0, 187.5, 225.0]
+    assert experiment.triples(RIG) == (Triple(0, 1, 4),)
+    assert list(experiment.cases(plane_rig(lidar=False), Dice(0, 1, 2, 0))) == []
+
+
+def test_the_visible_share_is_that_of_the_disc_inside_the_image():
+    assert disc_share(Facula(255, 10, 50, 50), 100, 100) == pytest.approx(np.pi / 100, rel=0.02)
+    assert disc_share(Facula(255, 10, 0, 50), 100, 100) == pytest.approx(np.pi / 200, rel=0.1)
+    assert disc_share(Facula(255, 500, 50, 50), 100, 100) == 1.0
+
+
+def run(drive, store, **task):
+    return evaluate_source(EvaluateTask(Recorded(drive), store, **task), lambda what, done: None)
+
+
+def content(store):
+    """Everything that was counted, without when."""
+    return run_sql(Store.open(store), "SELECT * FROM cases ORDER BY ALL").to_pylist()
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", FRAMES, positions_m=(0.6, 0.3, 0.0))
+
+
+@pytest.fixture
+def short_stretches(monkeypatch):
+    monkeypatch.setattr(running, "STRETCH_FRAMES", STRETCH)
+
+
+@pytest.mark.usefixtures("short_stretches")
+def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
+    whole = run(drive, tmp_path / "whole")
+    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24))
+    assert not run(drive, tmp_path / "whole").fresh
+
+    killed_at = 5
+    measured = []
+
+    def counts(bench, *arguments, really=Bench.counts):
+        measured.append(bench.frame.number)
+        if len(set(measured)) > killed_at:
+            raise KeyboardInterrupt
+        return really(bench, *arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Bench, "counts", counts)
+        with pytest.raises(KeyboardInterrupt):
+            run(drive, tmp_path / "killed")
+    assert 0 < len(content(tmp_path / "killed")) < whole.cases
+    again = run(drive, tmp_path / "killed")
+    assert again.frames == FRAMES - STRETCH
+    assert content(tmp_path / "killed") == content(tmp_path / "whole")
+
+
+@pytest.mark.usefixtures("short_stretches")
+def test_shares_of_a_recording_make_the_whole(drive, tmp_path):
+    done = [run(drive, tmp_path / "shared", share=share, of=2) for share in (0, 1)]
+    assert [one.frames for one in done] == [STRETCH + 1, STRETCH]
+    run(drive, tmp_path / "alone")
+    assert content(tmp_path / "shared") == content(tmp_path / "alone")
+    assert not run(drive, tmp_path / "shared", share=1, of=3).fresh
+
+
+def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(drive, tmp_path):
+    first = run(drive, tmp_path / "audit")
+    second = run(drive, tmp_path / "audit", seed=1)
+    assert second.cases == first.cases - FRAMES
+    sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
+    drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert len({one["u_px"] for one in drawn if one["radius_px"] > 0}) >= 2
+
+
+def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
+    rig = plane_rig((0.6, 0.3, 0.0))
+    label = AttackLabel(rig.topic(1), "facula", 0, 2**60, {})
+    path = tmp_path / "attacked.mcap"
+    write_mcap(path, rig, drive_frames(rig, 3), [label])
+    with pytest.raises(RecordingError, match="labels of attacks"):
+        run(path, tmp_path / "audit")
+
+
+def test_a_street_is_opened_without_making_a_frame():
+    with Street(7, 3).open(colour=False) as street:
+        assert (street.synthetic, street.rig.n) == (True, 3)
+    with Street(8, 3).open(colour=False) as other:
+        assert other.recording_id != street.recording_id
+
+
+def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
+    arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
+    first = CliRunner().invoke(auditor, arguments)
+    assert first.exit_code == 0, first.stderr
+    rows = json.loads(first.stdout)
+    assert {row["held_out"] for row in rows} == {"nothing"}
+    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3"))
+    second = CliRunner().invoke(auditor, arguments)
+    assert "measured before" in second.stderr
+    assert json.loads(second.stdout) == rows
+
+
+def test_the_command_says_what_it_needs():
+    refused = CliRunner().invoke(auditor, ["evaluate"], standalone_mode=False)
+    assert "name clean recordings, or give --synthetic" in str(refused.exception)
