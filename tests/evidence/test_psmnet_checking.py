@@ -3,11 +3,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from auditor.evidence.matchers.psmnet.checking import check_precision, check_scale  # noqa: E402
+from auditor.evidence.matchers.psmnet.checking import check_precision, check_scale, first_frames_warnings  # noqa: E402
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
 from tests.evidence.psmnet_networks import noise, ruled_state  # noqa: E402
+from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
 
 def disparities_of(levels: np.ndarray, align_corners: bool, max_disparity: int = 192) -> np.ndarray:
@@ -78,3 +79,33 @@ def test_a_precision_is_compared_with_fp32_on_the_same_pairs(monkeypatch) -> Non
             matcher, "match_pairs", lambda *a, change=change: [m + np.float32(change) for m in whole(*a)]
         )
         assert (check_precision(matcher, images, [(0, 1)]).warning is not None) is warns
+
+
+def test_the_first_frames_are_compared_with_their_lidar(monkeypatch) -> None:
+    state = ruled_state(4)
+    matcher = PsmnetMatcher(Weights(state, 4, content_sha256(state), True, 64, ""))
+    rig = plane_rig()
+    frames = [plane_frame(rig), plane_frame(rig, without=frozenset({3})), plane_frame(rig, without=frozenset({0}))]
+    matched = []
+
+    def found(images, pairs, disparity_px=20.0):  # at 9 m between cameras 0.6 m apart
+        matched.append(pairs)
+        return [np.full(images[0].shape[:2], disparity_px, dtype=np.float32) for _ in pairs]
+
+    monkeypatch.setattr(matcher, "match_pairs", found)
+    assert first_frames_warnings(matcher, rig, frames) == ()
+    assert matched == [[(0, 1)], [(0, 1)]]  # camera 3, the leftmost, is missing once
+    monkeypatch.setattr(matcher, "match_pairs", lambda *a: found(*a, disparity_px=22.0))
+    (warning,) = first_frames_warnings(matcher, rig, frames)
+    assert "off scale" in warning
+    assert first_frames_warnings(matcher, rig, frames[1:]) == ()  # without a LiDAR nothing is said
+
+
+def test_a_lower_precision_is_checked_on_the_first_frame(monkeypatch) -> None:
+    state = ruled_state(4)
+    matcher = PsmnetMatcher(Weights(state, 4, content_sha256(state), True, 64, ""))
+    monkeypatch.setattr(matcher, "precision", "bf16")
+    monkeypatch.setattr(matcher, "match_pairs", lambda images, pairs: [np.full(images[0].shape[:2], 20, np.float32)])
+    rig = plane_rig()
+    (warning,) = first_frames_warnings(matcher, rig, [plane_frame(rig)])
+    assert "bf16 changes PSMNet's disparities" in warning

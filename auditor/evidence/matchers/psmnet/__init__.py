@@ -1,6 +1,12 @@
 """PSMNet, the matcher of the paper's experiments: compatible with the published checkpoints, safe to load."""
 
-from auditor.evidence.matchers.psmnet.checking import PrecisionCheck, ScaleCheck, check_precision, check_scale
+from auditor.evidence.matchers.psmnet.checking import (
+    PrecisionCheck,
+    ScaleCheck,
+    check_precision,
+    check_scale,
+    first_frames_warnings,
+)
 from auditor.evidence.matchers.psmnet.cost import Cost, frame_cost
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher, open_psmnet
 from auditor.evidence.matchers.psmnet.weights import (
@@ -21,6 +27,7 @@ __all__ = [
     "check_precision",
     "check_scale",
     "convert_weights",
+    "first_frames_warnings",
     "frame_cost",
     "inspect_weights",
     "load_weights",

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+from auditor.frames import Frame
+from auditor.rig import Rig
 
 _LEAST_PIXELS = 500
 _NEAREST_TRUST_PX = 4.0  # below it a pixel of LiDAR misalignment is already a quarter of the disparity
@@ -93,3 +96,29 @@ def check_precision(
     if not mean <= _PRECISION_BOUND_PX:  # an overflow's NaN is over it too
         warning = f"{matcher.precision} changes PSMNet's disparities by {mean:.2f} px on average; use fp32 or tf32"
     return PrecisionCheck(mean, largest, warning)
+
+
+def first_frames_warnings(matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame]) -> tuple[str, ...]:
+    """What looks wrong with a matcher on the first frames of a recording; no warning where nothing can be checked.
+
+    Each frame costs one pair more: the leftmost camera with the rightmost, whose disparities are the largest; with a
+    lower precision than fp32 the first of them costs that pair twice again.
+    """
+    measured: list[tuple[Pixels, Pixels]] = []
+    warnings: list[str | None] = []
+    leftmost, rightmost = rig.cameras[-1].number, rig.cameras[0].number
+    for frame in frames:
+        if not {leftmost, rightmost} <= set(frame.images):
+            continue
+        images = [frame.images[number].pixels for number in (leftmost, rightmost)]
+        if matcher.precision != "fp32" and not measured:
+            warnings.append(check_precision(matcher, images, [(0, 1)]).warning)
+        disparity = matcher.match_pairs(images, [(0, 1)])[0]
+        truth = np.full_like(disparity, np.nan)
+        if frame.cloud is not None:
+            view = lidar_view(frame.cloud, rig, leftmost)
+            truth[view.row, view.column] = view.disparity_px(rig, rightmost)
+        measured.append((disparity, truth))
+    scale = check_scale(measured, align_corners=matcher.align_corners, max_disparity=matcher.range_px)
+    warnings.append(scale.warning if scale else None)
+    return tuple(warning for warning in warnings if warning)
