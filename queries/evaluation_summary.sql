@@ -70,7 +70,7 @@ identification AS (
         held_out,
         strength,
         r,
-        coalesce(sum(cases) FILTER (right_name AND len(system), 0) = 4 AND size = 1)
+        coalesce(sum(cases) FILTER (right_name AND len(system) = 4 AND size = 1), 0)
             / sum(cases) FILTER (len(system) = 4 AND size = 1) AS one_of_3,
         coalesce(sum(cases) FILTER (right_name AND everyone AND size = 1), 0)
             / sum(cases) FILTER (everyone AND size = 1) AS one_of_all,
