@@ -16,7 +16,7 @@ from auditor.lab.streets import street, style_named, traffic
 from auditor.lab.surfaces import Surfaces, gather
 from auditor.lab.textures import Atlas, make_atlas
 from auditor.lab.vehicles import Vehicle, make_rig, make_vehicle, rotation
-from auditor.rig import LIDAR, Rig
+from auditor.rig import Rig
 
 PERIOD_NS = 100_000_000
 START_NS = 1_600_000_000_000_000_000
@@ -163,4 +163,4 @@ def _light(street: np.random.Generator, day: np.random.Generator) -> Light:
     return Light((x, y, z), direct=float(direct * day.uniform(0.93, 1.07)), ambient=float(ambient))
 
 
-__all__ = ["LIDAR", "SyntheticDrive", "make_drive"]
+__all__ = ["SyntheticDrive", "make_drive"]
