@@ -170,10 +170,12 @@ class Pages:
         """Bytes of a row that go beyond its page. Raises BadPageError where the chain of pages breaks off."""
         data = bytearray(row.local)
         following, inside = row.overflow, self._usable - 4
+        jumps: set[int] = set()
         while len(data) < end:
-            if not 1 <= following <= self.count:
+            if not 1 <= following <= self.count or following in jumps:
                 raise BadPageError("a row whose end is missing")
             # Recorders write these pages one behind the other: read them at once, and believe each one's pointer.
+            jumps.add(following)
             wanted = min(-(-(end - len(data)) // inside), self.count - following + 1)
             block = self._read(self.offset(following), wanted * self.page_bytes)
             if len(block) < wanted * self.page_bytes:

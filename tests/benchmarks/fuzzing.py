@@ -14,21 +14,19 @@ import sys
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
 import cv2
 
-from auditor.errors import AuditorError
 from auditor.frames import Message
-from auditor.recordings import find_rigs, open_recording, survey, synchronise
+from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.interface import Definition
 from tests.recordings.drives import make_frames, make_rig
 from tests.recordings.forms import CONTAINERS
+from tests.recordings.reading_all import decode_all, read_all
 
 INTERESTING = (
     b"\x00",
@@ -44,7 +42,6 @@ INTERESTING = (
 INTERESTING += tuple((1 << power).to_bytes(8, "little") for power in (16, 24, 31, 32, 40, 60, 63))
 CONTAINER_SHARE = 0.3
 DEFINITION_SHARE = 0.03
-MAX_DECODED = 20
 
 
 class HangError(Exception):
@@ -83,48 +80,6 @@ def mutate(data: bytes, rng: random.Random) -> bytes:
     return bytes(content)
 
 
-def read_all(path: Path) -> None:
-    """Whatever can be asked of a recording."""
-    with open_recording(path) as recording:
-        decoders = Decoders(recording.definition)
-        for number, message in enumerate(recording.messages()):
-            if number < MAX_DECODED:
-                decode_all(message, decoders)
-        (
-            recording.topics(),
-            recording.counts,
-            recording.damage,
-            recording.clock,
-            recording.metadata(),
-            recording.labels(),
-        )
-        known = survey(recording)
-        for rig in find_rigs(known):
-            stream = synchronise(recording, rig, known, colour=True)
-            for _ in stream:
-                pass
-            assert all(topic.adds_up for topic in stream.balance)
-
-
-def decode_all(message: Message, decoders: Decoders) -> None:
-    """Whatever can be asked of a message."""
-    decoder = decoders.of(message.schema, message.encoding)
-    if decoder is None:
-        return
-    asked: list[Callable[[], object]] = [lambda: decoder.header(message)] if decoder.kind != "transforms" else []
-    if decoder.kind == "image":
-        asked += [lambda: decoder.size_px(message), lambda: decoder.pixels(message, colour=True)]
-    elif decoder.kind == "cloud":
-        asked.append(lambda: decoder.xyz_m(message))
-    elif decoder.kind == "camera_info":
-        asked.append(lambda: decoder.camera_info(message))
-    else:
-        asked.append(lambda: decoder.transforms(message))
-    for ask in asked:
-        with suppress(AuditorError):
-            ask()
-
-
 class Seeds:
     """Small recordings of every container, and one message of every schema and encoding in them."""
 
@@ -159,8 +114,7 @@ def one(seed: int, seeds: Seeds, folder: Path) -> str:
         suffix, content = seeds.files[name]
         path = folder / f"a{suffix}"
         path.write_bytes(mutate(content, rng))
-        with suppress(AuditorError):
-            read_all(path)
+        read_all(path)
         return name
     name = rng.choice(list(seeds.payloads))
     message, definition, decoders = seeds.payloads[name]

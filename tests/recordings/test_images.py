@@ -280,3 +280,11 @@ def test_ros_1_headers_have_a_counter() -> None:
     message = Message("/a", schemas.IMAGE, "ros1", 9, data)
     assert decoder.header(message).stamp_ns == 77_000_000_005
     assert np.array_equal(decoder.pixels(message, colour=False), GREY)
+
+
+def test_a_field_spelt_in_other_letters_is_another_definition() -> None:
+    told = Definition("ros2msg", MAKER.definition(schemas.IMAGE).replace("uint32 width", "uint32 Width").encode())
+    decoder = Decoders(lambda _: told).image(schemas.IMAGE, "cdr")
+    assert decoder is not None
+    with pytest.raises(DecodingError, match="defined otherwise"):
+        decoder.pixels(image_message(GREY, "mono8"), colour=False)

@@ -98,7 +98,7 @@ def _check_layout(schema: str, store: Typestore) -> None:
 
 def _layout(fields: Any) -> list[tuple[str, Any]]:  # noqa: ANN401  # rosbags' parse trees
     # ROS 1 writes K where ROS 2 writes k, and its header has a counter.
-    return [(name.lower(), kind) for name, kind in fields if name != "seq"]
+    return [(name.lower() if len(name) == 1 else name, kind) for name, kind in fields if name != "seq"]
 
 
 def parse_definition(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees

@@ -1,0 +1,37 @@
+"""Files made to hurt: what is readable comes out, the rest is told, within 5 s and 300 MB; only our own errors come."""
+
+import re
+from pathlib import Path
+from time import process_time
+
+import pytest
+
+from tests.recordings.hostile import HOSTILE, Hostile
+from tests.recordings.reading_all import read_all
+
+MAX_S = 5.0
+MAX_MB = 300.0
+STATUS = Path("/proc/self/status")
+FORGET_PEAK = Path("/proc/self/clear_refs")
+
+
+def memory_mb(what: str) -> float:
+    return int(STATUS.read_text().split(f"{what}:")[1].split()[0]) / 1024
+
+
+def test_there_are_at_least_forty_kinds() -> None:
+    assert len({hostile.name for hostile in HOSTILE}) == len(HOSTILE) >= 40
+
+
+@pytest.mark.parametrize("hostile", HOSTILE, ids=lambda hostile: hostile.name)
+def test_a_hostile_file_costs_little_and_tells_what_it_is(hostile: Hostile, tmp_path: Path) -> None:
+    path = hostile.make(tmp_path)
+    FORGET_PEAK.write_text("5")
+    idle_mb, started = memory_mb("VmRSS"), process_time()
+    outcome = read_all(path)
+    seconds, peak_mb = process_time() - started, memory_mb("VmHWM") - idle_mb
+    print(f"{outcome.messages} messages, {seconds:.2f} s, {peak_mb:.0f} MB: {outcome.told[:120]}")
+    assert outcome.messages >= hostile.messages
+    assert re.search(hostile.said, outcome.told)
+    assert seconds < MAX_S
+    assert peak_mb < MAX_MB
