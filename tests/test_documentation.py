@@ -21,13 +21,20 @@ def command_of(verb: str) -> click.Command:
     return command
 
 
+def parameters_of(verb: str) -> list[click.Parameter]:
+    """Those of the verb, and of its own verbs where it has some."""
+    command = command_of(verb)
+    below = command.commands.values() if isinstance(command, click.Group) else ()
+    return [parameter for one in (command, *below) for parameter in one.params]
+
+
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_has_help_with_an_example_that_names_known_options(verb: str) -> None:
     shown = CliRunner().invoke(auditor, [verb, "--help"])
     assert shown.exit_code == 0
     examples = [line.strip() for line in shown.output.splitlines() if line.strip().startswith("auditor ")]
     assert any(line.startswith(f"auditor {verb}") for line in examples)
-    known = {option for parameter in command_of(verb).params for option in parameter.opts}
+    known = {option for parameter in parameters_of(verb) for option in (*parameter.opts, *parameter.secondary_opts)}
     for line in examples:
         if line.startswith(f"auditor {verb}"):
             assert set(re.findall(r"(?<=\s)--?[a-z][a-z-]*", line)) <= known, line
@@ -35,7 +42,7 @@ def test_every_verb_has_help_with_an_example_that_names_known_options(verb: str)
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_option_is_explained(verb: str) -> None:
-    for parameter in command_of(verb).params:
+    for parameter in parameters_of(verb):
         if isinstance(parameter, click.Option) and parameter.name != "help":
             assert parameter.help, parameter.opts
 

@@ -10,7 +10,7 @@ import click
 from auditor import __version__
 from auditor.errors import AuditorError
 
-VERBS = ("demo", "inspect", "convert", "attack", "calibrate", "scan", "judge", "evaluate", "query", "report")
+VERBS = ("demo", "inspect", "convert", "attack", "calibrate", "scan", "judge", "evaluate", "query", "report", "weights")
 """In the order in which a newcomer meets them; each is a module of this package with a command of its name."""
 
 

@@ -1,8 +1,10 @@
 """Stereo matchers: two rectified images become a disparity map."""
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
 
 from auditor.errors import SettingError
 from auditor.evidence.matchers.interface import Matcher
@@ -72,6 +74,14 @@ def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
     return open_torchscript(path, device=options.device, threads=options.threads)
 
 
+def psmnet_weights() -> ModuleType:
+    """The module that inspects and converts weights of PSMNet. Raises SettingError where its packages are missing."""
+    try:
+        return import_module("auditor.evidence.matchers.psmnet.weights")
+    except ModuleNotFoundError as error:
+        raise _not_installed("psmnet", "psmnet", error) from error
+
+
 def _not_installed(matcher: str, extra: str, error: ModuleNotFoundError) -> SettingError:
     return SettingError(
         f"{matcher} needs the package {error.name}", where="--matcher", remedy=f"pip install 'auditor[{extra}]'"
@@ -86,4 +96,4 @@ BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
 MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
 """Matchers that are files of the user's: `onnx:model.onnx`."""
 
-__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher"]
+__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher", "psmnet_weights"]
