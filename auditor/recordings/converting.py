@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_typestore
+from rosbags.typesys import TypesysError
 from rosbags.typesys.store import Typestore
 
 from auditor.errors import DecodingError, RecordingError
@@ -18,7 +18,7 @@ from auditor.recordings import schemas
 from auditor.recordings.changing import Change, Changing
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.kitti import scan_points
-from auditor.recordings.decoding.ros import parse_definition
+from auditor.recordings.decoding.ros import Types, parse_definition, registered
 from auditor.recordings.interface import Damage, Definition, Recording, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
@@ -156,10 +156,8 @@ def _ros2_store(schema: str, definition: Definition | None) -> Typestore:
     """The ROS 2 form of a ROS 1 definition: the same fields in lower case, headers without their counter."""
     if definition is None:
         raise DecodingError("the recording does not define it", where=schema)
-    store = get_typestore(Stores.EMPTY)
-    types = {
+    types: Types = {
         name: (constants, [(field.lower(), kind) for field, kind in fields if (name, field) != (HEADER, "seq")])
         for name, (constants, fields) in parse_definition(schema, definition).items()
     }
-    store.register(types)
-    return store
+    return registered(schema, types)

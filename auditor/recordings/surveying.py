@@ -94,6 +94,8 @@ class _Look:
         self._messages = 0
         self._newest_ns = 0
         self._lag_ns = 0
+        self._last_ns: dict[str, int] = {}
+        self._jumped = False
 
     def run(self) -> Survey:
         known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
@@ -159,12 +161,21 @@ class _Look:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
         stamp_ns = header.stamp_ns or message.log_time_ns
         self._samples.setdefault(message.topic, []).append(Sample(stamp_ns, message.log_time_ns))
-        self._newest_ns = max(self._newest_ns, stamp_ns)
-        self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
+        self._take_time(message.topic, stamp_ns)
         if message.topic not in self._sensors:
             size = decoder.size_px(message) if decoder.kind == "image" else len(decoder.xyz_m(message))
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+
+    def _take_time(self, topic: str, stamp_ns: int) -> None:
+        last_ns = self._last_ns.get(topic, stamp_ns)
+        self._last_ns[topic] = stamp_ns
+        if stamp_ns < last_ns - MAX_LAG_NS:
+            self._jumped = True
+            self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        if not self._jumped:  # behind a jump, old stamps say nothing about the order of topics
+            self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
         if len(self._problems) < 100:

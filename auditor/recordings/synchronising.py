@@ -8,7 +8,7 @@ the tolerance belongs to it. What waits stays as recorded; pixels and points are
 from collections.abc import Iterator, Mapping
 from heapq import merge
 
-from auditor.errors import DecodingError
+from auditor.errors import DecodingError, RigError
 from auditor.frames import (
     CameraImage,
     Frame,
@@ -31,16 +31,20 @@ from auditor.rig import LIDAR, Rig
 class FrameStream:
     """An iterable of frames and skipped frames; each iteration reads the recording again.
 
-    `balance` and `damage` describe the last iteration and are complete once it is exhausted.
+    `balance`, `damage` and `clock_jumps` (how often the clock jumped back) describe the last iteration and are complete
+    once it is exhausted.
     """
 
-    def __init__(self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool) -> None:
+    def __init__(
+        self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool, offsets_ns: Mapping[int, int] | None
+    ) -> None:
         self._recording = recording
         self._rig = rig
         self._survey = survey
         self._colour = colour
-        self.timing = learn_timing(rig, survey)
+        self.timing = learn_timing(rig, survey, offsets_ns)
         self._counts: dict[int, Counts] = {}
+        self.clock_jumps = 0
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
         self._counts = {sensor: Counts() for sensor in self._rig.sensors}
@@ -56,6 +60,7 @@ class FrameStream:
             window.add(sensor, waiting)
             yield from window.closed()
         yield from window.rest()
+        self.clock_jumps = window.jumps
 
     def _arrivals(self, by_topic: Mapping[str, int], decoders: Decoders) -> Iterator[tuple[int, Waiting]]:
         if self._survey.interleaved:
@@ -124,14 +129,24 @@ class FrameStream:
         return tuple(balance)
 
 
-def synchronise(recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False) -> FrameStream:
+def synchronise(
+    recording: Recording,
+    rig: Rig,
+    survey: Survey,
+    *,
+    colour: bool = False,
+    offsets_ns: Mapping[int, int] | None = None,
+) -> FrameStream:
     """The frames of a recording, in order; with `colour` images keep their colours as BGR.
 
-    Raises RigError where the rig does not fit the recording or is not rectified. The window holds at most
-    MAX_WINDOW_BYTES of messages as recorded.
+    `offsets_ns` gives by sensor how far its stamps lie behind the leftmost camera's, where that is known; the others
+    are learnt. Raises RigError where the rig does not fit the recording or is not rectified, or an offset is of no
+    sensor of it. The window holds at most MAX_WINDOW_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
-    return FrameStream(recording, rig, survey, colour=colour)
+    if strangers := sorted(set(offsets_ns or ()) - set(rig.sensors)):
+        raise RigError(f"there is no sensor S_{strangers[0]} to give an offset to", where="rig")
+    return FrameStream(recording, rig, survey, colour=colour, offsets_ns=offsets_ns)
 
 
 class _FrameMaker:

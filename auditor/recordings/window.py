@@ -3,7 +3,7 @@
 from bisect import insort
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from auditor.frames import Message
@@ -14,6 +14,14 @@ MAX_WAIT_PERIODS = 10
 """How long a frame waits for a sensor that is silent."""
 
 MAX_WINDOW_BYTES = 96 * 2**20
+MESSAGE_BYTES = 512
+"""What a waiting message takes beside its data."""
+
+MAX_WAITING = 2048
+"""Messages in the window: a sensor of 1 kHz beside one of 1 Hz is nothing that cars have."""
+
+MAX_FROM_BEFORE = 100
+MAX_HELD_GROUPS = 100
 
 EDGE = "edge"
 TOO_FEW = "too few sensors"
@@ -47,13 +55,17 @@ class Counts:
 
 @dataclass(frozen=True)
 class Group:
-    """The messages of one frame. `last_ns` is the newest time seen when it was closed."""
+    """The messages of one frame.
+
+    `last_ns` is the newest time seen when it was closed; `stretch` counts how often the clock had jumped back.
+    """
 
     number: int
     time_ns: int
     members: Mapping[int, Waiting]
     complete: bool
     last_ns: int
+    stretch: int = 0
     edge: bool = False
 
 
@@ -68,17 +80,56 @@ class Window:
         self._newest: dict[int, int] = {}
         self._leapt_to: int | None = None
         self._closed_until: int | None = None
+        self._from_before: list[tuple[int, Waiting]] = []
+        self._has_jumped = False
         self.held_bytes = 0
+        self.jumps = 0
         self._number = 0
 
     def add(self, sensor: int, waiting: Waiting) -> None:
-        """Take in a message; one that is older than the last frame is late."""
+        """Take in a message; one that is older than the last frame is late, unless the clock has jumped back."""
+        if self._is_from_before(waiting.time_ns):
+            self._from_before.append((sensor, waiting))
+            self.held_bytes += _bytes(waiting)
+            # One sensor that lags is late; two of them one after the other, near one another, are another clock.
+            self._has_jumped = len({sensor for sensor, _ in self._from_before}) > 1
+            if not self._has_jumped and len(self._from_before) > MAX_FROM_BEFORE:
+                self._refuse_from_before()
+            return
+        self._refuse_from_before()
+        self._take(sensor, waiting)
+
+    def _take(self, sensor: int, waiting: Waiting) -> None:
         self._believe(sensor, waiting.time_ns)
         if self._closed_until is not None and waiting.time_ns <= self._closed_until:
             self._refuse(sensor, waiting, LATE)
             return
         insort(self._waiting[sensor], waiting)
-        self.held_bytes += len(waiting.message.data)
+        self.held_bytes += _bytes(waiting)
+
+    def _is_from_before(self, time_ns: int) -> bool:
+        """True for a time so long ago that no message could have waited for it, and near to others of that kind."""
+        wait = MAX_WAIT_PERIODS * self._timing.period_ns
+        if self._closed_until is None or time_ns > self._closed_until - wait:
+            return False
+        return all(abs(time_ns - other.time_ns) <= wait for _, other in self._from_before)
+
+    def _refuse_from_before(self) -> None:
+        for sensor, waiting in self._from_before:
+            self.held_bytes -= _bytes(waiting)
+            self._refuse(sensor, waiting, LATE)
+        self._from_before.clear()
+
+    def _restart(self) -> None:
+        """Begin anew at the time that the clock has jumped back to."""
+        self._newest.clear()
+        self._leapt_to = self._closed_until = None
+        self._has_jumped = False
+        self.jumps += 1
+        again, self._from_before = self._from_before, []
+        for sensor, waiting in again:
+            self.held_bytes -= _bytes(waiting)
+            self._take(sensor, waiting)
 
     def _believe(self, sensor: int, time_ns: int) -> None:
         """Move a sensor's time on; a leap far ahead of all sensors counts once a second message confirms it.
@@ -94,11 +145,18 @@ class Window:
 
     def closed(self) -> Iterator[Group]:
         """The frames that nothing more can come to."""
+        if self._has_jumped:
+            yield from self._rest()
+            self._restart()
         while (opening := self._opening()) is not None and self._is_settled(opening):
             yield self._close(opening)
 
     def rest(self) -> Iterator[Group]:
         """What is left at the end."""
+        self._refuse_from_before()
+        yield from self._rest()
+
+    def _rest(self) -> Iterator[Group]:
         while (opening := self._opening(at_end=True)) is not None:
             yield self._close(opening)
         for sensor, waiting in self._waiting.items():
@@ -132,16 +190,19 @@ class Window:
     def _slow_are_past(self, time_ns: int) -> bool:
         wait = MAX_WAIT_PERIODS * self._timing.period_ns
         newest = max(self._newest.values())
-        return self.held_bytes > MAX_WINDOW_BYTES or all(
+        return self._is_full() or all(
             self._newest.get(sensor, newest - wait) > time_ns + self._timing.tolerance_ns or newest > time_ns + wait
             for sensor in self._rig.sensors
             if sensor not in self._timing.fast
         )
 
+    def _is_full(self) -> bool:
+        return self.held_bytes > MAX_WINDOW_BYTES or sum(map(len, self._waiting.values())) > MAX_WAITING
+
     def _is_settled(self, opening: int) -> bool:
         """True where every sensor has given its message, has gone past, or has been waited for long enough."""
         tolerance = self._timing.tolerance_ns
-        if self.held_bytes > MAX_WINDOW_BYTES:
+        if self._is_full():
             return True
         if max(self._newest.values()) > opening + MAX_WAIT_PERIODS * self._timing.period_ns:
             return True
@@ -166,7 +227,7 @@ class Window:
             self._drop(sensor, gone, members.get(sensor))
         self._number += 1
         complete = len(members) == len(self._rig.sensors)
-        return Group(self._number - 1, time_ns, members, complete, max(self._newest.values()))
+        return Group(self._number - 1, time_ns, members, complete, max(self._newest.values()), self.jumps)
 
     def _centre(self, opening: int) -> int:
         """The time of the leftmost camera within the tolerance of the opening message."""
@@ -181,7 +242,7 @@ class Window:
         dropped = self._waiting[sensor][:count]
         del self._waiting[sensor][:count]
         for waiting in dropped:
-            self.held_bytes -= len(waiting.message.data)
+            self.held_bytes -= _bytes(waiting)
             if waiting is not kept:
                 self._refuse(sensor, waiting, BETWEEN)
 
@@ -190,6 +251,10 @@ class Window:
             self._counts[sensor].damaged += 1
         else:
             self._counts[sensor].skip(reason)
+
+
+def _bytes(waiting: Waiting) -> int:
+    return len(waiting.message.data) + MESSAGE_BYTES
 
 
 class Edges:
@@ -204,19 +269,29 @@ class Edges:
         held: deque[Group] = deque()
         start: int | None = None
         newest = 0
+        stretch = 0
         for group in groups:
+            if group.stretch != stretch:
+                yield from self._last(held, start, newest)
+                stretch, start, newest = group.stretch, None, 0
             start = group.time_ns if start is None else start
             newest = max(newest, group.last_ns)
             held.append(group)
-            while held and (held[0].complete or newest > held[0].time_ns + self._period_ns):
+            while held and (
+                held[0].complete or newest > held[0].time_ns + self._period_ns or len(held) > MAX_HELD_GROUPS
+            ):
                 yield self._marked(held.popleft(), start, None)
+        yield from self._last(held, start, newest)
+
+    def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
+        """The groups held at the end of a stretch."""
         end = max((group.time_ns for group in held), default=0)
-        for group in held:
-            yield self._marked(group, start or 0, max(end, newest))
+        while held:
+            yield self._marked(held.popleft(), start or 0, max(end, newest))
 
     def _marked(self, group: Group, start: int, end: int | None) -> Group:
         near_start = group.time_ns < start + self._period_ns
         near_end = end is not None and group.time_ns > end - self._period_ns
         if group.complete or not (near_start or near_end):
             return group
-        return Group(group.number, group.time_ns, group.members, group.complete, group.last_ns, edge=True)
+        return replace(group, edge=True)

@@ -277,3 +277,73 @@ def test_a_rig_of_other_topics_is_refused_by_their_names(tmp_path: Path) -> None
         known = survey(recording)
         with pytest.raises(RigError, match="/cam4/image_rect"):
             synchronise(recording, make_rig(4), known)
+
+
+def test_a_clock_that_jumps_back_costs_no_frame(tmp_path: Path) -> None:
+    before = make_frames(RIG, 20)
+    after = [make_frame(RIG, n, stamp_ns=START_NS + (n - 100) * PERIOD_NS) for n in range(20, 40)]
+    with open_recording(written(tmp_path, [*before, *after])) as recording:
+        known = survey(recording)
+        stream = synchronise(recording, find_rigs(known)[0], known)
+        frames, skipped = split(stream)
+        assert any("jumps back by" in problem for problem in known.problems)
+        assert all(topic.adds_up for topic in stream.balance)
+    assert not skipped
+    assert stream.clock_jumps == 1
+    assert [frame.number for frame in frames] == list(range(40))
+    assert all(same_frame(a, b) for a, b in zip(frames, [*before, *after], strict=True))
+
+
+def test_one_sensor_that_lags_far_behind_is_late_and_no_jump_of_the_clock(tmp_path: Path) -> None:
+    frames = make_frames(RIG, 30)
+    for number in (15, 18, 21):
+        frames[number] = make_frame(RIG, number, offsets={2: -40 * PERIOD_NS})
+    with open_recording(written(tmp_path, frames)) as recording:
+        stream = stream_of(recording, RIG)
+        found, skipped = split(stream)
+    assert not skipped
+    assert stream.clock_jumps == 0
+    assert len(found) == 30
+    assert {topic.topic: topic.skipped for topic in stream.balance}["/cam2/image_rect"] == {"late": 3}
+    assert [f.number for f in found if f.presence[2].state is SensorState.MISSING] == [15, 18, 21]
+
+
+def test_several_sensors_that_drop_out_and_come_back_lose_only_themselves(tmp_path: Path) -> None:
+    rig = make_rig(4)
+    frames = [
+        make_frame(rig, n, without=({0} if n in range(10, 20) else set()) | ({1} if n in range(5, 25) else set()))
+        for n in range(30)
+    ]
+    with open_recording(written(tmp_path, frames, rig)) as recording:
+        found, skipped = split(stream_of(recording, rig))
+    assert not skipped
+    assert all(same_frame(a, b) for a, b in zip(found, frames, strict=True))
+
+
+def test_offsets_that_are_given_stand_in_for_those_learnt(tmp_path: Path) -> None:
+    with open_recording(written(tmp_path, make_frames(RIG, 20, offsets=OFFSETS))) as recording:
+        known = survey(recording)
+        stream = synchronise(recording, RIG, known, offsets_ns={1: 1_000_000})
+        frames, _ = split(stream)
+        assert all(frame.presence[1].skew_ns == 5_000_000 for frame in frames)
+        assert all(frame.presence[2].skew_ns == 0 for frame in frames)
+        with pytest.raises(RigError, match="S_9"):
+            synchronise(recording, RIG, known, offsets_ns={9: 0})
+
+
+def test_the_window_holds_few_messages_however_small_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [make_frame(RIG, n, without={0} if n > 1 else ()) for n in range(60)]
+    monkeypatch.setattr(windows, "MAX_WAIT_PERIODS", 50)
+    waiting: dict[int, int] = {}
+    add = windows.Window.add
+
+    def spied(window: windows.Window, sensor: int, message: windows.Waiting) -> None:
+        add(window, sensor, message)
+        waiting[limit] = max(waiting.get(limit, 0), sum(map(len, window._waiting.values())))
+
+    monkeypatch.setattr(windows.Window, "add", spied)
+    for limit in (1000, 40):
+        monkeypatch.setattr(windows, "MAX_WAITING", limit)
+        assert len(read(written(tmp_path, frames))[0]) >= 59
+    assert waiting[1000] > 100
+    assert waiting[40] <= 41

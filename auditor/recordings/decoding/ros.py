@@ -1,10 +1,12 @@
 """ROS messages: the header by hand, because it is needed of every message; the rest by rosbags' typestore."""
 
+import re
 import struct
 from collections.abc import Callable
 from functools import cache, lru_cache
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -21,6 +23,23 @@ MAX_DEFINITION_BYTES = 2**17
 """CameraInfo with all it is made of has 12 kB as text."""
 
 _IDL_RULER = "=" * 80 + "\n"
+_TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,2}", re.ASCII)
+_FIELD_NAME = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
+
+_PARSER_ERRORS = (
+    TypesysError,
+    AssertionError,
+    AttributeError,
+    KeyError,
+    RecursionError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+)
+"""What rosbags' parsers and code makers let through from damaged definitions."""
+
+Types = dict[str, tuple[list[Any], list[tuple[str, Any]]]]
+"""rosbags' parse trees: constants and fields by type name."""
 
 
 def read_header(message: Message) -> Header:
@@ -76,15 +95,19 @@ def _known() -> Typestore:
 def _make_store(schema: str, definition: Definition | None) -> Typestore:
     if definition is None:
         return _known()
-    if len(definition.data) > MAX_DEFINITION_BYTES:
-        raise DecodingError(f"its definition of {len(definition.data)} bytes is not accepted", where=schema)
+    store = registered(schema, parse_definition(schema, definition))
+    _check_layout(schema, store)
+    return store
+
+
+def registered(schema: str, types: Types) -> Typestore:
+    """A typestore of these types, ready to decode one schema. Raises DecodingError where they make no sense."""
     store = get_typestore(Stores.EMPTY)
     try:
-        store.register(parse_definition(schema, definition))
+        store.register(types)
         store.get_msgdef(schema)
-    except (TypesysError, KeyError, ValueError, RecursionError, AssertionError) as error:
-        raise DecodingError(f"its definition cannot be understood ({error})", where=schema) from error
-    _check_layout(schema, store)
+    except _PARSER_ERRORS as error:
+        raise DecodingError(f"its definition cannot be understood ({_one_line(error)})", where=schema) from error
     return store
 
 
@@ -101,13 +124,50 @@ def _layout(fields: Any) -> list[tuple[str, Any]]:  # noqa: ANN401  # rosbags' p
     return [(name.lower() if len(name) == 1 else name, kind) for name, kind in fields if name != "seq"]
 
 
-def parse_definition(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees
-    """The types that a definition's text declares, as rosbags' typestores take them. Raises rosbags' TypesysError."""
+def parse_definition(schema: str, definition: Definition) -> Types:
+    """The types that a definition declares, as rosbags' typestores take them. Raises DecodingError.
+
+    A typestore writes names and constants into Python code and runs it: names must be plain words, and constants, which
+    no message holds, are left out.
+    """
+    if len(definition.data) > MAX_DEFINITION_BYTES:
+        raise DecodingError(f"its definition of {len(definition.data)} bytes is not accepted", where=schema)
+    try:
+        parsed = _parse(schema, definition)
+    except _PARSER_ERRORS as error:
+        raise DecodingError(f"its definition cannot be understood ({_one_line(error)})", where=schema) from error
+    return {_plain(name, _TYPE_NAME): ([], [_plain_field(field) for field in parsed[name][1]]) for name in parsed}
+
+
+def _parse(schema: str, definition: Definition) -> Any:  # noqa: ANN401  # rosbags' parse trees
     if definition.encoding != "ros2idl":
         return get_types_from_msg(definition.text, schema)
-    types: dict[str, Any] = {}
+    parsed: dict[str, Any] = {}
     for part in definition.text.split(_IDL_RULER):
         _, line_end, text = part.partition("\n") if part.startswith("IDL: ") else ("", "\n", part)
         if line_end and text.strip():
-            types.update(get_types_from_idl(text))
-    return types
+            parsed.update(get_types_from_idl(text))
+    return parsed
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _plain_field(field: tuple[str, Any]) -> tuple[str, Any]:
+    return _plain(field[0], _FIELD_NAME), _plain_type(field[1])
+
+
+def _plain_type(kind: tuple[Nodetype, Any]) -> tuple[Nodetype, Any]:
+    node, value = kind
+    if node == Nodetype.NAME:
+        return node, _plain(value, _TYPE_NAME)
+    if node == Nodetype.BASE:
+        return node, (_plain(value[0], _FIELD_NAME), int(value[1] or 0))
+    return node, (_plain_type(value[0]), int(value[1]))
+
+
+def _plain(name: object, pattern: re.Pattern[str]) -> str:
+    if not isinstance(name, str) or not pattern.fullmatch(name):
+        raise DecodingError(f"its definition uses a name that is none ({str(name)[:40]!r})")
+    return name
