@@ -6,10 +6,10 @@ import click
 
 from auditor.cli import options
 
-_REPORTS = ("incident",)
+_REPORTS = ("incident", "evaluation")
 
 
-@click.command("report", short_help="The incident page.")
+@click.command("report", short_help="The incident page, the evaluation page.")
 @click.argument("name", type=click.Choice(_REPORTS), default="incident")
 @options.store_option
 @click.option("--recording", help="Only the recording of this name, or whose id begins so.")
@@ -20,9 +20,17 @@ def command(name: str, store: Path, recording: str | None, out: Path | None) -> 
     \b
     auditor report
     auditor report incident --recording drive_0009.mcap --out incident.html
+    auditor report evaluation --out evaluation.html
+
+    The evaluation page shows everything that auditor evaluate has measured into the store.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store, render_incident_report  # noqa: PLC0415 - heavy
+    from auditor.store import Store, render_evaluation_report, render_incident_report  # noqa: PLC0415 - heavy
 
     kept = Store.open(store)
     target = out or store / "reports" / f"{name}.html"
-    click.echo(render_incident_report(kept, out=target, recording=recording))
+    if name == "evaluation":
+        if recording is not None:
+            raise click.UsageError("--recording is for the incident page; the evaluation page pools all recordings")
+        click.echo(render_evaluation_report(kept, out=target))
+    else:
+        click.echo(render_incident_report(kept, out=target, recording=recording))

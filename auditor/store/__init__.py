@@ -4,6 +4,7 @@ import pyarrow
 
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.describing import Description, describe, list_views
+from auditor.store.evaluation_report import render_evaluation_report
 from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
@@ -40,6 +41,7 @@ __all__ = [
     "measurement_id",
     "query",
     "read_calibration",
+    "render_evaluation_report",
     "render_incident_report",
     "run_query",
     "run_sql",
