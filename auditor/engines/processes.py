@@ -4,11 +4,11 @@ Every recording stands alone: one that cannot be read, or whose process dies, gi
 """
 
 import multiprocessing
-import queue as queues
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from multiprocessing.queues import SimpleQueue
 from typing import Any, Generic, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
@@ -23,7 +23,9 @@ Progress = Callable[[str, int], None]
 
 _POLL_S = 0.1
 
-_progress_queue: Any = None  # set once in each worker process, where a task finds the way to its parent
+_progress_queue: (
+    "SimpleQueue[tuple[int, str, int]]"  # set once in each worker process, where a task finds the way to its parent
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ def _run_in_processes(
 ) -> Iterator[Outcome[Item, Result]]:
     # Spawned, not forked: OpenCV's and Arrow's threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
-    progress = context.Queue()
+    # A simple queue is written before the task ends, so that no progress comes after the result.
+    progress = context.SimpleQueue()
     with ProcessPool(max_workers=jobs, context=context, initializer=_start_worker, initargs=[progress]) as pool:
         futures: dict[Future[Any], Item] = {
             pool.schedule(_run_there, args=[task, item, index]): item for index, item in enumerate(items)
@@ -104,15 +107,12 @@ def _outcome(future: Future[Result], item: Item) -> Outcome[Item, Result]:
         )
 
 
-def _drain(progress: Any) -> Iterator[tuple[int, str, int]]:  # noqa: ANN401 - a multiprocessing queue
-    while True:
-        try:
-            yield progress.get_nowait()
-        except queues.Empty:
-            return
+def _drain(progress: "SimpleQueue[tuple[int, str, int]]") -> Iterator[tuple[int, str, int]]:
+    while not progress.empty():
+        yield progress.get()
 
 
-def _start_worker(progress: Any) -> None:  # noqa: ANN401 - a multiprocessing queue
+def _start_worker(progress: "SimpleQueue[tuple[int, str, int]]") -> None:
     global _progress_queue  # noqa: PLW0603 - a worker has no other place to keep it
     _progress_queue = progress
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops the workers
