@@ -5,6 +5,7 @@ in timestamps.txt on the line of its number (files may be missing). The times ca
 """
 
 import json
+import re
 from collections.abc import Collection, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import cached_property
@@ -21,6 +22,7 @@ from auditor.geometry import Matrix, camera_centre, motion
 from auditor.recordings.content import content_id
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.interface import Clock, Damage, Definition, Topic
+from auditor.recordings.unpacking import MAX_BYTES
 from auditor.results import AttackLabel
 
 CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_color_left", "03": "camera_color_right"}
@@ -31,6 +33,9 @@ PERIOD_NS = 10**8
 
 _CAMERA_FILE = "calib_cam_to_cam.txt"
 _LIDAR_FILE = "calib_velo_to_cam.txt"
+SCAN_TOPIC = Topic(LIDAR_TOPIC, SCAN, "bin")
+_NUMBER = re.compile(r"[0-9]{1,12}")
+_MAX_TEXT_BYTES = 16 * 2**20
 _DRIVE_BELOW = ("*_sync", "[0-9]*_[0-9]*_[0-9]*/*_sync")
 """In a date's folder, and in a folder that holds one."""
 
@@ -44,7 +49,7 @@ class KittiReader:
 
     def open(self, path: Path) -> "KittiRecording":
         """Open it. Raises RecordingError where its calibration is missing or ill-formed."""
-        return KittiRecording(path, _drives(path)[0])
+        return KittiRecording(path, _read_drive(_drives(path)[0]))
 
 
 def _is_drive(path: Path) -> bool:
@@ -57,28 +62,38 @@ def _drives(path: Path) -> list[Path]:
     return [folder for pattern in _DRIVE_BELOW for folder in sorted(path.glob(pattern)) if _is_drive(folder)]
 
 
-class _Stream(NamedTuple):
+class Stream(NamedTuple):
     """The files of one sensor with their stamps, in order."""
 
     topic: Topic
     entries: tuple[tuple[int, Path], ...]
 
 
-class KittiRecording:
-    """One KITTI raw drive. See interface.Recording."""
+class Drive(NamedTuple):
+    """What a folder was found to hold; `others` are the files with stamps."""
 
-    def __init__(self, path: Path, drive: Path) -> None:
+    folder: Path
+    calibration: "Calibration"
+    streams: tuple[Stream, ...]
+    others: tuple[Path, ...]
+    clock: Clock
+
+
+class KittiRecording:
+    """One KITTI drive or sequence. See interface.Recording."""
+
+    def __init__(self, path: Path, drive: Drive) -> None:
         self.path = path
-        self._drive = drive
-        self._calibration = _read_calibration(drive)
+        self.clock: Clock = drive.clock
+        self._drive = drive.folder
+        self._calibration = drive.calibration
         self.damage: tuple[Damage, ...] = ()
         self._counts: dict[str, int] = {}
-        self._streams = tuple(stream for stream in self._find_streams() if stream.entries)
+        self._streams = tuple(stream for stream in drive.streams if stream.entries)
         if not self._streams:
             raise RecordingError("the drive holds no pictures and no scans", where=path)
         data = (file for stream in self._streams for _, file in stream.entries)
-        stamps = drive.glob("*/timestamps.txt")
-        self.files = tuple(sorted(chain(data, stamps, self._calibration.files)))
+        self.files = tuple(sorted(chain(data, drive.others, self._calibration.files)))
 
     def __enter__(self) -> Self:
         return self
@@ -97,11 +112,6 @@ class KittiRecording:
         # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
         top = self._drive if all(self._drive in file.parents for file in self.files) else self._drive.parent
         return content_id(top, self.files)
-
-    @property
-    def clock(self) -> Clock:
-        """Unknown: the times are written without a zone, or not at all."""
-        return "unknown"
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -140,24 +150,21 @@ class KittiRecording:
         for stamp_ns, topic, file in self._in_order():
             counts[topic.name] += 1
             if wanted is None or topic.name in wanted:
-                try:
-                    data = file.read_bytes()
-                except OSError as error:
-                    # The message stays, empty: what cannot be read is damaged, not missing.
-                    self.damage += (Damage(f"it cannot be read ({error.strerror})", file=file.name),)
-                    data = b""
-                yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
+                yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, self._data(file))
+
+    def _data(self, file: Path) -> bytes:
+        """The bytes of a file; none, noting the damage, where it cannot be read: it is damaged then, not missing."""
+        try:
+            if file.stat().st_size <= MAX_BYTES:
+                return file.read_bytes()
+            self.damage += (Damage(f"it has more than {MAX_BYTES} bytes", file=file.name),)
+        except OSError as error:
+            self.damage += (Damage(f"it cannot be read ({error.strerror})", file=file.name),)
+        return b""
 
     def _in_order(self) -> list[tuple[int, Topic, Path]]:
         entries = [(stamp_ns, stream.topic, file) for stream in self._streams for stamp_ns, file in stream.entries]
         return sorted(entries, key=lambda entry: (entry[0], entry[1].name))
-
-    def _find_streams(self) -> Iterator[_Stream]:
-        for number, name in CAMERAS.items():
-            if number in self._calibration.cameras:
-                topic = Topic(f"/kitti/{name}/image_rect", PICTURE, "png")
-                yield _Stream(topic, tuple(_entries(self._drive / f"image_{number}", "*.png")))
-        yield _Stream(Topic(LIDAR_TOPIC, SCAN, "bin"), tuple(_entries(self._drive / "velodyne_points", "*.bin")))
 
     def _calibration_messages(self) -> Iterator[Message]:
         stamp_ns = min(stream.entries[0][0] for stream in self._streams)
@@ -171,9 +178,31 @@ class KittiRecording:
                 yield Message(f"/kitti/{CAMERAS[number]}/camera_info", CALIBRATION, "json", stamp_ns, data)
 
 
+def _read_drive(folder: Path) -> Drive:
+    calibration = _read_calibration(folder)
+    streams = [
+        Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png")))
+        for number in CAMERAS
+        if number in calibration.cameras
+    ]
+    streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin"))))
+    # The times are written without a zone, or not at all.
+    return Drive(folder, calibration, tuple(streams), tuple(folder.glob("*/timestamps.txt")), "unknown")
+
+
+def picture_topic(number: str) -> Topic:
+    """The topic of a camera, '00' to '03'."""
+    return Topic(f"/kitti/{CAMERAS[number]}/image_rect", PICTURE, "png")
+
+
+def numbered_files(folder: Path, pattern: str) -> list[tuple[int, Path]]:
+    """Data files and their numbers, in order."""
+    return sorted((int(file.stem), file) for file in folder.glob(pattern) if _NUMBER.fullmatch(file.stem))
+
+
 def _entries(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
     """Stamp and path of every data file, by number."""
-    numbered = sorted((int(file.stem), file) for file in (folder / "data").glob(pattern) if file.stem.isdecimal())
+    numbered = numbered_files(folder / "data", pattern)
     stamps = _read_stamps(folder / "timestamps.txt")
     for number, file in numbered:
         if stamps is None:
@@ -189,7 +218,7 @@ def _read_stamps(path: Path) -> list[int | None] | None:
     if not path.is_file():
         return None
     try:
-        return [_parse_time(line.strip()) for line in path.read_text("ascii").splitlines()]
+        return [_parse_time(line.strip()) for line in read_small_text(path).splitlines()]
     except ValueError as error:
         raise RecordingError(f"a time is ill-formed ({error})", where=path) from error
 
@@ -202,7 +231,7 @@ def _parse_time(text: str) -> int | None:
     return int(moment.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or "0")
 
 
-class _Calibration(NamedTuple):
+class Calibration(NamedTuple):
     """P_rect and S_rect by camera number, and the LiDAR in the frame of rectified camera 0."""
 
     files: tuple[Path, ...]
@@ -227,13 +256,13 @@ class _Calibration(NamedTuple):
         ]
 
 
-def _read_calibration(drive: Path) -> _Calibration:
+def _read_calibration(drive: Path) -> Calibration:
     folder = next(
         (folder for folder in (drive, drive / "calib", drive.parent) if (folder / _CAMERA_FILE).is_file()), None
     )
     if folder is None:
         raise RecordingError(f"{_CAMERA_FILE} is missing", where=drive, remedy="put it beside the drive's folder")
-    values = _read_matrices(folder / _CAMERA_FILE)
+    values = read_matrices(folder / _CAMERA_FILE)
     cameras = {
         number: {"P_rect": values[f"P_rect_{number}"], "S_rect": values[f"S_rect_{number}"]}
         for number in CAMERAS
@@ -246,18 +275,26 @@ def _read_calibration(drive: Path) -> _Calibration:
     cam0_SE3_lidar = None
     if (folder / _LIDAR_FILE).is_file():
         files.append(folder / _LIDAR_FILE)
-        lidar = _read_matrices(folder / _LIDAR_FILE)
+        lidar = read_matrices(folder / _LIDAR_FILE)
         try:
             unrectified = motion(lidar["R"].reshape(3, 3), lidar["T"])
             cam0_SE3_lidar = motion(values["R_rect_00"].reshape(3, 3), np.zeros(3)) @ unrectified
         except (KeyError, ValueError) as error:
             raise RecordingError(f"R, T or R_rect_00 is ill-formed ({error})", where=folder / _LIDAR_FILE) from error
-    return _Calibration(tuple(files), cameras, cam0_SE3_lidar)
+    return Calibration(tuple(files), cameras, cam0_SE3_lidar)
 
 
-def _read_matrices(path: Path) -> dict[str, Matrix]:
+def read_small_text(path: Path) -> str:
+    """A calibration or time file. Raises RecordingError where it is too large to be one."""
+    if path.stat().st_size > _MAX_TEXT_BYTES:
+        raise RecordingError(f"it has more than {_MAX_TEXT_BYTES} bytes", where=path)
+    return path.read_text("utf-8", "replace")
+
+
+def read_matrices(path: Path) -> dict[str, Matrix]:
+    """The numbers of every `name: numbers` line."""
     matrices = {}
-    for line in path.read_text("utf-8", "replace").splitlines():
+    for line in read_small_text(path).splitlines():
         name, _, values = line.partition(":")
         try:
             matrices[name.strip()] = np.array([float(value) for value in values.split()])

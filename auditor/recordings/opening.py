@@ -7,10 +7,11 @@ from pathlib import Path
 from auditor.errors import RecordingError
 from auditor.recordings.interface import Reader, Recording
 from auditor.recordings.kitti import KittiReader
+from auditor.recordings.kitti_odometry import KittiOdometryReader
 from auditor.recordings.mcap import McapReader
 from auditor.recordings.rosbag import Ros1Reader, Ros2Reader
 
-READERS: tuple[Reader, ...] = (McapReader(), Ros1Reader(), Ros2Reader(), KittiReader())
+READERS: tuple[Reader, ...] = (McapReader(), Ros1Reader(), Ros2Reader(), KittiReader(), KittiOdometryReader())
 """Built-in readers; those of the entry points group `auditor.readers` are asked after them."""
 
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
