@@ -77,7 +77,7 @@ def size_of(row: Mapping[str, Any]) -> str:
     """The size of a sensitivity experiment's attack in words."""
     if row["visible_share"] is None:
         return f"{row['size']:g} m wide"
-    return f"R = {row['size']:g} px ({row['nominal_share']:.1%} nominal, {row['visible_share']:.1%} visible)"
+    return f"R = {row['size']:g} px ({row['nominal_share']:.2%} nominal, {row['visible_share']:.2%} visible)"
 
 
 def _set(sensors: list[int] | None) -> Sensors | None:

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator
 
+from auditor.rig import LIDAR
 from auditor.store import published
 from auditor.store.evaluation_answers import R_SHOWN, ROLES, Answers, Sensors, names, percent, rate_of, size_of, subsets
 from auditor.store.evaluation_page import HELD_OUT, Cell, Grid, Row
@@ -136,6 +137,8 @@ def _confusion(answers: Answers, system: Sensors) -> Grid:
     rows = [r for r in answers.rows["confusion"] if r["held_out"] == mode and tuple(r["system"]) == system]
     counts: dict[tuple[Sensors, str], int] = defaultdict(int)
     for row in rows:
+        if row["attacked"] == [LIDAR] and row["strength"] != answers.strengths[0]:
+            continue  # a wall has no strength: it is repeated under each
         counts[tuple(row["attacked"]), names(row["accused"]) or row["verdict"]] += row["cases"]
     said = ["clean", *(f"S_{s}" for s in system), "unidentified", "not_auditable"]
     return Grid(
