@@ -19,7 +19,7 @@ from auditor.frames import (
     Skipped,
     TopicBalance,
 )
-from auditor.recordings.decoding import Decoders
+from auditor.recordings.decoding import Decoders, FollowingDecoder
 from auditor.recordings.interface import Damage, Recording
 from auditor.recordings.rigs import MIN_SENSORS, check_rig
 from auditor.recordings.surveying import Survey
@@ -86,6 +86,8 @@ class FrameStream:
         if decoder is None or decoder.kind == "transforms":
             problem = f"{message.schema or 'a message without schema'} is no data of a sensor"
         else:
+            if isinstance(decoder, FollowingDecoder):
+                decoder.follow(message)
             try:
                 return decoder.header(message).stamp_ns or message.log_time_ns, ""
             except DecodingError as error:

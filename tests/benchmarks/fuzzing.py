@@ -19,6 +19,7 @@ from pathlib import Path
 from time import perf_counter
 
 import cv2
+import pytest
 
 from auditor.frames import Message
 from auditor.recordings import open_recording
@@ -96,6 +97,15 @@ class Seeds:
                     path = max(path.glob("*.[md][cb]*"), key=lambda file: file.stat().st_size)
                 self.files[f"{container.name} {form}"] = (path.suffix, path.read_bytes())
 
+    def add_videos(self) -> None:
+        """Key pictures and others, where the extra `video` is installed."""
+        try:
+            from tests.recordings.test_video import PACKETS, VIDEO, messages  # noqa: PLC0415
+        except (ImportError, pytest.skip.Exception):
+            return
+        for number, message in enumerate(messages(PACKETS[:2])):
+            self.payloads[f"{VIDEO} {number}"] = (message, None, Decoders(lambda _: None))
+
     def _messages(self, container: str, path: Path) -> None:
         with open_recording(path) as recording:
             for message in recording.messages():
@@ -133,6 +143,7 @@ def run(first: int, count: int, limit_s: float) -> bool:
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         (Path(name) / "seeds").mkdir()
         seeds = Seeds(Path(name) / "seeds")
+        seeds.add_videos()
         idle_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         started = perf_counter()
         for seed in range(first, first + count):

@@ -114,6 +114,13 @@ def cloud(**fields: object) -> bytes:
     return MAKER.serialise(schemas.POINT_CLOUD, made)
 
 
+def video(data: bytes) -> bytes:
+    """A foxglove.CompressedVideo in protobuf."""
+    data = b"\0\0\1" + data
+    length = bytes([len(data) >> 7 * n & 0x7F | 0x80 for n in range(4)]) + bytes([len(data) >> 28])
+    return b"\x0a\x02\x08\x05\x1a" + length + data + b"\x22\x04h264"
+
+
 def png(width: int, height: int, colour_type: int = 0, depth: int = 8) -> bytes:
     def part(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -487,6 +494,24 @@ HOSTILE = (
         mcap(schema(1, b"<script>"), channel(1, b"../../../etc/passwd\0'; DROP TABLE x; --\x1b[2J"), message(1)),
         1,
         "",
+    ),
+    Hostile(
+        "mcap: a video that declares 2^34 pixels",
+        one(
+            "foxglove.CompressedVideo",
+            video(bytes.fromhex("67420028f4") + b"\x00\x01\x00\x00\x40\x00" * 4),
+            b"",
+            "protobuf",
+            "",
+        ),
+        2,
+        "video|not accepted",
+    ),
+    Hostile(
+        "mcap: a video of a million units",
+        one("foxglove.CompressedVideo", video(b"\x67" + b"\0\0\1\x67" * 10**6), b"", "protobuf", ""),
+        2,
+        "units|video",
     ),
     Hostile("bag: something else", lambda f: _file(f, "a.bag", b"#ROSBAG V1.2\n" * 99), 0, "no ROS 1 bag"),
     Hostile("bag: a header of 4 GiB", bag(_bag_with(b"\xff" * 400)), 0, "no records"),

@@ -7,6 +7,7 @@ from importlib.metadata import entry_points
 from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import PointCloudDecoder
+from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
@@ -14,12 +15,14 @@ from auditor.recordings.decoding.interface import (
     CameraInfoDecoder,
     CloudDecoder,
     Decoder,
+    FollowingDecoder,
     Header,
     ImageDecoder,
     Transform,
     TransformsDecoder,
 )
 from auditor.recordings.decoding.ros import RosTypes
+from auditor.recordings.decoding.video import CompressedVideoDecoder
 from auditor.recordings.interface import Definition
 
 __all__ = [
@@ -29,6 +32,7 @@ __all__ = [
     "Decoder",
     "DecoderFactory",
     "Decoders",
+    "FollowingDecoder",
     "Header",
     "ImageDecoder",
     "Transform",
@@ -52,6 +56,7 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
     kitti.SCAN: (frozenset({"bin"}), lambda _: kitti.KittiScanDecoder()),
     kitti.CALIBRATION: (frozenset({"json"}), lambda _: kitti.KittiCalibrationDecoder()),
     kitti.TRANSFORMS: (frozenset({"json"}), lambda _: kitti.KittiTransformsDecoder()),
+    COMPRESSED_VIDEO: (_FOXGLOVE, CompressedVideoDecoder),
     **{schema: (_FOXGLOVE, factory) for schema, factory in foxglove.DECODERS.items()},
 }
 """Built-in decoders by schema, with the message encodings they read.

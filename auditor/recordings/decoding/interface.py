@@ -1,7 +1,7 @@
 """What a message can hold, and what a decoder of each kind offers. All raise DecodingError and nothing else."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,14 @@ class ImageDecoder(Protocol):
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """(H, W) grey, or with `colour` (H, W, 3) BGR where the image has colours; the size is checked first."""
+
+
+@runtime_checkable
+class FollowingDecoder(Protocol):
+    """An image decoder that must see every message of a topic, since its pictures tell only what has changed."""
+
+    def follow(self, message: Message) -> None:
+        """Note a message, in the order of the recording."""
 
 
 class CloudDecoder(Protocol):

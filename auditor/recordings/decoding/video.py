@@ -1,0 +1,148 @@
+"""foxglove.CompressedVideo with H.264 inside, decoded by FFmpeg through the package `av` (the extra `video`).
+
+A picture of a video is told by the differences to those before it: every message of a topic is noted as it is read
+(`follow`), and decoded in that order once one of them is asked for. Foxglove has each message hold one picture, none
+that waits for a later one, and its parameters with every key picture.
+"""
+
+from collections import deque
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import Message
+from auditor.recordings.decoding.foxglove import FoxgloveMessages
+from auditor.recordings.decoding.h264 import Parameters, has_key_picture, parameter_sets, picture_number
+from auditor.recordings.decoding.interface import Header, SizePx
+from auditor.recordings.decoding.pictures import check_size
+from auditor.recordings.decoding.ros import RosTypes
+
+MAX_PENDING_BYTES = 32 * 2**20
+MAX_PENDING = 600
+_KEPT = 4
+_FORMAT = "h264"
+
+
+class _Track:
+    """One topic's video: messages not yet decoded, the decoder's state, and the pictures last decoded."""
+
+    def __init__(self) -> None:
+        self.pending: deque[Message] = deque()
+        self.pending_bytes = 0
+        self.codec: Any = None
+        self.parameters: Parameters | None = None
+        self.number = 0
+        self.done: deque[tuple[Message, Any]] = deque(maxlen=_KEPT)
+
+
+class CompressedVideoDecoder:
+    """foxglove.CompressedVideo; from a lost or damaged message to the next key picture all is damaged."""
+
+    kind: ClassVar[Literal["image"]] = "image"
+
+    def __init__(self, types: RosTypes) -> None:
+        self._messages = FoxgloveMessages(types)
+        self._tracks: dict[str, _Track] = {}
+
+    def header(self, message: Message) -> Header:
+        """The header alone."""
+        return self._messages.header(message)
+
+    def size_px(self, message: Message) -> SizePx:
+        """What a key picture's parameters declare; other messages have none: DecodingError."""
+        _av()  # without the extra a size is of no use
+        found = parameter_sets(self._data(message))
+        if not found:
+            raise DecodingError("the video's parameters come with a later message", where=message.topic)
+        return found[0].size_px
+
+    def follow(self, message: Message) -> None:
+        """Note a message, in the order of the recording."""
+        track = self._tracks.setdefault(message.topic, _Track())
+        track.pending.append(message)
+        track.pending_bytes += len(message.data)
+        while len(track.pending) > MAX_PENDING or track.pending_bytes > MAX_PENDING_BYTES:
+            # Nobody asked for so long: what comes next is damaged until a key picture.
+            track.pending_bytes -= len(track.pending.popleft().data)
+            track.codec = None
+
+    def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
+        """See interface.ImageDecoder."""
+        _av()
+        track = self._tracks.setdefault(message.topic, _Track())
+        if not any(message is other for other in track.pending) and not any(message is m for m, _ in track.done):
+            self.follow(message)
+        while track.pending and not any(message is done for done, _ in track.done):
+            following = track.pending.popleft()
+            track.pending_bytes -= len(following.data)
+            track.done.append((following, self._decode(track, following, size_px)))
+        picture = next((picture for done, picture in track.done if done is message), None)
+        if picture is None or isinstance(picture, str):
+            raise DecodingError(picture or "the video cannot be decoded here", where=message.topic)
+        pixels: NDArray[np.uint8] = picture.to_ndarray(format="bgr24" if colour else "gray")
+        return pixels
+
+    def _decode(self, track: _Track, message: Message, size_px: SizePx | None) -> Any:  # noqa: ANN401  # av's frame
+        """The decoded picture, or why there is none."""
+        av = _av()
+        try:
+            data = self._data(message)
+            for declared in parameter_sets(data):
+                check_size(declared.size_px, size_px)
+                track.parameters = declared
+            if not _follows(track, data):
+                track.codec = None
+                return "the video picture follows one that is missing or damaged"
+            track.codec = track.codec or _new_codec()
+            pictures = track.codec.decode(av.Packet(data))
+        except DecodingError as error:
+            track.codec = None
+            return error.what
+        except (av.FFmpegError, ValueError, MemoryError):
+            track.codec = None
+            return "the video picture is damaged"
+        if len(pictures) != 1 or pictures[0].is_corrupt or not _has_size(pictures[0], track):
+            track.codec = None
+            return "the video picture is damaged"
+        return pictures[0]
+
+    def _data(self, message: Message) -> bytes:
+        values = self._messages.decode(message)
+        if values["format"] != _FORMAT:
+            raise DecodingError(f"the video format {values['format'][:20]!r} is not understood", where=message.topic)
+        return bytes(values["data"])
+
+
+def _follows(track: _Track, data: bytes) -> bool:
+    """True where this access unit can be decoded: a key picture, or the one after the last decoded."""
+    if track.parameters is None:
+        return False
+    number = picture_number(data, track.parameters)
+    last, track.number = track.number, number or 0
+    if number is None or (track.codec is None and not has_key_picture(data)):
+        return False
+    return has_key_picture(data) or number in {last, (last + 1) % 2**track.parameters.number_bits}
+
+
+def _has_size(picture: Any, track: _Track) -> bool:  # noqa: ANN401  # av's frame
+    return track.parameters is not None and (picture.width, picture.height) == track.parameters.size_px
+
+
+def _av() -> Any:  # noqa: ANN401  # a module without types
+    try:
+        import av  # noqa: PLC0415  # an extra
+    except ImportError as error:
+        raise DecodingError("video needs the package av: install auditor[video]") from error
+    return av
+
+
+def _new_codec() -> Any:  # noqa: ANN401  # av's class
+    av = _av()
+    av.logging.set_level(None)
+    codec = av.CodecContext.create("h264", "r")
+    # One picture in, one out; and no guessing where bits are damaged: a guess would look like an attack.
+    codec.thread_count = 1
+    codec.options = {"flags": "low_delay", "err_detect": "explode", "ec": "0"}
+    return codec

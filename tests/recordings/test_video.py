@@ -1,0 +1,184 @@
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from auditor.errors import DecodingError
+from auditor.frames import CameraImage, Frame, Message, SensorState
+from auditor.recordings import open_recording
+from auditor.recordings.decoding import Decoders
+from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
+from tests.recordings.drives import make_frames, make_rig, split, stream_of
+from tests.recordings.foxglove_messages import (
+    Said,
+    json_text,
+    protobuf_message,
+    said,
+    stamp,
+    write_json,
+    write_protobuf,
+)
+
+av = pytest.importorskip("av", reason="the extra `video` is not installed")
+pytest.importorskip("foxglove_schemas_protobuf", reason="the extra `foxglove` is not installed")
+
+RIG = make_rig(3)
+COUNT, KEY_EVERY = 24, 8
+VIDEO = "foxglove.CompressedVideo"
+
+
+def picture(number: int, width: int = 64, height: int = 48) -> NDArray[np.uint8]:
+    """A smooth picture that moves to the left."""
+    x, y = np.meshgrid(np.arange(width) + 2 * number, np.arange(height))
+    return (128 + 60 * np.sin(x / 7) + 50 * np.cos(y / 5 + x / 31)).astype(np.uint8)
+
+
+def encoded(pictures: list[NDArray[np.uint8]]) -> list[bytes]:
+    codec = av.CodecContext.create("libx264", "w")
+    height, width = pictures[0].shape
+    codec.width, codec.height, codec.pix_fmt, codec.time_base = width, height, "yuv420p", 1
+    codec.options = {
+        "tune": "zerolatency",
+        "crf": "12",
+        "bf": "0",
+        "x264-params": f"keyint={KEY_EVERY}:min-keyint={KEY_EVERY}:scenecut=0:repeat-headers=1:annexb=1",
+    }
+    packets = []
+    for number, pixels in enumerate(pictures):
+        frame = av.VideoFrame.from_ndarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), format="bgr24")
+        frame.pts = number
+        packets += codec.encode(frame)
+    return [bytes(packet) for packet in (*packets, *codec.encode(None))]
+
+
+PACKETS = encoded([picture(number) for number in range(COUNT)])
+
+
+def fields(data: bytes, **other: Any) -> dict[str, Any]:
+    return {"timestamp": stamp(5), "frame_id": "cam", "data": data, "format": "h264", **other}
+
+
+def messages(packets: list[bytes], **other: Any) -> list[Message]:
+    return [
+        Message("/a", VIDEO, "protobuf", 5, protobuf_message(VIDEO, fields(data, **other)).SerializeToString())
+        for data in packets
+    ]
+
+
+def decoder() -> Any:
+    return Decoders(lambda _: None).image(VIDEO, "protobuf")
+
+
+def decoded(packets: list[bytes]) -> list[NDArray[np.uint8] | str]:
+    of, found = decoder(), []
+    for message in messages(packets):
+        try:
+            found.append(of.pixels(message, colour=False, size_px=(64, 48)))
+        except DecodingError as error:
+            found.append(error.what)
+    return found
+
+
+def drive() -> list[Frame]:
+    frames = make_frames(RIG, COUNT)
+    return [
+        replace(f, images={n: CameraImage(n, i.stamp_ns, picture(f.number + 5 * n)) for n, i in f.images.items()})
+        for f in frames
+    ]
+
+
+def as_video(frames: list[Frame]) -> list[Said]:
+    tracks = {f"/cam{n}/image_rect": iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, RIG.n + 1)}
+    out = []
+    for one in said(RIG, frames, "png"):
+        if one.schema == "foxglove.CompressedImage":
+            data = {**one.fields, "data": next(tracks[one.topic]), "format": "h264"}
+            out.append(Said(one.topic, VIDEO, one.time_ns, data))
+        else:
+            out.append(one)
+    return out
+
+
+@pytest.mark.parametrize("encoding", ["protobuf", "json"])
+def test_a_recording_of_videos_gives_its_frames(tmp_path: Path, encoding: str) -> None:
+    written = drive()
+    (write_json if encoding == "json" else write_protobuf)(tmp_path / "a.mcap", as_video(written))
+    with open_recording(tmp_path / "a.mcap") as recording:
+        stream = stream_of(recording)
+        frames, skipped = split(stream)
+        assert all(topic.adds_up for topic in stream.balance)
+    assert not skipped
+    assert len(frames) == COUNT
+    for frame, before in zip(frames, written, strict=True):
+        assert all(presence.state is SensorState.PRESENT for presence in frame.presence.values())
+        for n, image in frame.images.items():
+            assert np.abs(image.pixels.astype(int) - before.images[n].pixels).mean() < 3
+
+
+def test_a_lost_message_damages_what_follows_up_to_the_next_key_picture(tmp_path: Path) -> None:
+    kept = [one for one in as_video(drive()) if (one.topic, one.time_ns % 10**10) != ("/cam2/image_rect", 10**9)]
+    write_protobuf(tmp_path / "a.mcap", kept)
+    with open_recording(tmp_path / "a.mcap") as recording:
+        frames, _ = split(stream_of(recording))
+    states = [frame.presence[2].state for frame in frames]
+    assert states[:10] == [SensorState.PRESENT] * 10
+    assert states[10] is SensorState.MISSING
+    assert states[11:16] == [SensorState.DAMAGED] * 5
+    assert states[16:] == [SensorState.PRESENT] * 8
+
+
+def test_a_damaged_picture_is_never_taken_for_one() -> None:
+    cut = [*PACKETS[:3], PACKETS[3][: len(PACKETS[3]) // 2], *PACKETS[4:]]
+    found = decoded(cut)
+    assert [isinstance(one, str) for one in found] == [number in range(3, KEY_EVERY) for number in range(COUNT)]
+
+
+def test_sizes_are_told_by_the_parameters_of_key_pictures() -> None:
+    for width, height in ((64, 48), (1242, 374), (34, 18)):
+        packets = encoded([picture(number, width, height) for number in range(2)])
+        assert [found.size_px for found in parameter_sets(packets[0])] == [(width, height)]
+        assert has_key_picture(packets[0])
+        assert not has_key_picture(packets[1])
+        assert parameter_sets(packets[1]) == []
+
+
+def test_a_video_of_another_size_or_format_is_refused() -> None:
+    (message,) = messages(PACKETS[:1])
+    with pytest.raises(DecodingError, match="instead of"):
+        decoder().pixels(message, colour=False, size_px=(64, 64))
+    (message,) = messages(PACKETS[:1], format="h265")
+    with pytest.raises(DecodingError, match="h265"):
+        decoder().pixels(message, colour=False)
+
+
+def test_json_and_colours_are_read_too() -> None:
+    message = Message("/a", VIDEO, "json", 5, json_text(fields(PACKETS[0])))
+    pixels = Decoders(lambda _: None).image(VIDEO, "json").pixels(message, colour=True)
+    assert pixels.shape == (48, 64, 3)
+    assert np.abs(pixels[:, :, 0].astype(int) - picture(0)).mean() < 6
+
+
+def test_without_the_extra_a_video_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    (message,) = messages(PACKETS[:1])
+    for ask in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
+        with pytest.raises(DecodingError, match=r"install auditor\[video\]"):
+            ask(message)
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(st.data())
+def test_noise_in_a_video_raises_only_our_own_error(data: st.DataObject) -> None:
+    packets = [bytearray(packet) for packet in PACKETS[:4]]
+    for _ in range(data.draw(st.integers(1, 4))):
+        packet = data.draw(st.sampled_from(packets))
+        at = data.draw(st.integers(0, len(packet) - 1))
+        packet[at : at + 3] = data.draw(st.binary(max_size=5)) or b"\0"
+    decoded([bytes(packet) for packet in packets])
