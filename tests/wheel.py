@@ -14,10 +14,10 @@ def faults(wheel: Path, checkout: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     found = [
-        f"missing: auditor/data/{folder}/{path.name}"
+        f"missing: auditor/data/{path.relative_to(checkout)}"
         for folder, ending in RESOURCES.items()
-        for path in sorted((checkout / folder).glob(f"*{ending}*"))
-        if f"auditor/data/{folder}/{path.name}" not in names
+        for path in sorted((checkout / folder).rglob(f"*{ending}"))
+        if f"auditor/data/{path.relative_to(checkout)}" not in names
     ]
     found += [
         f"empty: auditor/data/{f}" for f in RESOURCES if not any(n.startswith(f"auditor/data/{f}/") for n in names)
