@@ -59,7 +59,7 @@ def command(folder: Path, jobs: int) -> int:
     calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
     kept.write_calibration(calibration)
     audited = measured([take.file for take in suspected])
-    judging = Judging(Decimal(0), "gated", calibration.calibration_id, transfer=False, strict=True)
+    judging = Judging(Decimal(0), "gated", calibration.calibration_id, transfer=False, strict=True, min_coverage=1)
     judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
     show_audit(kept, "table", {one.recording_id for one in audited})
     exact = _compare(kept, suspected)

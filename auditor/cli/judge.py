@@ -12,13 +12,6 @@ from auditor.cli.output import format_option
 @click.command("judge", short_help="Verdicts again, without recordings.")
 @click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
 @options.judging_options
-@click.option(
-    "--min-coverage",
-    type=click.FloatRange(0, 1),
-    default=0.99,
-    show_default=True,
-    help="Share of frames below which a recording counts as not fully audited.",
-)
 @format_option
 def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to Judging
     """Judge everything in a store again: another r, other thresholds, no recordings needed.

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from auditor.results import Calibration
     from auditor.store import Store, StoredJudgement
 
-MIN_COVERAGE = 0.99
-
 
 @dataclass(frozen=True)
 class Judging:
@@ -26,7 +24,7 @@ class Judging:
     calibration: str | None
     transfer: bool
     strict: bool
-    min_coverage: float = MIN_COVERAGE
+    min_coverage: float
 
 
 @dataclass

@@ -104,6 +104,13 @@ RATE = _Rate()
 def judging_options(command: Decorated) -> Decorated:
     """The designated false-alarm rate, the statistic and the thresholds that verdicts are reached with."""
     for option in (
+        click.option(
+            "--min-coverage",
+            type=click.FloatRange(0, 1),
+            default=0.99,
+            show_default=True,
+            help="Share of frames below which a recording counts as not fully audited.",
+        ),
         click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N)."),
         click.option(
             "--transfer", is_flag=True, help="Accept thresholds of another rig kind; the verdicts will say so."

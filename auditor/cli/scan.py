@@ -21,13 +21,6 @@ if TYPE_CHECKING:
 @options.rig_option
 @options.vehicle_option
 @options.jobs_option
-@click.option(
-    "--min-coverage",
-    type=click.FloatRange(0, 1),
-    default=0.99,
-    show_default=True,
-    help="Share of frames below which a recording counts as not fully audited.",
-)
 @format_option
 def command(
     recordings: tuple[Path, ...],
