@@ -9,7 +9,6 @@ from pathlib import Path
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.records import Attachment, Metadata, Schema
-from mcap.records import Channel as McapChannel
 
 from auditor.frames import Message
 from auditor.recordings.channels import Channel, Channels
@@ -33,6 +32,9 @@ from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
 _MAX_LOG_TIME_NS = 2**63 - 1
+_MAX_CHUNK_RECORDS = 2**20
+_MAX_ATTACHED_BYTES = 16 * 2**20
+_MAX_METADATA_BYTES = 2**20
 
 
 class FileRead:
@@ -110,7 +112,7 @@ class FileRead:
             return
         end = yield from self._inside(inside, offset, cut=False)
         if end != len(inside):
-            self._damage.add("a chunk ends inside a record", offset)
+            self._damage.add("a chunk ends inside a record, or has absurdly many", offset)
 
     def _cut_chunk(self, body: bytes, offset: int) -> Iterator[Message]:
         """What is left of the chunk that the file's end cuts."""
@@ -121,8 +123,9 @@ class FileRead:
 
     def _inside(self, inside: memoryview, offset: int, *, cut: bool) -> Generator[Message, None, int]:
         """The messages of an unpacked chunk; the answer is where its last whole record ends."""
-        position, end = 0, len(inside)
-        while position + HEAD.size <= end:
+        position, end, left = 0, len(inside), _MAX_CHUNK_RECORDS
+        while position + HEAD.size <= end and left:
+            left -= 1
             opcode, length = HEAD.unpack_from(inside, position)
             start = position + HEAD.size
             if start + length > end or opcode == 0 or (cut and not is_trusted(inside[start : start + length])):
@@ -167,7 +170,12 @@ class FileRead:
             if opcode == Opcode.SCHEMA:
                 self._learn_schema(Schema.read(stream), offset)
             else:
-                self._learn_channel(McapChannel.read(stream), spare=spare)
+                # Not by mcap: its map of metadata, which nobody asks for, may hold millions of entries.
+                channel_id, schema_id = stream.read2(), stream.read2()
+                topic = Topic(
+                    stream.read_prefixed_string(), self._schemas.get(schema_id, ""), stream.read_prefixed_string()
+                )
+                self.channels.learn(channel_id, topic, spare=spare)
         except (EndOfFile, struct.error, UnicodeDecodeError) as error:
             self._damage.add(f"a schema or channel record is damaged ({error or 'cut'})", offset)
 
@@ -175,10 +183,6 @@ class FileRead:
         name = schema_name(schema.name)
         self._schemas[schema.id] = name
         self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
-
-    def _learn_channel(self, channel: McapChannel, *, spare: bool) -> None:
-        schema = self._schemas.get(channel.schema_id, "")
-        self.channels.learn(channel.id, Topic(channel.topic, schema, channel.message_encoding), spare=spare)
 
 
 def attached_to(path: Path) -> Iterator[Attachment | Metadata]:
@@ -188,7 +192,8 @@ def attached_to(path: Path) -> Iterator[Attachment | Metadata]:
         stream = ForwardStream(file, path.stat().st_size, checksum=False)
         for record in records(stream, damage):
             if record.opcode in {Opcode.ATTACHMENT, Opcode.METADATA}:
-                body = read_body(stream, record, damage)
+                most = _MAX_METADATA_BYTES if record.opcode == Opcode.METADATA else _MAX_ATTACHED_BYTES
+                body = read_body(stream, record, damage) if record.length <= most else None
                 attached = _parse_attached(record.opcode, body) if body is not None else None
                 if attached is not None:
                     yield attached

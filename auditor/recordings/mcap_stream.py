@@ -16,6 +16,10 @@ _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
 
 
+_MAX_SUMMARY_BYTES = 16 * 2**20
+"""A summary of 64 GB of chunks; it is looked through at every reading."""
+
+
 class Opcode:
     """The records that are looked into (mcap.opcode has them as an IntEnum, which is slow to compare with)."""
 
@@ -107,7 +111,7 @@ def read_ending(file: IO[bytes], size: int) -> Ending | None:
         return None
     end = size - tail
     summary_start = summary_start or end
-    if not len(MAGIC) + _DATA_END.size <= summary_start <= end or end - summary_start > MAX_BYTES:
+    if not len(MAGIC) + _DATA_END.size <= summary_start <= end or end - summary_start > _MAX_SUMMARY_BYTES:
         return None
     file.seek(summary_start - _DATA_END.size)
     opcode, length, data_crc = _DATA_END.unpack(file.read(_DATA_END.size))

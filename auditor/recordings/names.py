@@ -4,6 +4,7 @@ from auditor.recordings.damage_log import DamageLog
 from auditor.recordings.interface import Definition, Topic
 
 MAX_TOPICS = 10_000
+MAX_NAME = 4096
 MAX_DEFINITION_BYTES = 64 * 2**20
 
 
@@ -16,7 +17,10 @@ class Names:
         self._definition_bytes = 0
 
     def add_topic(self, topic: Topic, damage: DamageLog) -> bool:
-        """Take in one more; False, noting the damage, where there are absurdly many already."""
+        """Take in one more; False, noting the damage, where its name is absurd or there are absurdly many already."""
+        if len(topic.name) > MAX_NAME or len(topic.schema) > MAX_NAME:
+            damage.add(f"a topic whose name or type has more than {MAX_NAME} characters is left out")
+            return False
         if topic.name not in self.topics and len(self.topics) >= MAX_TOPICS:
             damage.add(f"more than {MAX_TOPICS} topics: {topic.name[:80]!r} is left out")
             return False

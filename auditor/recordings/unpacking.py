@@ -8,7 +8,7 @@ import zstandard
 MAX_BYTES = 64 * 2**20
 """No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
 
-_FREE_BYTES = 64 * 2**20
+_FREE_BYTES = 32 * 2**20
 _MAX_RATIO = 100
 _STEP_BYTES = 1 << 20
 

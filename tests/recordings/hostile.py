@@ -140,6 +140,14 @@ def jpeg_declaring(width: int, height: int) -> bytes:
     )
 
 
+def many_entries() -> bytes:
+    return text(b"".join(text(b"%d" % number) + text(b"") for number in range(10**6)))
+
+
+def channel_with_map() -> bytes:
+    return record(0x04, struct.pack("<HH", 2, 1) + text(b"/b") + text(b"json") + many_entries())
+
+
 def picture(data: bytes) -> bytes:
     return MAKER.compressed_image(data, "png", 5, "c")
 
@@ -368,6 +376,15 @@ HOSTILE = (
         10**6,
         "",
     ),
+    Hostile(
+        "mcap: four million records of nothing",
+        mcap(GOOD, chunk(zstandard.compress(record(0x80, b"") * 3_500_000, 1), 31_500_000)),
+        1,
+        "absurdly many",
+    ),
+    Hostile("mcap: a channel of a million metadata", mcap(GOOD, channel_with_map()), 1, ""),
+    Hostile("mcap: metadata of a million entries", mcap(GOOD, record(0x0C, text(b"auditor") + many_entries())), 1, ""),
+    Hostile("mcap: a topic of 30 MB", mcap(GOOD, channel(2, b"x" * 30 * MEGA), message(2)), 1, "more than 4096"),
     Hostile(
         "mcap: summary behind the end",
         changed_mcap(lambda c, _: c[:-28] + struct.pack("<QQI", 2**63, 0, 0) + MAGIC),
