@@ -6,7 +6,14 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.frames import Message
-from auditor.recordings.decoding import CameraInfo, CloudDecoder, Decoders, ImageDecoder, Transform
+from auditor.recordings.decoding import (
+    CameraInfo,
+    CloudDecoder,
+    Decoders,
+    ImageDecoder,
+    Transform,
+    decoder_table,
+)
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.interface import Recording, Topic
 
@@ -107,6 +114,7 @@ class _Look:
         images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
         clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
         unseen = self._note_unseen()
+        self._note_undecodable()
         return Survey(
             topics=self._recording.topics(),
             images=tuple(ImageTopic(t, f, size, tuple(self._samples[t.name])) for t, f, size in images),
@@ -180,6 +188,12 @@ class _Look:
     def _note(self, problem: str) -> None:
         if len(self._problems) < 100:
             self._problems[problem] = None
+
+    def _note_undecodable(self) -> None:
+        """Name the topics of a sensor's schema in an encoding that nothing here reads."""
+        for topic in self._recording.topics():
+            if topic.schema in decoder_table() and self._decoders.of(topic.schema, topic.encoding) is None:
+                self._note(f"{topic.name}: {topic.schema} in the encoding {topic.encoding!r} cannot be decoded")
 
     def _note_unseen(self) -> int:
         unseen = [name for name in self._by_kind("image", "cloud") if name not in self._samples]

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.writer import Writer
 
 from auditor.errors import DecodingError
 from auditor.frames import Message
 from auditor.geometry import motion, rotation_from_quaternion
-from auditor.recordings import convert, open_recording
+from auditor.recordings import convert, open_recording, survey
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.foxglove_layouts import LAYOUTS, TIMESTAMP
 from auditor.recordings.decoding.protobuf import MAX_FIELDS, check_schema, decode_protobuf
@@ -215,3 +216,15 @@ def test_noise_raises_only_our_own_error(encoding: str, data: st.DataObject) -> 
         assert np.isfinite(decoder(noisy).xyz_m(noisy)).all()
     except DecodingError:
         pass
+
+
+def test_a_topic_in_an_encoding_that_nothing_reads_is_named(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as out:
+        writer = Writer(out)
+        writer.start("")
+        schema = writer.register_schema("foxglove.RawImage", "flatbuffer", b"")
+        writer.add_message(writer.register_channel("/cam", "flatbuffer", schema), 1, b"abc", 1)
+        writer.finish()
+    with open_recording(tmp_path / "a.mcap") as recording:
+        known = survey(recording)
+    assert known.problems == ("/cam: foxglove.RawImage in the encoding 'flatbuffer' cannot be decoded",)

@@ -37,6 +37,7 @@ __all__ = [
     "ImageDecoder",
     "Transform",
     "TransformsDecoder",
+    "decoder_table",
 ]
 
 DecoderFactory = Callable[[RosTypes], Decoder]

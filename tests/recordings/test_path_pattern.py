@@ -1,0 +1,31 @@
+from pathlib import Path
+
+import pytest
+
+from auditor.errors import SettingError
+from auditor.recordings import read_path
+
+
+@pytest.mark.parametrize(
+    ("path", "pattern", "expected"),
+    [
+        (
+            "/fleet/V7/2026-03-01/night.mcap",
+            "{vehicle}/{date}/{drive}.mcap",
+            {"vehicle": "V7", "date": "2026-03-01", "drive": "night"},
+        ),
+        ("fleet/V7_2026-03-01_0003.bag", "{vehicle}_{date}_*.bag", {"vehicle": "V7", "date": "2026-03-01"}),
+        ("V7/a.mcap", "{vehicle}/*", {"vehicle": "V7"}),
+        ("/fleet/V7/a.mcap", "{vehicle}/{date}/*.bag", {}),
+        ("/fleet/V(7)+/a.b.mcap", "V({vehicle})+/a.b.mcap", {"vehicle": "7"}),
+        ("/fleet/V(7)+/aXb.mcap", "V({vehicle})+/a.b.mcap", {}),
+    ],
+)
+def test_the_end_of_a_path_tells_what_the_pattern_names(path: str, pattern: str, expected: dict[str, str]) -> None:
+    assert read_path(Path(path), pattern) == expected
+
+
+@pytest.mark.parametrize("pattern", ["", "*/*.mcap", "{car}/*", "{}/*", "{vehicle}/{vehicle}"])
+def test_a_pattern_that_names_nothing_known_is_refused(pattern: str) -> None:
+    with pytest.raises(SettingError, match="vehicle"):
+        read_path(Path("a/b"), pattern)
