@@ -25,5 +25,6 @@ SELECT
     CASE WHEN verdict = 'attacked' THEN named ELSE [] END AS accused,
     CAST(sum(cases) AS BIGINT) AS cases
 FROM verdict_of
+WHERE experiment IN ('clean', 'combinations')
 GROUP BY ALL
 ORDER BY setup, held_out, system, strength NULLS FIRST, attacked, verdict, accused

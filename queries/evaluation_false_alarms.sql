@@ -78,7 +78,7 @@ counted AS (
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT),
         CAST(coalesce(sum(cases) FILTER (verdict = 'attacked'), 0) AS BIGINT)
     FROM verdict_of
-    WHERE attacked = [] AND len(system) >= 4
+    WHERE experiment = 'clean' AND len(system) >= 4
     GROUP BY ALL
 )
 SELECT

@@ -42,7 +42,7 @@ tally AS (
         CAST(coalesce(sum(cases) FILTER (raised AND named = attacked), 0) AS BIGINT) AS named,
         CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND named = attacked), 0) AS BIGINT) AS identified
     FROM verdict_of
-    WHERE attacked <> [] AND len(system) >= 4
+    WHERE experiment = 'combinations' AND len(system) >= 4
     GROUP BY GROUPING SETS (
         (setup, held_out, system, strength, attacked, len(attacked), r),
         (setup, held_out, system, strength, len(attacked), r)

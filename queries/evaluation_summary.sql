@@ -58,11 +58,11 @@ detection AS (
 sized AS (
     SELECT
         *,
-        len(attacked) AS size,
+        len(attacked) AS hit,
         len(system) = max(len(system)) OVER (PARTITION BY setup) AND len(system) > 4 AS everyone,
         coalesce(raised AND named = attacked, FALSE) AS right_name
     FROM verdict_of
-    WHERE attacked <> [] AND len(system) >= 4
+    WHERE experiment = 'combinations' AND len(system) >= 4
 ),
 identification AS (
     SELECT
@@ -70,12 +70,12 @@ identification AS (
         held_out,
         strength,
         r,
-        coalesce(sum(cases) FILTER (right_name AND len(system) = 4 AND size = 1), 0)
-            / sum(cases) FILTER (len(system) = 4 AND size = 1) AS one_of_3,
-        coalesce(sum(cases) FILTER (right_name AND everyone AND size = 1), 0)
-            / sum(cases) FILTER (everyone AND size = 1) AS one_of_all,
-        coalesce(sum(cases) FILTER (right_name AND everyone AND size = 2), 0)
-            / sum(cases) FILTER (everyone AND size = 2) AS two_of_all
+        coalesce(sum(cases) FILTER (right_name AND len(system) = 4 AND hit = 1), 0)
+            / sum(cases) FILTER (len(system) = 4 AND hit = 1) AS one_of_3,
+        coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 1), 0)
+            / sum(cases) FILTER (everyone AND hit = 1) AS one_of_all,
+        coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 2), 0)
+            / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all
     FROM sized
     GROUP BY setup, held_out, strength, r
 ),

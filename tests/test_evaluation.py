@@ -4,13 +4,14 @@ import json
 from dataclasses import replace
 from itertools import combinations, pairwise
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
-from auditor.errors import RecordingError
-from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, running
+from auditor.errors import RecordingError, SettingError
+from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, running
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
 from auditor.evidence import measure
@@ -19,7 +20,7 @@ from auditor.lab.attacks import BogusWall, Facula
 from auditor.recordings import write_mcap
 from auditor.results import AttackLabel
 from auditor.rig import LIDAR, Triple
-from auditor.store import Store, run_sql
+from auditor.store import Store, run_query, run_sql
 from tests.evidence.scenes import plane_frame, plane_rig
 from tests.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -91,7 +92,7 @@ def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can
 
 def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_do_not_depend_on_strength():
     experiment = next(e for e in EXPERIMENTS if e.name == "combinations")
-    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 3)))
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 3), ()))
     for strength in ("mild", "strong", "opaque"):
         of_it = [case for case in cases if case.strength == strength]
         assert [case.attacked for case in of_it] == list(attacked_sets(RIG))
@@ -100,18 +101,18 @@ def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_
     assert {f.amplitude for f in faculas} == {255.0, 510.0, 2000.0}
     assert len({(f.radius_px, f.u_px, f.v_px) for f in faculas}) == 1
     assert len({case.attacks[0] for case in cases if case.attacked == (0,)}) == 1
-    assert list(experiment.cases(RIG, Dice(0, 1, 2, 4)))[1].attacks != cases[1].attacks
+    assert list(experiment.cases(RIG, Dice(0, 1, 2, 4), ()))[1].attacks != cases[1].attacks
 
 
 def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_witness():
     experiment = next(e for e in EXPERIMENTS if e.name == "sensitivity")
-    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 0)))
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 0), ()))
     assert [c.size for c in cases if c.attacked == (0,)] == [0.5, 1.0, 1.5, 2.0, 2.5]
     for sensor in (1, 4):
         sizes = [c.size for c in cases if c.attacked == (sensor,) and c.strength == "mild"]
         assert sizes == [37.5, 75.0, 112.5, 150.0, 187.5, 225.0]
     assert experiment.triples(RIG) == (Triple(0, 1, 4),)
-    assert list(experiment.cases(plane_rig(lidar=False), Dice(0, 1, 2, 0))) == []
+    assert list(experiment.cases(plane_rig(lidar=False), Dice(0, 1, 2, 0), ())) == []
 
 
 def test_the_visible_share_is_that_of_the_disc_inside_the_image():
@@ -142,7 +143,8 @@ def short_stretches(monkeypatch):
 @pytest.mark.usefixtures("short_stretches")
 def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
     whole = run(drive, tmp_path / "whole")
-    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24))
+    delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
+    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7) + delayed)
     assert not run(drive, tmp_path / "whole").fresh
 
     killed_at = 5
@@ -213,3 +215,32 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
 def test_the_command_says_what_it_needs():
     refused = CliRunner().invoke(auditor, ["evaluate"], standalone_mode=False)
     assert "name clean recordings, or give --synthetic" in str(refused.exception)
+
+
+def test_a_delayed_sensor_shows_earlier_frames_across_stretches_and_after_a_kill(drive, tmp_path):
+    run(drive, tmp_path / "audit")
+    sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
+    rows = [tuple(row.values()) for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
+
+
+def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, tmp_path):
+    picture = tmp_path / "laser.png"
+    light = np.zeros((60, 160, 3), dtype=np.uint8)
+    light[20:40] = 255
+    picture.write_bytes(cv2.imencode(".png", light)[1].tobytes())
+    run(drive, tmp_path / "audit")
+    added = run(drive, tmp_path / "audit", patterns=(picture,))
+    assert added.cases == FRAMES * 3
+    assert not run(drive, tmp_path / "audit", patterns=(picture,)).fresh
+    rows = run_query(Store.open(tmp_path / "audit"), "evaluation_further", {"r": "0"}).to_pylist()
+    patterns = [row for row in rows if row["attack"] == "pattern"]
+    assert {row["variant"] for row in patterns} == {"/".join(picture.parts[-3:])}
+    assert [row["attacked"] for row in patterns] == [[1], [2], [3]]
+    assert all(row["detected"] == row["cases"] == FRAMES for row in patterns)
+
+
+def test_what_is_no_picture_is_no_pattern(tmp_path):
+    (tmp_path / "laser.png").write_bytes(b"no picture")
+    with pytest.raises(SettingError, match="no readable picture"):
+        experiments_of([tmp_path / "laser.png"])

@@ -23,6 +23,13 @@ _FIRST_STREET = 1000
 @click.option(
     "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked anew."
 )
+@click.option(
+    "--pattern",
+    "patterns",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A picture of a laser pattern to lay over the images; may be given again.",
+)
 @options.store_option
 @options.matcher_option
 @options.rig_option
@@ -33,6 +40,7 @@ def command(
     synthetic: int | None,
     seed: int,
     draws: int,
+    patterns: tuple[Path, ...],
     store: Path,
     matcher: str,
     rig: Path | None,
@@ -46,16 +54,18 @@ def command(
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
     auditor evaluate --synthetic 40
 
-    Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three; nothing is written but counts. What is
+    Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
+    and displaced sensors; nothing is written but counts. What is
     finished is not measured again. auditor report evaluation writes the page, the evaluation queries answer the rest.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation import EvaluateTask, Recorded, Street  # noqa: PLC0415 - heavy
+    from auditor.evaluation import EvaluateTask, Recorded, Street, experiments_of  # noqa: PLC0415 - heavy
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store, run_query  # noqa: PLC0415
 
     if not recordings and synthetic is None:
         raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
+    experiments_of(patterns)  # patterns that cannot be read, too, are the command's error
     find_matcher(matcher)  # an unknown one is the command's error, not each recording's
     found = find_recordings(recordings)
     for error in found.errors:
@@ -67,7 +77,7 @@ def command(
     Store.open(store, create=True)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     tasks = [
-        EvaluateTask(source, store, matcher, seed, draws, share, shares)
+        EvaluateTask(source, store, matcher, seed, draws, patterns, share, shares)
         for source in sources
         for share in range(shares)
     ]

@@ -1,12 +1,13 @@
 """The paper's experiments as lists of cases: which sensors are attacked in a frame, and with what."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
 import numpy as np
 
 from auditor.evaluation.bench import Attack
+from auditor.frames import Frame
 from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.rig import LIDAR, Rig, Triple
 
@@ -41,6 +42,12 @@ class Case:
         """The attacked sensors, ascending."""
         return tuple(sorted(self.attacks))
 
+    @property
+    def attack(self) -> str | None:
+        """The kind of attack; None where there is none, or several."""
+        kinds = {attack.name for attack in self.attacks.values()}
+        return kinds.pop() if len(kinds) == 1 else None
+
 
 @dataclass(frozen=True)
 class Dice:
@@ -60,13 +67,15 @@ class Dice:
 class Experiment:
     """Cases for every frame and draw; `triples` are the ones that they are measured for.
 
-    `drawn` is False where nothing is left to chance, so that one draw is all there is.
+    `cases` also gets the frames before, the latest last. `drawn` is False where nothing is left to chance, so that one
+    draw is all there is; `inputs` tells apart the files that its attacks are made from.
     """
 
     name: str
     triples: Callable[[Rig], tuple[Triple, ...]]
-    cases: Callable[[Rig, Dice], Iterator[Case]]
+    cases: Callable[[Rig, Dice, Sequence[Frame]], Iterator[Case]]
     drawn: bool = True
+    inputs: str | None = None
 
 
 def scenario_1(rig: Rig) -> Triple | None:
@@ -88,7 +97,8 @@ def attacked_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
     return tuple(sorted(sets, key=lambda attacked: (len(attacked), attacked)))
 
 
-def _all_triples(rig: Rig) -> tuple[Triple, ...]:
+def all_triples(rig: Rig) -> tuple[Triple, ...]:
+    """Whatever the rig has."""
     return rig.triples
 
 
@@ -97,11 +107,11 @@ def _scenario_1_only(rig: Rig) -> tuple[Triple, ...]:
     return () if triple is None else (triple,)
 
 
-def _clean(_rig: Rig, _dice: Dice) -> Iterator[Case]:
+def _clean(_rig: Rig, _dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
     yield Case()
 
 
-def _combinations(rig: Rig, dice: Dice) -> Iterator[Case]:
+def _combinations(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
     """Each sensor has one attack in a draw, whatever others are attacked with it; strengths change nothing else."""
     for strength in STRENGTHS:
         attacks = {sensor: _drawn(rig, sensor, strength, dice.of(sensor)) for sensor in rig.sensors}
@@ -116,7 +126,7 @@ def _drawn(rig: Rig, sensor: int, strength: str, rng: np.random.Generator) -> Fa
     return draw_facula(rng, camera.width_px, camera.height_px, strength)
 
 
-def _sensitivity(rig: Rig, dice: Dice) -> Iterator[Case]:
+def _sensitivity(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
     """Walls of several widths on S_0; faculas of several radii on the reference camera, then on the witness."""
     triple = scenario_1(rig)
     if triple is None:
@@ -140,8 +150,8 @@ def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
 
 
 EXPERIMENTS = (
-    Experiment("clean", _all_triples, _clean, drawn=False),
-    Experiment("combinations", _all_triples, _combinations),
+    Experiment("clean", all_triples, _clean, drawn=False),
+    Experiment("combinations", all_triples, _combinations),
     Experiment("sensitivity", _scenario_1_only, _sensitivity),
 )
 """In the order in which they are measured."""

@@ -1,6 +1,8 @@
 """Evaluating one recording: its frames times the experiments' cases, measured into a store, stretch by stretch."""
 
+import hashlib
 import itertools
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -11,7 +13,8 @@ from time import perf_counter
 
 from auditor import __version__
 from auditor.evaluation.bench import Bench
-from auditor.evaluation.experiments import EXPERIMENTS, Dice, Experiment
+from auditor.evaluation.experiments import EXPERIMENTS, Dice, Experiment, all_triples
+from auditor.evaluation.further import DELAYS, FURTHER, pattern_cases, read_patterns
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.evidence import use_one_thread
 from auditor.evidence.matchers import Matcher, find_matcher
@@ -19,6 +22,7 @@ from auditor.frames import Frame, Skipped
 from auditor.results import Procedure
 from auditor.store import Store
 from auditor.store.evaluations import CasesWriter, EvaluationPart, MeasuredCase, cases_writer, finished_part
+from auditor.store.records import content_id
 
 STRETCH_FRAMES = 20
 """Frames that are finished together: a killed evaluation loses no more than these."""
@@ -28,13 +32,17 @@ _VERSIONED = ("numpy", "opencv-python-headless")
 
 @dataclass(frozen=True)
 class EvaluateTask:
-    """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks."""
+    """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks.
+
+    `patterns` are picture files of laser patterns to lay over the images.
+    """
 
     source: Source
     store: Path
     matcher: str = "sgbm"
     seed: int = 0
     draws: int = 1
+    patterns: tuple[Path, ...] = ()
     share: int = 0
     of: int = 1
 
@@ -68,38 +76,41 @@ def evaluate_source(task: EvaluateTask, progress: Callable[[str, int], None]) ->
         if run.finished():
             return Evaluated(0, 0)
         store.write_rig(drive.rig)
-        for stretch, frames, last in _stretches(drive.frames):
+        stretches = _Stretches(drive.frames)
+        for stretch, frames in stretches:
             if stretch % task.of == task.share:
-                run.measure(stretch, frames, last=last, progress=progress)
+                run.measure(stretch, frames, stretches, progress)
         return Evaluated(run.frames, run.cases)
 
 
-def _stretches(
-    frames: Iterator[Frame | Skipped],
-) -> Iterator[tuple[int, Iterator[Frame | Skipped], Callable[[], bool]]]:
-    """Runs of frames by number, each with whether it was the last, which is known once it has been read."""
-    peeked = _Peeking(frames)
-    for stretch in itertools.count():
-        end = (stretch + 1) * STRETCH_FRAMES
-        yield stretch, peeked.below(end), peeked.ended
-        for _ in peeked.below(end):  # what the caller left unread
-            pass
-        if peeked.ended():
-            return
+class _Stretches:
+    """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
 
-
-class _Peeking:
     def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
         self._frames = frames
         self._next = next(frames, None)
+        self.past: deque[Frame] = deque(maxlen=max(DELAYS))
 
-    def below(self, end: int) -> Iterator[Frame | Skipped]:
+    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
+        for stretch in itertools.count():
+            end = (stretch + 1) * STRETCH_FRAMES
+            yield stretch, self._below(end)
+            for _ in self._below(end):  # what the caller left unread
+                pass
+            if self.ended:
+                return
+
+    @property
+    def ended(self) -> bool:
+        """True once the last frame has been read."""
+        return self._next is None
+
+    def _below(self, end: int) -> Iterator[Frame | Skipped]:
         while self._next is not None and self._next.number < end:
             frame, self._next = self._next, next(self._frames, None)
             yield frame
-
-    def ended(self) -> bool:
-        return self._next is None
+            if isinstance(frame, Frame):
+                self.past.append(frame)
 
 
 class _Run:
@@ -108,6 +119,7 @@ class _Run:
         self._drive = drive
         self._matcher = matcher
         self._store = store
+        self._experiments = experiments_of(task.patterns)
         self.frames = 0
         self.cases = 0
 
@@ -122,12 +134,13 @@ class _Run:
             seed=self._task.seed if experiment.drawn else None,
             draws=self._task.draws if experiment.drawn else None,
             stretch=stretch,
+            inputs=experiment.inputs,
         )
 
     def finished(self) -> bool:
         """True where every stretch of this share is there, and the last one is known."""
         for stretch in itertools.count():
-            parts = [finished_part(self._store, self.part(experiment, stretch)) for experiment in EXPERIMENTS]
+            parts = [finished_part(self._store, self.part(experiment, stretch)) for experiment in self._experiments]
             mine = stretch % self._task.of == self._task.share
             if (mine and None in parts) or all(part is None for part in parts):
                 return False
@@ -139,11 +152,10 @@ class _Run:
         self,
         stretch: int,
         frames: Iterator[Frame | Skipped],
-        *,
-        last: Callable[[], bool],
+        stretches: _Stretches,
         progress: Callable[[str, int], None],
     ) -> None:
-        todo = [e for e in EXPERIMENTS if finished_part(self._store, self.part(e, stretch)) is None]
+        todo = [e for e in self._experiments if finished_part(self._store, self.part(e, stretch)) is None]
         if not todo:
             return
         with ExitStack() as stack:
@@ -154,7 +166,7 @@ class _Run:
                 if isinstance(frame, Skipped):
                     skipped += 1
                     continue
-                for at, spent in enumerate(self._measure_frame(frame, todo, writers)):
+                for at, spent in enumerate(self._measure_frame(frame, tuple(stretches.past), todo, writers)):
                     seconds[at] += spent
                 count += 1
                 self.frames += 1
@@ -163,30 +175,36 @@ class _Run:
                 writer.commit(
                     frames=count,
                     skipped=skipped,
-                    last=last(),
+                    last=stretches.ended,
                     seconds=spent,
                     versions=_versions(),
                     evaluated_at=datetime.now(UTC),
                 )
 
     def _measure_frame(
-        self, frame: Frame, experiments: Sequence[Experiment], writers: Sequence[CasesWriter]
+        self,
+        frame: Frame,
+        past: Sequence[Frame],
+        experiments: Sequence[Experiment],
+        writers: Sequence[CasesWriter],
     ) -> Iterator[float]:
         """Measure all cases; yields the seconds of each experiment."""
         bench = Bench(frame, self._drive.rig, self._matcher)
         for experiment, writer in zip(experiments, writers, strict=True):
             started = perf_counter()
             for draw in range(self._task.draws if experiment.drawn else 1):
-                for case in self._measured(bench, experiment, draw):
+                for case in self._measured(bench, past, experiment, draw):
                     writer.add(case)
                     self.cases += 1
             yield perf_counter() - started
 
-    def _measured(self, bench: Bench, experiment: Experiment, draw: int) -> Iterator[MeasuredCase]:
+    def _measured(
+        self, bench: Bench, past: Sequence[Frame], experiment: Experiment, draw: int
+    ) -> Iterator[MeasuredCase]:
         frame, rig = bench.frame, self._drive.rig
         dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), frame.number, draw)
         triples, present = experiment.triples(rig), set(bench.sensors)
-        for case in experiment.cases(rig, dice):
+        for case in experiment.cases(rig, dice, past):
             if not present.issuperset(case.attacked):
                 continue
             yield MeasuredCase(
@@ -194,6 +212,7 @@ class _Run:
                 stamp_ns=frame.stamp_ns,
                 draw=draw,
                 attacked=case.attacked,
+                attack=case.attack,
                 strength=case.strength,
                 size=case.size,
                 visible_share=case.visible_share,
@@ -201,6 +220,16 @@ class _Run:
                 counts=bench.counts(case.attacks, triples),
             )
         bench.forget_attacks()
+
+
+def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
+    """All experiments, those with the user's laser patterns last. Raises SettingError where one cannot be read."""
+    if not patterns:
+        return (*EXPERIMENTS, FURTHER)
+    read = read_patterns(patterns)
+    inputs = content_id("patterns", *((one.title, hashlib.sha256(one.pixels.tobytes()).hexdigest()) for one in read))
+    on_each = Experiment("patterns", all_triples, pattern_cases(read), drawn=False, inputs=inputs)
+    return (*EXPERIMENTS, FURTHER, on_each)
 
 
 def _versions() -> dict[str, str]:

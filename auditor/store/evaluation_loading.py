@@ -11,7 +11,7 @@ from auditor.rig import Rig
 from auditor.store.evaluation_answers import CURVE_RATES, R_SHOWN, SHORT_ROLES, Answers, Rows, names, size_of, subsets
 from auditor.store.evaluation_page import Evaluated, EvaluationPage, Setup
 from auditor.store.evaluation_sheets import sheets
-from auditor.store.evaluation_tables import grids
+from auditor.store.evaluation_tables import described, grids
 from auditor.store.queries import run_query, run_sql
 from auditor.store.store import Store
 
@@ -35,6 +35,7 @@ def load_evaluation(store: Store) -> EvaluationPage:
             "sensitivity": {},
             "distribution": {},
             "confusion": {},
+            "further": {},
         }.items()
     }
     by_setup: dict[str, Rows] = defaultdict(list)
@@ -100,6 +101,11 @@ def _unseen(answers: Answers) -> Iterator[str]:
                 f"A {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]} was detected in {row['detected']} of "
                 f"{row['cases']} frames."
             )
+    for row in answers.rows["further"]:
+        everyone = len(row["system"]) == len(answers.rig.sensors)
+        if row["held_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
+            what = f"{described(row)} on {names(row['attacked'])}"
+            yield f"{what[0].upper()}{what[1:]}, was detected in {row['detected']} of {row['cases']} frames."
     for number, triple in answers.scenarios.items():
         for strength in answers.strengths:
             for attacked in subsets(triple):

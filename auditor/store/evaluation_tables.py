@@ -1,12 +1,22 @@
 """The tables of the evaluation page."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from auditor.rig import LIDAR
 from auditor.store import published
 from auditor.store.evaluation_answers import R_SHOWN, ROLES, Answers, Sensors, names, percent, rate_of, size_of, subsets
 from auditor.store.evaluation_page import HELD_OUT, Cell, Grid, Row
+
+_UNITS = {
+    "hidden sector": "°",
+    "turned LiDAR": "°",
+    "shifted camera": " rows",
+    "delay": " frames",
+    "stripes": " grey levels",
+    "scattered points": " points",
+}
 
 
 def grids(answers: Answers) -> dict[str, list[Grid]]:
@@ -18,6 +28,7 @@ def grids(answers: Answers) -> dict[str, list[Grid]]:
             _identification(answers, mode, system) for system in answers.systems for mode in answers.modes
         ],
         "sensitivity": list(_sensitivity(answers)),
+        "further": list(_further(answers)),
         "false_alarms": [_false_alarms(answers, mode) for mode in answers.modes],
         "confusion": [_confusion(answers, system) for system in answers.systems[:1]],
     }
@@ -110,6 +121,38 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
                     for size, row in sorted(sizes.items())
                 ),
             )
+
+
+def _further(answers: Answers) -> Iterator[Grid]:
+    """One table for each sensor's attacks beyond the paper's, by the largest system."""
+    rows = [row for row in answers.rows["further"] if len(row["system"]) == len(answers.rig.sensors)]
+    found = {(row["held_out"], tuple(row["attacked"]), described(row)): row for row in rows}
+    for attacked in dict.fromkeys(attacked for _, attacked, _ in found):
+        kinds = list(dict.fromkeys(kind for _, of_it, kind in found if of_it == attacked))
+
+        def cells(kind: str, attacked: Sensors = attacked) -> Iterator[Cell]:
+            for mode in answers.modes:
+                row = found.get((mode, attacked, kind))
+                yield rate_of(row, "detected") if row else None
+                if answers.rig.max_attacked:
+                    interval = {"low": row["naming_low"], "high": row["naming_high"]} if row else {}
+                    yield rate_of({**row, **interval}, "named") if row else None
+
+        columns = ("detected", "named") if answers.rig.max_attacked else ("detected",)
+        yield Grid(
+            title=f"On {names(attacked)}",
+            groups=tuple((HELD_OUT[mode], len(columns)) for mode in answers.modes),
+            columns=columns * len(answers.modes),
+            rows=tuple(Row(kind, tuple(cells(kind))) for kind in kinds),
+        )
+
+
+def described(row: Mapping[str, Any]) -> str:
+    """An attack in words, with its size in its own unit."""
+    words = f"{row['variant']} {row['attack']}" if row["attack"] == "stripes" else row["attack"]
+    if row["attack"] == "pattern":
+        words = f"pattern {row['variant']}"
+    return words if row["size"] is None else f"{words}, {row['size']:g}{_UNITS.get(row['attack'], '')}"
 
 
 def _false_alarms(answers: Answers, mode: str) -> Grid:

@@ -17,7 +17,10 @@ _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 
 @dataclass(frozen=True)
 class EvaluationPart:
-    """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn."""
+    """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn.
+
+    `inputs` tells apart the files that its attacks were made from, where there are any.
+    """
 
     recording_id: str
     name: str
@@ -28,12 +31,13 @@ class EvaluationPart:
     seed: int | None
     draws: int | None
     stretch: int
+    inputs: str | None = None
 
     @property
     def evaluation_id(self) -> str:
         """The id that follows from what decides every count of the part."""
         decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiment, self.seed, self.draws)
-        return content_id("evaluation", *decides, self.stretch)
+        return content_id("evaluation", *decides, self.inputs, self.stretch)
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class MeasuredCase:
     stamp_ns: int
     draw: int
     attacked: tuple[int, ...]
+    attack: str | None
     strength: str | None
     size: float | None
     visible_share: float | None

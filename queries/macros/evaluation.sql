@@ -79,7 +79,7 @@ JOIN block ON block.setup = theta.setup
     AND (fold_recording IS NULL OR fold_recording = block.recording_id)
     AND (fold_block IS NULL OR fold_block = block.block);
 
--- What Algorithm 2 says of the clean frames and the combinations of attacks, counted: by system, truth and verdict.
+-- What Algorithm 2 says of all cases that were measured for every triple, counted: by system, truth and verdict.
 -- Systems are all sensors, and of more than three cameras with a LiDAR also the LiDAR with S_n, S_1 and S_2: the
 -- leftmost camera and the two farthest from it. `source` names the cases, `sensors` the triples.
 CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames) AS TABLE
@@ -108,11 +108,14 @@ error AS MATERIALIZED (
         rig_id,
         recording_id,
         frame // block_frames AS block,
+        experiment,
+        attack,
         strength,
+        size,
         attacked,
         errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS E
     FROM query_table(source)
-    WHERE experiment IN ('clean', 'combinations')
+    WHERE experiment <> 'sensitivity'
 ),
 counted AS MATERIALIZED (
     SELECT
@@ -120,7 +123,10 @@ counted AS MATERIALIZED (
         threshold_of.held_out,
         system.system,
         system.triples,
+        error.experiment,
+        error.attack,
         error.strength,
+        error.size,
         error.attacked,
         threshold_of.r,
         states_of(
@@ -140,7 +146,8 @@ counted AS MATERIALIZED (
     FROM error
     JOIN system USING (rig_id)
     JOIN threshold_of USING (setup, recording_id, block)
-    WHERE list_has_all(system.system, error.attacked) AND len(error.attacked) <= greatest(len(system.system) - 3, 0)
+    WHERE list_has_all(system.system, error.attacked)
+        AND (error.experiment <> 'combinations' OR len(error.attacked) <= len(system.system) - 3)
     GROUP BY ALL
 ),
 pattern AS MATERIALIZED (
@@ -153,7 +160,10 @@ SELECT
     counted.setup,
     counted.held_out,
     counted.system,
+    counted.experiment,
+    counted.attack,
     counted.strength,
+    counted.size,
     counted.attacked,
     counted.r,
     CASE

@@ -1,6 +1,7 @@
 """The SQL tables of an evaluation equal the same tables computed in Python from the stored counts, exactly."""
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from datetime import UTC, datetime
 from decimal import Decimal
 from itertools import combinations
@@ -68,11 +69,13 @@ def made(tmp_path_factory):
 
             def case(attacked, strength=None, size=None, *, at=frame):
                 counts = drawn_counts(rng, attacked, 0.02)
-                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, strength, size, None, {}, counts)
+                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts)
 
             cases["clean", recording].append(case(()))
             for strength in ("mild", "opaque"):
                 cases["combinations", recording] += [case(attacked, strength) for attacked in attacked_sets()]
+            further = [replace(case((s,), "dark", 40.0), attack="stripes") for s in (1, 4)]
+            cases["further", recording] += [*further, replace(case((0,), size=10.0), attack="hidden sector")]
             cases["sensitivity", recording] += [case((0,), None, width) for width in (0.5, 2.5)]
             cases["sensitivity", recording] += [case((s,), "mild", 75.0) for s in (1, 4)]
     for (experiment, recording), of_it in cases.items():
@@ -275,6 +278,25 @@ def test_distributions_equal_python(made):
         assert row["median"] == measured[-(-len(measured) // 2) - 1]
 
 
+def test_attacks_beyond_the_papers_equal_python(made):
+    expected = Counter()
+    for (held_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
+        for case in made[1]["further", recording]:
+            if case.frame // BLOCK == block and r == Decimal("0.05"):
+                states = zip(errors(case, Statistic.GATED), theta, strict=True)
+                _, named, raised = said("".join(state(*pair) for pair in states))
+                key = held_out, case.attack, case.strength, case.size, case.attacked
+                expected[*key, "cases"] += 1
+                expected[*key, "detected"] += raised
+                expected[*key, "named"] += raised and named == case.attacked
+    rows = [row for row in answer(made, "evaluation_further", r="0.05") if len(row["system"]) == 5]
+    assert len(rows) == 3 * 3
+    for row in rows:
+        key = row["held_out"], row["attack"], row["variant"], row["size"], tuple(row["attacked"])
+        for column in ("cases", "detected", "named"):
+            assert row[column] == expected[*key, column], (key, column)
+
+
 def test_the_summary_agrees_with_the_tables(made):
     summary = {(row["held_out"], row["strength"], row["r"]): row for row in answer(made, "evaluation_summary", r=R)}
     for row in answer(made, "evaluation_detection", r=R):
@@ -292,8 +314,8 @@ def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
     store = new_store(tmp_path)
     store.write_rig(RIG)
     rng = np.random.default_rng(1)
-    clean = [MeasuredCase(f, f, 0, (), None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
-    hit = [MeasuredCase(f, f, 0, (1,), "mild", None, None, {}, drawn_counts(rng, (1,), 0)) for f in range(12)]
+    clean = [MeasuredCase(f, f, 0, (), None, None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
+    hit = [MeasuredCase(f, f, 0, (1,), "facula", "mild", None, None, {}, drawn_counts(rng, (1,), 0)) for f in range(12)]
     write(store, part("a", "clean"), clean)
     write(store, part("a", "combinations"), hit)
     rows = run_query(store, "evaluation_detection", {"r": "0"}).to_pylist()
@@ -305,7 +327,7 @@ def test_real_and_synthetic_drives_are_not_pooled(tmp_path):
     store.write_rig(RIG)
     rng = np.random.default_rng(1)
     for recording, synthetic in (("a", False), ("b", True)):
-        clean = [MeasuredCase(f, f, 0, (), None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
+        clean = [MeasuredCase(f, f, 0, (), None, None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
         write(store, part(recording, "clean", synthetic=synthetic), clean)
     rows = run_query(store, "evaluation_false_alarms", {"r": "0"}).to_pylist()
     assert len({row["setup"] for row in rows}) == 2
@@ -317,7 +339,7 @@ def test_a_part_is_finished_only_once_its_row_is_there(tmp_path):
     store.write_rig(RIG)
     which = part("a", "clean")
     with cases_writer(store, which) as writer:
-        writer.add(MeasuredCase(0, 0, 0, (), None, None, None, {}, [None] * len(RIG.triples)))
+        writer.add(MeasuredCase(0, 0, 0, (), None, None, None, None, {}, [None] * len(RIG.triples)))
     assert finished_part(store, which) is None
     write(store, which, [], last=False)
     assert finished_part(store, which) is False

@@ -34,7 +34,7 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
             )
             with cases_writer(store, part) as writer:
                 for frame in range(frames):
-                    for case in experiment.cases(rig, Dice(0, number, frame, 0)):
+                    for case in experiment.cases(rig, Dice(0, number, frame, 0), ()):
                         writer.add(measured(rig, frame, case, rng, seen))
                 writer.commit(
                     frames=frames,
@@ -53,9 +53,8 @@ def measured(rig, frame, case, rng, seen):
         raised = set(case.attacked) & set(triple) and rng.random() < seen
         E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
         counts.append(Counts(2000, E, 1000, E, 0))
-    return MeasuredCase(
-        frame, frame * PERIOD_NS, 0, case.attacked, case.strength, case.size, case.visible_share, {}, counts
-    )
+    said = case.attacked, case.attack, case.strength, case.size, case.visible_share
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts)
 
 
 @pytest.fixture(scope="module")
