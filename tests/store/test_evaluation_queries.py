@@ -310,6 +310,15 @@ def test_the_summary_agrees_with_the_tables(made):
             assert short[name[len(row["system"]), row["attacked_sensors"]]] == row["rate"]
 
 
+def test_the_cost_of_a_case_stands_beside_that_of_a_clean_frame(made):
+    rows = {row["experiment"]: row for row in run_query(made[0], "evaluation_cost").to_pylist()}
+    cases = {name: sum(len(made[1][name, recording]) for recording in FRAMES) for name in rows}
+    assert rows.keys() == {"clean", "combinations", "further", "sensitivity"}
+    for name, row in rows.items():
+        assert (row["cases"], row["seconds"], row["cases_a_second"]) == (cases[name], 4.0, cases[name] / 4)
+        assert row["ratio"] == pytest.approx(cases["clean"] / cases[name])
+
+
 def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
     store = new_store(tmp_path)
     store.write_rig(RIG)
