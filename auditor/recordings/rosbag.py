@@ -3,24 +3,20 @@
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any
 
 from auditor.errors import RecordingError
 from auditor.frames import Message
 from auditor.recordings.bag_reading import BagRead
-from auditor.recordings.channels import total_counts
-from auditor.recordings.content import content_id
 from auditor.recordings.damage_log import DamageLog
 from auditor.recordings.db3_reading import Db3Read
-from auditor.recordings.interface import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Recording, Topic
+from auditor.recordings.files_recording import FilesRecording
+from auditor.recordings.interface import Recording
 from auditor.recordings.labels import METADATA_TOPIC, label_from_dict, load_json
 from auditor.recordings.mcap import McapRecording
-from auditor.recordings.names import Names
 from auditor.recordings.schemas import STRING
 from auditor.results import AttackLabel
 
-_PEEK_BYTES = 32 * 2**20
 _ACTIVE = ".bag.active"
 """What a recorder calls a bag until it has closed it."""
 
@@ -67,16 +63,12 @@ def _storage_files(folder: Path) -> tuple[Path, ...]:
     return _files(folder, ".db3") or _files(folder, ".mcap")
 
 
-class RosbagRecording:
-    """The files of one ROS recording, read one after the other. See interface.Recording."""
+class RosbagRecording(FilesRecording):
+    """The files of one ROS recording, read one after the other."""
 
     def __init__(self, path: Path, files: tuple[Path, ...], kind: type[BagRead] | type[Db3Read]) -> None:
-        self.path = path
-        self.files = files
+        super().__init__(path, files)
         self._kind = kind
-        self._names = Names()
-        self._damage = DamageLog()
-        self._reads: list[FileRead] = []
         self._unreadable: dict[Path, str] = {}
         for file in files:
             try:
@@ -87,66 +79,7 @@ class RosbagRecording:
             what = next(iter(self._unreadable.values()))
             raise RecordingError(what, where=path, remedy="repair it with its recorder's own tools")
         if not self._names.topics:
-            self._look_inside()
-
-    def _look_inside(self) -> None:
-        """Learn topics from the beginning, where there is no index."""
-        seen = 0
-        for message in self._read(None, DamageLog())[1]:
-            seen += len(message.data)
-            if seen > _PEEK_BYTES:
-                break
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Nothing stays open between reads."""
-
-    @cached_property
-    def recording_id(self) -> str:
-        """sha256 (hex) of the content."""
-        return content_id(self.path, self.files)
-
-    @cached_property
-    def clock(self) -> Clock:
-        """What the recording says of its own clock, else a guess from its first log time."""
-        said = self.metadata().get("clock")
-        if said in CLOCKS:
-            return cast("Clock", said)
-        first = next(self._read(None, DamageLog())[1], None)
-        if first is None:
-            return "unknown"
-        return "utc" if first.log_time_ns >= EARLIEST_UTC_NS else "relative"
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Messages met by the last read, by topic."""
-        return total_counts(self._names, [read.channels for read in self._reads])
-
-    @property
-    def damage(self) -> tuple[Damage, ...]:
-        """What the last read could not read."""
-        return self._damage.entries
-
-    def topics(self) -> tuple[Topic, ...]:
-        """Those of the index, and those met while reading."""
-        return tuple(topic for _, topic in sorted(self._names.topics.items()))
-
-    def definition(self, schema: str) -> Definition | None:
-        """The first definition found under that name."""
-        return self._names.definitions.get(schema)
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Every message, as recorded."""
-        self._damage = DamageLog()
-        self._reads, stream = self._read(topics, self._damage)
-        return stream
+            self._learn_from_beginning()
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
         readable = [file for file in self.files if file not in self._unreadable]
