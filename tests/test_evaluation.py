@@ -224,6 +224,15 @@ def test_a_delayed_sensor_shows_earlier_frames_across_stretches_and_after_a_kill
     assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
 
 
+def test_what_is_not_left_to_chance_is_tried_once_however_often_the_rest_is_drawn():
+    experiment = next(e for e in experiments_of(()) if e.name == "further")
+    first, second = (list(experiment.cases(RIG, Dice(0, 1, 2, draw), ())) for draw in (0, 1))
+    once = {"turned LiDAR", "shifted camera"}
+    assert {case.attack for case in first} - {case.attack for case in second} == once
+    assert len(second) == len([case for case in first if case.attack not in once])
+    assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
+
+
 def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, tmp_path):
     picture = tmp_path / "laser.png"
     light = np.zeros((60, 160, 3), dtype=np.uint8)

@@ -29,33 +29,43 @@ STRIPE_LEVELS = (60.0, 120.0)
 
 
 def cases(rig: Rig, dice: Dice, past: Sequence[Frame]) -> Iterator[Case]:
-    """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it."""
+    """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it.
+
+    What is not left to chance comes with the first draw only, so that nothing counts twice.
+    """
     if rig.lidar:
-        yield from _lidar_cases(dice, past)
+        yield from _drawn_on_lidar(dice)
     for sensor in (1, rig.n):
         phase = dice.of(sensor).uniform(0, STRIPES_PX)
         for level in STRIPE_LEVELS:
             yield Case({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
             yield Case({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
-        for rows in ROWS_PX:
-            yield Case({sensor: ShiftedCamera(rows)}, size=rows)
-        for delay, frame in _earlier(past):
-            if sensor in frame.images:
-                yield Case({sensor: DelayedCamera(delay, frame.images[sensor])}, size=delay)
+    if dice.draw == 0:
+        yield from _certain(rig, past)
 
 
-def _lidar_cases(dice: Dice, past: Sequence[Frame]) -> Iterator[Case]:
+def _drawn_on_lidar(dice: Dice) -> Iterator[Case]:
     rng = dice.of(LIDAR)
     azimuth, seed = float(rng.uniform(*SECTOR_AZIMUTHS_DEG)), int(rng.integers(1 << 31))
     for width in SECTORS_DEG:
         yield Case({LIDAR: HiddenSector(width, azimuth)}, size=width)
     for count in POINTS:
         yield Case({LIDAR: ScatteredPoints(count, seed)}, size=count)
-    for yaw in YAWS_DEG:
-        yield Case({LIDAR: TurnedLidar(yaw)}, size=yaw)
-    for delay, frame in _earlier(past):
-        if frame.cloud is not None:
-            yield Case({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
+
+
+def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[Case]:
+    if rig.lidar:
+        for yaw in YAWS_DEG:
+            yield Case({LIDAR: TurnedLidar(yaw)}, size=yaw)
+        for delay, frame in _earlier(past):
+            if frame.cloud is not None:
+                yield Case({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
+    for sensor in (1, rig.n):
+        for rows in ROWS_PX:
+            yield Case({sensor: ShiftedCamera(rows)}, size=rows)
+        for delay, frame in _earlier(past):
+            if sensor in frame.images:
+                yield Case({sensor: DelayedCamera(delay, frame.images[sensor])}, size=delay)
 
 
 def _earlier(past: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:

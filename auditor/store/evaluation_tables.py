@@ -12,8 +12,8 @@ from auditor.store.evaluation_page import HELD_OUT, Cell, Grid, Row
 _UNITS = {
     "hidden sector": "°",
     "turned LiDAR": "°",
-    "shifted camera": " rows",
-    "delay": " frames",
+    "shifted camera": " row(s)",
+    "delay": " frame(s)",
     "stripes": " grey levels",
     "scattered points": " points",
 }
