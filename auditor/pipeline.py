@@ -37,6 +37,7 @@ from auditor.store import (
     RecordingRecord,
     Store,
     StoredJudgement,
+    StoredMeasurement,
     make_calibration,
     measurement_id,
 )
@@ -94,18 +95,20 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         todo = [rig for rig, known in zip(rigs, ids, strict=True) if not store.has_measurement(known)]
         for rig in todo:
             store.write_rig(rig)
-            _measure(recording, surveyed, rig, matcher, store, progress)
-        if todo:
-            store.write_labels(recording.recording_id, recording.labels(), rigs[0])
-            store.write_recording(_recording_record(recording, task, store, ids))
+            _measure(recording, surveyed, rig, matcher, procedure, store, progress)
         measurements = [store.measurement(known) for known in ids]
+        damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
+        # A scan may have been killed after its last measurement and before it could keep the recording itself.
+        if todo or not store.has_recording(recording.recording_id):
+            store.write_labels(recording.recording_id, recording.labels(), rigs[0])
+            store.write_recording(_recording_record(recording, task, measurements, damage))
         return Measured(
             recording=task.recording,
             recording_id=recording.recording_id,
             measurement_ids=ids,
             frames=sum(m.frames for m in measurements),
             fresh=bool(todo),
-            damage=tuple(dict.fromkeys(piece for m in measurements for piece in m.damage)),
+            damage=damage,
         )
 
 
@@ -123,11 +126,11 @@ def _measure(
     surveyed: Survey,
     rig: Rig,
     matcher: Matcher,
+    procedure: Procedure,
     store: Store,
     progress: Callable[[str, int], None],
 ) -> None:
     started = perf_counter()
-    procedure = Procedure(matcher.name, matcher.settings)
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
     pictures = PictureBook()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
@@ -163,9 +166,9 @@ def _measure(
         )
 
 
-def _recording_record(recording: Recording, task: MeasureTask, store: Store, ids: Sequence[str]) -> RecordingRecord:
-    measurements = [store.measurement(known) for known in ids]
-    damage = dict.fromkeys(piece for m in measurements for piece in m.damage)
+def _recording_record(
+    recording: Recording, task: MeasureTask, measurements: Sequence[StoredMeasurement], damage: tuple[str, ...]
+) -> RecordingRecord:
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=recording.path.name,
@@ -176,7 +179,7 @@ def _recording_record(recording: Recording, task: MeasureTask, store: Store, ids
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
         vehicle=task.vehicle or recording.metadata().get("vehicle"),
-        damage=tuple(damage),
+        damage=damage,
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
 
 if TYPE_CHECKING:
     from auditor.recordings import Recording
@@ -57,7 +57,7 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
             _show(description)
     if form == "json":
         click.echo(json.dumps(descriptions, indent=2))
-    return Exit.CLEAN if tally.exit_code() is Exit.CLEAN else tally.exit_code()
+    return tally.exit_code()
 
 
 def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:

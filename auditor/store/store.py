@@ -89,6 +89,10 @@ class Store:
             for row in self._rows("recordings")
         ]
 
+    def has_recording(self, recording_id: str) -> bool:
+        """True where a recording was kept."""
+        return self.path("recordings", recording_id).is_file()
+
     def recording(self, recording_id: str) -> RecordingRecord:
         """The recording of an id."""
         row = self._row("recordings", recording_id)

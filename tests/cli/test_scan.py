@@ -152,3 +152,18 @@ def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
     )
     assert done.returncode == 3
     assert json.loads(done.stdout)[0]["frames"] == 30
+
+
+def test_a_scan_killed_before_it_kept_the_recording_itself_is_completed(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+    kept = [path for table in ("recordings", "labels") for path in (store / table).glob("*.parquet")]
+    assert len(kept) == 2
+    for path in kept:
+        path.unlink()
+    assert run(["scan", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store)]) == 0
+    assert "measured before" in capfd.readouterr().err
+    assert all(path.is_file() for path in kept)
+    assert summary(store, capfd)["clean.mcap"]["clean"] == 30
