@@ -55,8 +55,8 @@ def command(
     auditor evaluate --synthetic 40
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
-    and displaced sensors; nothing is written but counts. What is
-    finished is not measured again. auditor report evaluation writes the page, the evaluation queries answer the rest.
+    and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
+    evaluation writes the page, the evaluation queries answer the rest.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.evaluation import EvaluateTask, Recorded, Street, experiments_of  # noqa: PLC0415 - heavy
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415

@@ -37,7 +37,17 @@ Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Facula:
+class Described:
+    """An attack or fault whose fields are everything that decides its effect."""
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """Everything that decides its effect: the ground truth that goes with changed data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Facula(Described):
     """A round Gaussian facula: I' = clip(I + A exp(-rho^2 / 2 sigma^2)), sigma = `sigma_share` R.
 
     The paper counts pi R^2 as the contaminated area; its light fades beyond R, and does not end there.
@@ -51,11 +61,6 @@ class Facula:
     sigma_share: float = 0.5
 
     name = "facula"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The image with the facula on it; colours are brightened alike."""
@@ -74,7 +79,7 @@ class Facula:
 
 
 @dataclass(frozen=True)
-class BogusWall:
+class BogusWall(Described):
     """Relayed pulses that show a wall facing the LiDAR and hide what is behind it.
 
     `range_m` ahead of the LiDAR along the cameras' viewing direction, its middle `lateral_m` to the right, its lower
@@ -89,11 +94,6 @@ class BogusWall:
     seed: int = 0
 
     name = "wall"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud with the wall in it; its points keep their order, added ones come last.

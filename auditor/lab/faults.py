@@ -1,12 +1,13 @@
 """A sensor that hides, invents, lags or has moved: attacks on the LiDAR beyond the paper's wall, and plain faults."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import SettingError
 from auditor.frames import CameraImage, PointCloud
+from auditor.lab.attacks import Described
 from auditor.rig import Rig
 
 Points = NDArray[np.float32]
@@ -17,18 +18,13 @@ _RANGES_M = (4.0, 40.0)
 
 
 @dataclass(frozen=True)
-class HiddenSector:
+class HiddenSector(Described):
     """All points of a sector are gone: `width_deg` wide, its middle `azimuth_deg` to the right of straight ahead."""
 
     width_deg: float
     azimuth_deg: float
 
     name = "hidden sector"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud without the sector. Raises SettingError for a rig without a LiDAR."""
@@ -38,18 +34,13 @@ class HiddenSector:
 
 
 @dataclass(frozen=True)
-class ScatteredPoints:
+class ScatteredPoints(Described):
     """`count` spoofed points anywhere in the cameras' view, 4 to 40 m away."""
 
     count: int
     seed: int
 
     name = "scattered points"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud with the points added last. Raises SettingError for a rig without a LiDAR."""
@@ -65,17 +56,12 @@ class ScatteredPoints:
 
 
 @dataclass(frozen=True)
-class TurnedLidar:
+class TurnedLidar(Described):
     """The LiDAR has turned on its mount by `yaw_deg` since it was calibrated: a fault, not an attack."""
 
     yaw_deg: float
 
     name = "turned LiDAR"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud as the turned LiDAR reports it. Raises SettingError for a rig without a LiDAR."""
@@ -87,17 +73,12 @@ class TurnedLidar:
 
 
 @dataclass(frozen=True)
-class ShiftedCamera:
+class ShiftedCamera(Described):
     """The camera has tilted since it was calibrated: its image stands `rows_px` lower. A fault, not an attack."""
 
     rows_px: int
 
     name = "shifted camera"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The image moved down, its first row repeated above it."""

@@ -1,11 +1,12 @@
 """Light on a camera beyond the paper's facula: captured laser patterns, and the stripes of a rolling shutter."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.frames import CameraImage
+from auditor.lab.attacks import Described
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class LaserPattern:
 
 
 @dataclass(frozen=True)
-class Stripes:
+class Stripes(Described):
     """Rows brightened or darkened in turn, as a light that flickers faster than the frame does to a rolling shutter.
 
     Of every `period_px` rows, the first being number `phase_px`, a share `duty` gets `amplitude` grey levels more.
@@ -51,11 +52,6 @@ class Stripes:
     duty: float = 0.5
 
     name = "stripes"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
-        return asdict(self)
 
     def apply(self, image: CameraImage) -> CameraImage:
         """The image with the stripes on it."""

@@ -20,6 +20,7 @@ from auditor.identification.algorithm2 import identify
 from auditor.lab.attacks import draw_facula, draw_wall
 from auditor.results import Statistic
 from auditor.rig import LIDAR, Rig, Triple
+from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 
 DRAWS = 3
@@ -58,10 +59,8 @@ def maxima(clean: list[Errors]) -> dict[Triple, float]:
 
 def wilson(k: int, n: int) -> str:
     """k of n with the 95 % interval."""
-    p, z = k / n, 1.959963984540054
-    middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low, high = ((middle + side * half) / (1 + z * z / n) for side in (-1, 1))
-    return f"{k}/{n} = {100 * p:5.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+    low, high = wilson_percent(k, n)
+    return f"{k}/{n} = {100 * k / n:5.1f} % [{low:.1f}, {high:.1f}]"
 
 
 def main() -> None:

@@ -25,6 +25,7 @@ from auditor.lab.drives import make_drive
 from auditor.lab.streets import STYLES
 from auditor.results import FINDINGS, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
+from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_measuring import Sample, rig_elements, samples
 
@@ -97,10 +98,8 @@ METHODS = {
 
 def wilson(k: int, n: int) -> str:
     """k of n with the 95 % interval."""
-    p, z = k / n, 1.959963984540054
-    middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low, high = ((middle + side * half) / (1 + z * z / n) for side in (-1, 1))
-    return f"{k:5}/{n:<5} {100 * p:5.1f} [{100 * low:5.1f}, {100 * high:5.1f}]"
+    low, high = wilson_percent(k, n)
+    return f"{k:5}/{n:<5} {100 * k / n:5.1f} [{low:5.1f}, {high:5.1f}]"
 
 
 def report(rig: Rig, splits: Sequence[Split]) -> None:
