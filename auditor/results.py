@@ -6,6 +6,9 @@ from datetime import datetime
 from decimal import Decimal
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from auditor.frames import Presence
 from auditor.rig import RigKind, Triple
 
@@ -57,6 +60,17 @@ class Coverage:
     textureless_share: float | None = None
     unmatched_share: float | None = None
     returns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """How many pixels of each cell were looked at, and how many stand against somebody: (rows, columns) uint8.
+
+    They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
+    """
+
+    valid: NDArray[np.uint8]
+    against: NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

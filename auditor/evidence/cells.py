@@ -1,31 +1,17 @@
 """Counts on a coarse grid: enough to judge every portion of an image again without the image."""
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.contradiction import Adjudication
 from auditor.evidence.likeness import Likeness
+from auditor.results import Cells
 
 CELL_PX = 8
 """Width and height of a cell in full-resolution pixels."""
 
 _HALF_SIDE = CELL_PX // 2
-
-Grid = NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """How many pixels of each cell were looked at, and how many stand against somebody: (rows, columns) uint8.
-
-    They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
-    """
-
-    valid: Grid
-    against: Grid
 
 
 def cells_of_points(adjudication: Adjudication, height_px: int, width_px: int) -> Cells:
@@ -44,7 +30,7 @@ def cells_of_likeness(pair: Likeness) -> Cells:
     return Cells(_count(pair.comparable), _count(pair.unlike))
 
 
-def _count(mask: NDArray[np.bool_]) -> Grid:
+def _count(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """How many of each 4 x 4 pixels are set; beyond the right and lower edge none is."""
     height, width = mask.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE

@@ -7,19 +7,18 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.cells import Cells, cells_of_likeness, cells_of_points
+from auditor.elements import resolves_depth
+from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness
 from auditor.evidence.photometric import Light, coarse, compare_light
 from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap
+from auditor.results import Cells
 from auditor.rig import Rig
 
 Pair = tuple[int, int]
-
-_FEWEST_PX_AT_10_M = 9.0
-"""A pair that resolves less cannot tell a surface from one half as far again, and contradicts nobody."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,3 @@ def testify(
         adjudications=adjudications,
         likenesses=likenesses,
     )
-
-
-def resolves_depth(rig: Rig, j: int, k: int) -> bool:
-    """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
-    return rig.camera(k).focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M

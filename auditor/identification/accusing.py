@@ -7,8 +7,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.elements import Element
 from auditor.identification.algorithm2 import FEWEST_SENSORS, identify
-from auditor.identification.elements import Element, explains, triple_states
+from auditor.identification.explaining import explains, triple_states
 from auditor.identification.joint import PRICE, Explanations, attack_sets, explain
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
 from auditor.results import Verdict, VerdictKind

@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Element
+from auditor.elements import Element
 from auditor.identification.joint import explain
 from auditor.identification.margins import margins, yardsticks
 

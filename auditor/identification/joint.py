@@ -8,7 +8,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Element, Witness, demands, explains
+from auditor.elements import Element, Witness
+from auditor.identification.explaining import demands, explains
 
 PRICE = 0.02
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Element, Witness
+from auditor.elements import Element, Witness
 
 Grid = NDArray[np.integer]
 

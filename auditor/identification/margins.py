@@ -7,7 +7,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.elements import Element, Witness
+from auditor.elements import Element, Witness
 from auditor.identification.thresholds import threshold
 
 LOWEST, HIGHEST = -2.0, 3.0

@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 
+from auditor.elements import Witness
 from auditor.evidence import measure, use_one_thread
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import adjudicate
@@ -27,7 +28,6 @@ from auditor.evidence.testimony import testify
 from auditor.evidence.texture import textured
 from auditor.evidence.visibility import visible_to_witness
 from auditor.frames import Frame
-from auditor.identification.elements import Witness
 from auditor.identification.local_ratio import WINDOWS, local_ratio
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.rig import Rig

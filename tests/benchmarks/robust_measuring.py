@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from auditor.elements import Element, Witness, rig_elements
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.comparing import compare_cameras, compare_with_lidar
 from auditor.evidence.contradiction import adjudicate
@@ -17,10 +18,8 @@ from auditor.evidence.photometric import coarse, compare_light
 from auditor.evidence.reduction import halve
 from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import stereo_map
-from auditor.evidence.testimony import resolves_depth
 from auditor.evidence.texture import textured
 from auditor.frames import CameraImage, Frame, PointCloud
-from auditor.identification.elements import Element, Witness, elements_of
 from auditor.identification.local_ratio import WINDOWS, local_ratio
 from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.results import Statistic
@@ -45,13 +44,6 @@ class Sample:
     draw: int
     ratios: tuple[float, ...]
     E: tuple[tuple[float, ...], ...]
-
-
-def rig_elements(rig: Rig) -> tuple[Element, ...]:
-    """The elements that a rig is judged by."""
-    matched = tuple(dict.fromkeys((w, t.k) for t in rig.triples for w in t[:2] if w != LIDAR))
-    contradicting = [pair for pair in matched if rig.lidar and resolves_depth(rig, *pair)]
-    return elements_of(rig.n, matched, contradicting, rig.references if rig.lidar else ())
 
 
 class Bench:

@@ -14,6 +14,7 @@ from decimal import Decimal
 
 import numpy as np
 
+from auditor.elements import rig_elements
 from auditor.evidence import use_one_thread
 from auditor.identification.accusing import System, accuse
 from auditor.identification.margins import margins, yardsticks
@@ -27,7 +28,7 @@ from auditor.results import FINDINGS, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
-from tests.benchmarks.robust_measuring import Sample, rig_elements, samples
+from tests.benchmarks.robust_measuring import Sample, samples
 
 R = Decimal("0.01")
 WINDOW_S = 0.5

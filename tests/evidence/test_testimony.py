@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from auditor.elements import resolves_depth
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers import SgbmMatcher
 from auditor.evidence.reduction import halve
 from auditor.evidence.stereo import stereo_map
-from auditor.evidence.testimony import resolves_depth
 from auditor.evidence.testimony import testify as hear
 from auditor.evidence.texture import textured
 from tests.evidence.scenes import plane_frame, plane_rig

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from auditor.elements import Element, Witness, elements_of
 from auditor.identification.accusing import System, accuse
-from auditor.identification.elements import Element, Witness, elements_of
 from auditor.results import VerdictKind
 from auditor.rig import triples_of
 

@@ -2,7 +2,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.identification.elements import elements_of
+from auditor.elements import elements_of
 from auditor.identification.false_alarms import HeldOut, leave_one_recording_out, score_threshold
 from auditor.identification.joint import attack_sets
 

@@ -3,8 +3,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from auditor.elements import Element, Witness, elements_of
 from auditor.identification import joint
-from auditor.identification.elements import Element, Witness, demands, elements_of, explains, triple_states
+from auditor.identification.explaining import demands, explains, triple_states
 from auditor.identification.joint import attack_sets, explain
 from auditor.rig import triples_of
 

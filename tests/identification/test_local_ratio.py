@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.identification.elements import Element, Witness
+from auditor.elements import Element, Witness
 from auditor.identification.local_ratio import Window, fitted, local_ratio, local_ratios
 
 

@@ -3,8 +3,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
+from auditor.elements import Element, Witness
 from auditor.errors import ThresholdsError
-from auditor.identification.elements import Element, Witness
 from auditor.identification.margins import CEILINGS, FLOORS, Yardstick, margins, yardstick, yardsticks
 
 R = Decimal("0.01")

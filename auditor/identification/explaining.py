@@ -1,65 +1,14 @@
-"""The elements of the robust method: what one witness says of one camera pair, and what an attack would make it say."""
+"""What an attack on some sensors makes of the elements: which it can raise and which it should have raised."""
 
-from collections.abc import Collection, Iterable, Sequence
-from enum import StrEnum
-from itertools import combinations
-from typing import NamedTuple
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.elements import Element, Witness
 from auditor.rig import LIDAR, Triple
 
 Bools = NDArray[np.bool_]
-
-
-class Witness(StrEnum):
-    """Who says something.
-
-    CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
-    strip of the LiDAR's view has no points.
-    """
-
-    CONTRADICTED = "contradicted"
-    UNLIKE = "unlike"
-    LIGHT = "light"
-    EMPTY = "empty"
-
-
-class Element(NamedTuple):
-    """One witness's statistic of the camera pair i < k; of EMPTY, whose i is the LiDAR, of the view of k."""
-
-    witness: Witness
-    i: int
-    k: int
-
-    @property
-    def needed(self) -> tuple[int, ...]:
-        """The sensors without which it cannot be measured."""
-        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
-
-    @property
-    def accusable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where the element is raised."""
-        return (LIDAR,) if self.witness is Witness.EMPTY else self.needed
-
-
-def elements_of(
-    cameras: int,
-    matched: Iterable[tuple[int, int]],
-    contradicting: Iterable[tuple[int, int]],
-    views: Iterable[int],
-) -> tuple[Element, ...]:
-    """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
-
-    `views` are the reference cameras that the LiDAR is projected into; none without one.
-    """
-    return (
-        *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
-        *(Element(Witness.UNLIKE, i, k) for i, k in matched),
-        *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
-        *(Element(Witness.EMPTY, LIDAR, k) for k in views),
-    )
 
 
 def explains(element: Element, attacked: Collection[int]) -> bool:

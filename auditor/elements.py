@@ -1,0 +1,73 @@
+"""The elements of the robust method: what one witness says of one camera pair of a rig."""
+
+from collections.abc import Iterable
+from enum import StrEnum
+from itertools import combinations
+from typing import NamedTuple
+
+from auditor.rig import LIDAR, Rig
+
+
+class Witness(StrEnum):
+    """Who says something.
+
+    CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
+    strip of the LiDAR's view has no points.
+    """
+
+    CONTRADICTED = "contradicted"
+    UNLIKE = "unlike"
+    LIGHT = "light"
+    EMPTY = "empty"
+
+
+class Element(NamedTuple):
+    """One witness's statistic of the camera pair i < k; of EMPTY, whose i is the LiDAR, of the view of k."""
+
+    witness: Witness
+    i: int
+    k: int
+
+    @property
+    def needed(self) -> tuple[int, ...]:
+        """The sensors without which it cannot be measured."""
+        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+
+    @property
+    def accusable(self) -> tuple[int, ...]:
+        """The sensors one of which must be attacked where the element is raised."""
+        return (LIDAR,) if self.witness is Witness.EMPTY else self.needed
+
+
+def elements_of(
+    cameras: int,
+    matched: Iterable[tuple[int, int]],
+    contradicting: Iterable[tuple[int, int]],
+    views: Iterable[int],
+) -> tuple[Element, ...]:
+    """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
+
+    `views` are the reference cameras that the LiDAR is projected into; none without one.
+    """
+    return (
+        *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
+        *(Element(Witness.UNLIKE, i, k) for i, k in matched),
+        *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
+        *(Element(Witness.EMPTY, LIDAR, k) for k in views),
+    )
+
+
+_FEWEST_PX_AT_10_M = 9.0
+"""A pair that resolves less cannot tell a surface from one half as far again, and contradicts nobody."""
+
+
+def rig_elements(rig: Rig) -> tuple[Element, ...]:
+    """The elements that frames of a rig are judged by."""
+    matched = tuple(dict.fromkeys((witness, t.k) for t in rig.triples for witness in t[:2] if witness != LIDAR))
+    contradicting = [pair for pair in matched if rig.lidar and resolves_depth(rig, *pair)]
+    return elements_of(rig.n, matched, contradicting, rig.references if rig.lidar else ())
+
+
+def resolves_depth(rig: Rig, j: int, k: int) -> bool:
+    """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
+    return rig.camera(k).focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M
