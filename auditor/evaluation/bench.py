@@ -81,46 +81,59 @@ class Bench:
     def _counts(self, triple: Triple, attacks: Attacks) -> Counts:
         def count() -> Counts:
             i, j, k = triple
-            second = self._map(j, k, attacks)
+            second = self.stereo_map(j, k, attacks)
             if i == LIDAR:
-                return compare_with_lidar(self._view(k, attacks), second, self.rig, j).counts
+                return compare_with_lidar(self.lidar_view(k, attacks), second, self.rig, j).counts
             baselines = self.rig.baseline_m(i, k), self.rig.baseline_m(j, k)
-            return compare_cameras(self._map(i, k, attacks), second, *baselines).counts
+            return compare_cameras(self.stereo_map(i, k, attacks), second, *baselines).counts
 
-        return self._once("counts", triple, attacks, triple, count)
+        return self.once("counts", triple, attacks, triple, count)
 
-    def _map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
+    def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
+        """DM_{i,k} under these attacks."""
+
         def match() -> StereoMap:
-            reference, witness = self._pixels(k, attacks), self._pixels(i, attacks)
+            reference, witness = self._matched(k, attacks), self._matched(i, attacks)
             return stereo_map(self._matcher, reference, witness, self._texture(k, attacks), self._texture(i, attacks))
 
-        return self._once("map", (i, k), attacks, (i, k), match)
+        return self.once("map", (i, k), attacks, (i, k), match)
 
-    def _view(self, k: int, attacks: Attacks) -> LidarView:
-        def project() -> LidarView:
+    def lidar_view(self, k: int, attacks: Attacks) -> LidarView:
+        """The LiDAR's points in the view of camera k under these attacks."""
+        return self.once("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self.rig, k))
+
+    def cloud(self, attacks: Attacks) -> PointCloud:
+        """The data of the LiDAR under these attacks."""
+
+        def change() -> PointCloud:
             cloud, attack = self.frame.cloud, attacks.get(LIDAR)
             assert cloud is not None
-            if attack is not None:
-                cloud = cast(LidarAttack, attack).apply(cloud, self.rig)
-            return lidar_view(cloud, self.rig, k)
+            return cloud if attack is None else cast(LidarAttack, attack).apply(cloud, self.rig)
 
-        return self._once("view", k, attacks, (LIDAR,), project)
+        return self.once("cloud", LIDAR, attacks, (LIDAR,), change)
 
     def _texture(self, camera: int, attacks: Attacks) -> NDArray[np.bool_]:
-        return self._once(
-            "texture", camera, attacks, (camera,), lambda: textured(halve(grey(self._pixels(camera, attacks))))
+        return self.once(
+            "texture", camera, attacks, (camera,), lambda: textured(halve(grey(self._matched(camera, attacks))))
         )
 
-    def _pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+    def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        def change() -> NDArray[np.uint8]:
+            pixels = self.pixels(camera, attacks)
+            return pixels if self._matcher.colour else grey(pixels)
+
+        return self.once("matched", camera, attacks, (camera,), change)
+
+    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The image of a camera under these attacks, (H, W) or (H, W, 3) as the frame holds it."""
+
         def change() -> NDArray[np.uint8]:
             image, attack = self.frame.images[camera], attacks.get(camera)
-            if attack is not None:
-                image = cast(CameraAttack, attack).apply(image)
-            return image.pixels if self._matcher.colour else grey(image.pixels)
+            return image.pixels if attack is None else cast(CameraAttack, attack).apply(image).pixels
 
-        return self._once("pixels", camera, attacks, (camera,), change)
+        return self.once("pixels", camera, attacks, (camera,), change)
 
-    def _once(
+    def once(
         self, what: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
     ) -> Made:
         """What depends on the data of these sensors only, made once for each attack on them."""
