@@ -1,8 +1,8 @@
 """Rigid motions and projections.
 
 A rigid motion is a (4, 4) float64 matrix named `dst_SE3_src`: it takes homogeneous points of the src frame, in
-metres, into the dst frame. A projection is the full (3, 4) matrix P of a rectified camera: it takes homogeneous points
-of the rig frame, in metres, to homogeneous pixels.
+metres, into the dst frame. A projection is the full (3, 4) matrix P of a camera, lens distortion apart: it takes
+homogeneous points of the rig frame, in metres, to homogeneous pixels.
 """
 
 import numpy as np
@@ -71,3 +71,21 @@ def quaternion_from_rotation(rotation: Matrix) -> tuple[float, float, float, flo
 def camera_centre(projection: Matrix) -> Matrix:
     """The (3,) optical centre in metres, in the frame that the full (3, 4) matrix P projects from."""
     return np.asarray(-np.linalg.solve(projection[:, :3], projection[:, 3]), dtype=np.float64)
+
+
+def intrinsics_and_rotation(projection: Matrix) -> tuple[Matrix, Matrix]:
+    """K and R of a full (3, 4) matrix P = K [R | t]: (3, 3) upper triangular, and the (3, 3) rotation rig to camera."""
+    M = projection[:, :3]
+    if not np.any(np.tril(M, -1)) and M[2, 2] == 1:
+        return np.array(M), np.eye(3)
+    # M = K R is the QR decomposition of M read backwards.
+    Q, upper = np.linalg.qr(M[::-1].T)
+    K, R = upper.T[::-1, ::-1], Q.T[::-1]
+    signs = np.sign(np.diag(K))
+    K, R = K * signs, signs[:, None] * R
+    return K / K[2, 2], R * np.sign(np.linalg.det(R))
+
+
+def angle_between(a: Matrix, b: Matrix) -> float:
+    """The angle in radians, 0 to pi, between two directions of 3 numbers."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.geometry import Matrix, camera_centre
+from auditor.geometry import Matrix, camera_centre, intrinsics_and_rotation
+from auditor.lenses import NO_LENS, PINHOLE, Lens
 
 LIDAR = 0
 KIND_TOLERANCE_SHARE = 0.02
@@ -32,7 +33,8 @@ class Triple(NamedTuple):
 class Camera:
     """One camera S_number.
 
-    `projection` is the full (3, 4) matrix P: points of the rig frame in metres to pixels of the rectified image.
+    `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
+    their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis.
     """
 
     number: int
@@ -42,11 +44,22 @@ class Camera:
     height_px: int
     projection: Matrix
     rectified: bool = True
+    lens: Lens = NO_LENS
 
     @property
     def focal_px(self) -> float:
         """Horizontal focal length in pixels."""
-        return float(self.projection[0, 0])
+        return float(self.intrinsics[0, 0])
+
+    @cached_property
+    def intrinsics(self) -> Matrix:
+        """K, (3, 3): the camera frame's directions to pixels."""
+        return intrinsics_and_rotation(self.projection)[0]
+
+    @cached_property
+    def rotation(self) -> Matrix:
+        """R, (3, 3): directions of the rig frame to those of the camera frame (x right, y down, z forward)."""
+        return intrinsics_and_rotation(self.projection)[1]
 
     @cached_property
     def centre_m(self) -> Matrix:
@@ -162,6 +175,7 @@ class Rig:
                     "height_px": camera.height_px,
                     "rectified": camera.rectified,
                     "projection": camera.projection.tolist(),
+                    **_lens_to_dict(camera.lens),
                 }
                 for camera in self.cameras
             ],
@@ -189,6 +203,7 @@ class Rig:
                         height_px=int(camera["height_px"]),
                         rectified=bool(camera["rectified"]),
                         projection=_matrix(camera["projection"], (3, 4), "projection"),
+                        lens=Lens(str(camera.get("distortion_model", PINHOLE)), tuple(camera.get("distortion", ()))),
                     )
                     for camera in description["cameras"]
                 ),
@@ -236,6 +251,13 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     return tuple(
         Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
     )
+
+
+def _lens_to_dict(lens: Lens) -> dict[str, Any]:
+    """Nothing where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
+    if lens.model == PINHOLE:
+        return {}
+    return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
 
 
 def _close(a: float, b: float, tolerance: float) -> bool:

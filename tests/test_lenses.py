@@ -1,0 +1,69 @@
+import cv2
+import numpy as np
+import pytest
+
+from auditor.errors import RigError
+from auditor.geometry import angle_between, intrinsics_and_rotation, rotation_from_quaternion
+from auditor.lenses import FISHEYE, PINHOLE, Lens
+
+COEFFICIENTS = {
+    "plumb_bob": (-0.31, 0.09, 0.0012, -0.0007, -0.01),
+    "radtan": (-0.28, 0.07, 0.0002, 0.00002),
+    "rational_polynomial": (0.9, -0.2, 0.001, -0.0004, -0.01, 1.2, 0.05, -0.02),
+    "equidistant": (-0.013, 0.02, -0.012, 0.002),
+}
+GRID = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-0.5, 0.5, 21)), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_lenses_bend_as_opencv_says(model: str) -> None:
+    rays = np.column_stack([GRID, np.ones(len(GRID))])
+    D, still = np.array(COEFFICIENTS[model]), np.zeros(3)
+    if model == "equidistant":
+        told = cv2.fisheye.distortPoints(GRID[:, None, :], np.eye(3), D)
+    else:
+        told, _ = cv2.projectPoints(rays, still, still, np.eye(3), D)
+    seen = np.column_stack(Lens(model, COEFFICIENTS[model]).distort(*GRID.T))
+    assert np.allclose(seen, told.reshape(-1, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_undistorting_takes_distortion_back(model: str) -> None:
+    lens = Lens(model, COEFFICIENTS[model])
+    back = np.column_stack(lens.undistort(*lens.distort(*GRID.T)))
+    assert np.abs(back - GRID).max() < 1e-5
+
+
+def test_rays_behind_the_turning_point_of_a_polynomial_appear_nowhere() -> None:
+    lens = Lens("plumb_bob", (-0.3, 0.0, 0.0, 0.0))
+    assert lens.reach == pytest.approx(1 / np.sqrt(0.9), abs=0.002)  # the derivative of r - 0.3 r^3 ends there
+    x, _ = lens.distort(np.array([0.5, 2.0]), np.zeros(2))
+    assert np.isfinite(x).tolist() == [True, False]
+
+
+def test_coefficients_that_are_all_zero_are_a_pinhole_but_a_fisheye_never_is() -> None:
+    assert Lens("plumb_bob", (0.0,) * 5) == Lens("", ()) == Lens() == Lens(PINHOLE)
+    assert Lens("fisheye", (0.0,) * 4).model == FISHEYE
+    assert Lens("rational_polynomial", (*COEFFICIENTS["rational_polynomial"], *(0.0,) * 6)).coefficients[8:] == ()
+
+
+@pytest.mark.parametrize(("model", "given"), [("omni", (1.0,)), ("plumb_bob", (1.0,)), ("equidistant", (np.nan,) * 4)])
+def test_a_lens_that_nobody_knows_is_refused(model: str, given: tuple[float, ...]) -> None:
+    with pytest.raises(RigError, match="lens"):
+        Lens(model, given)
+
+
+def test_intrinsics_and_rotation_are_found_in_a_full_matrix() -> None:
+    K = np.array([[700.0, 0.3, 320], [0, 690, 240], [0, 0, 1]])
+    R = rotation_from_quaternion(0.1, -0.7, 0.2, 0.6)
+    found_K, found_R = intrinsics_and_rotation(K @ np.column_stack([R, R @ [0.3, -2, 1]]))
+    assert np.allclose(found_K, K, atol=1e-9)
+    assert np.allclose(found_R, R, atol=1e-12)
+    straight_K, straight_R = intrinsics_and_rotation(K @ np.column_stack([np.eye(3), [-0.5, 0, 0]]))
+    assert np.array_equal(straight_K, K)  # to the last bit: rigs that are rectified do not change
+    assert np.array_equal(straight_R, np.eye(3))
+
+
+def test_angles_between_directions_are_exact_even_where_they_are_small() -> None:
+    assert angle_between(np.array([0, 0, 1.0]), np.array([1e-9, 0, 1])) == pytest.approx(1e-9)
+    assert angle_between(np.array([0, 0, 1.0]), np.array([0, 0, -2.0])) == pytest.approx(np.pi)
