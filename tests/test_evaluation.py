@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import RecordingError, SettingError
-from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, running
+from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, stretches
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
 from auditor.evidence import measure
@@ -137,7 +137,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture
 def short_stretches(monkeypatch):
-    monkeypatch.setattr(running, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", STRETCH)
 
 
 @pytest.mark.usefixtures("short_stretches")

@@ -1,8 +1,6 @@
 """Evaluating one recording: its frames times the experiments' cases, measured into a store, stretch by stretch."""
 
 import hashlib
-import itertools
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,8 +12,9 @@ from time import perf_counter
 from auditor import __version__
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, Experiment, all_triples
-from auditor.evaluation.further import DELAYS, FURTHER, pattern_cases, read_patterns
+from auditor.evaluation.further import FURTHER, pattern_cases, read_patterns
 from auditor.evaluation.sources import CleanDrive, Source
+from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence import use_one_thread
 from auditor.evidence.matchers import Matcher, find_matcher
 from auditor.frames import Frame, Skipped
@@ -23,9 +22,6 @@ from auditor.results import Procedure
 from auditor.store import Store
 from auditor.store.evaluations import CasesWriter, EvaluationPart, MeasuredCase, cases_writer, finished_part
 from auditor.store.records import content_id
-
-STRETCH_FRAMES = 20
-"""Frames that are finished together: a killed evaluation loses no more than these."""
 
 _VERSIONED = ("numpy", "opencv-python-headless")
 
@@ -76,41 +72,11 @@ def evaluate_source(task: EvaluateTask, progress: Callable[[str, int], None]) ->
         if run.finished():
             return Evaluated(0, 0)
         store.write_rig(drive.rig)
-        stretches = _Stretches(drive.frames)
+        stretches = Stretches(drive.frames)
         for stretch, frames in stretches:
             if stretch % task.of == task.share:
                 run.measure(stretch, frames, stretches, progress)
         return Evaluated(run.frames, run.cases)
-
-
-class _Stretches:
-    """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
-
-    def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
-        self._frames = frames
-        self._next = next(frames, None)
-        self.past: deque[Frame] = deque(maxlen=max(DELAYS))
-
-    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
-        for stretch in itertools.count():
-            end = (stretch + 1) * STRETCH_FRAMES
-            yield stretch, self._below(end)
-            for _ in self._below(end):  # what the caller left unread
-                pass
-            if self.ended:
-                return
-
-    @property
-    def ended(self) -> bool:
-        """True once the last frame has been read."""
-        return self._next is None
-
-    def _below(self, end: int) -> Iterator[Frame | Skipped]:
-        while self._next is not None and self._next.number < end:
-            frame, self._next = self._next, next(self._frames, None)
-            yield frame
-            if isinstance(frame, Frame):
-                self.past.append(frame)
 
 
 class _Run:
@@ -139,20 +105,17 @@ class _Run:
 
     def finished(self) -> bool:
         """True where every stretch of this share is there, and the last one is known."""
-        for stretch in itertools.count():
-            parts = [finished_part(self._store, self.part(experiment, stretch)) for experiment in self._experiments]
-            mine = stretch % self._task.of == self._task.share
-            if (mine and None in parts) or all(part is None for part in parts):
-                return False
-            if any(parts):
-                return True
-        raise AssertionError  # counting has no end
+        return all_finished(
+            lambda stretch: [finished_part(self._store, self.part(one, stretch)) for one in self._experiments],
+            share=self._task.share,
+            of=self._task.of,
+        )
 
     def measure(
         self,
         stretch: int,
         frames: Iterator[Frame | Skipped],
-        stretches: _Stretches,
+        stretches: Stretches,
         progress: Callable[[str, int], None],
     ) -> None:
         todo = [e for e in self._experiments if finished_part(self._store, self.part(e, stretch)) is None]
