@@ -1,18 +1,27 @@
 """One task for each of many recordings, on the cores of one machine.
 
-Every recording stands alone: one that cannot be read, or whose process dies, gives an error and the others go on.
+Every recording stands alone: one that cannot be read, whose process dies, or that takes more than its budget gives an
+error, and the others go on.
 """
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.queues import SimpleQueue
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
+from multiprocessing.context import ForkServerContext
+from time import monotonic
 from typing import Any, Generic, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
+from auditor.engines.limits import Limits, memory_mb
 from auditor.errors import AuditorError
 
 Item = TypeVar("Item")
@@ -22,10 +31,12 @@ Progress = Callable[[str, int], None]
 """Called with what is being done and how many frames are done."""
 
 _POLL_S = 0.1
+_PRELOADED = ["auditor.pipeline"]
+_LONGEST_WHAT = 200
+"""A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
+can leave none behind."""
 
-_progress_queue: (
-    "SimpleQueue[tuple[int, str, int]]"  # set once in each worker process, where a task finds the way to its parent
-)
+_progress_pipe: "Connection[Any, Any]"  # set once in each worker process, where a task finds the way to its parent
 
 
 @dataclass(frozen=True)
@@ -42,17 +53,19 @@ def run_all(
     items: Sequence[Item],
     jobs: int,
     on_progress: Callable[[Item, str, int], None],
+    limits: Callable[[Item], Limits] | None = None,
 ) -> Iterator[Outcome[Item, Result]]:
     """Run `task` on every item, `jobs` at a time, and yield outcomes as they come.
 
-    With one job everything happens in this process. An AuditorError belongs to its item; so does the death of a
-    process. KeyboardInterrupt stops all workers and is raised.
+    With `limits` each item has a process that is killed where it takes more. Without them one job alone happens in
+    this process. An AuditorError belongs to its item; so does the death of a process. KeyboardInterrupt stops all
+    workers and is raised.
     """
-    if jobs == 1 or len(items) == 1:
+    if limits is None and (jobs == 1 or len(items) == 1):
         for item in items:
             yield _run_here(task, item, on_progress)
     else:
-        yield from _run_in_processes(task, items, min(jobs, len(items)), on_progress)
+        yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
 
 
 def _run_here(
@@ -64,59 +77,129 @@ def _run_here(
         return Outcome(item, error=error)
 
 
-def _run_in_processes(
-    task: Callable[[Item, Progress], Result],
-    items: Sequence[Item],
-    jobs: int,
-    on_progress: Callable[[Item, str, int], None],
-) -> Iterator[Outcome[Item, Result]]:
-    # Spawned, not forked: OpenCV's and Arrow's threads do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    # A simple queue is written before the task ends, so that no progress comes after the result.
-    progress = context.SimpleQueue()
-    with ProcessPool(max_workers=jobs, context=context, initializer=_start_worker, initargs=[progress]) as pool:
-        futures: dict[Future[Any], Item] = {
-            pool.schedule(_run_there, args=[task, item, index]): item for index, item in enumerate(items)
-        }
+@dataclass
+class _Running:
+    """A task that a worker process has begun."""
+
+    pid: int
+    began: float
+    heard: float
+    ended: str = ""
+
+
+class _Run(Generic[Item, Result]):
+    """One call of run_all with worker processes."""
+
+    def __init__(
+        self,
+        task: Callable[[Item, Progress], Result],
+        items: Sequence[Item],
+        jobs: int,
+        on_progress: Callable[[Item, str, int], None],
+        limits: Callable[[Item], Limits],
+    ) -> None:
+        self._task = task
+        self._items = items
+        self._jobs = jobs
+        self._on_progress = on_progress
+        self._limits = [limits(item) for item in items]
+        self._running: dict[int, _Running] = {}
+
+    def outcomes(self) -> Iterator[Outcome[Item, Result]]:
+        context = _context()
+        reader, writer = context.Pipe(duplex=False)
+        with (
+            reader,
+            writer,
+            # A process for each task: what one leaves in memory does not count for the next.
+            ProcessPool(
+                max_workers=self._jobs, max_tasks=1, context=context, initializer=_start_worker, initargs=[writer]
+            ) as pool,
+        ):
+            futures: dict[Future[Any], int] = {
+                pool.schedule(_run_there, args=[self._task, item, index]): index
+                for index, item in enumerate(self._items)
+            }
+            try:
+                while futures:
+                    done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+                    self._hear(reader)
+                    for future in done:
+                        yield self._outcome(future, futures.pop(future))
+                    self._end_those_over_budget()
+            finally:
+                if futures:
+                    pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
+                    pool.join()
+
+    def _hear(self, reader: "Connection[Any, Any]") -> None:
+        while reader.poll():
+            index, pid, what, count = reader.recv()
+            now = monotonic()
+            if index not in self._running:
+                self._running[index] = _Running(pid, now, now)
+            else:
+                self._running[index].heard = now
+                self._on_progress(self._items[index], what, count)
+
+    def _end_those_over_budget(self) -> None:
+        for index, running in self._running.items():
+            now = monotonic()
+            running.ended = running.ended or self._limits[index].exceeded(
+                memory_mb=memory_mb(running.pid), seconds=now - running.began, silent_s=now - running.heard
+            )
+            if running.ended:
+                with suppress(ProcessLookupError):
+                    os.kill(running.pid, signal.SIGKILL)
+
+    def _outcome(self, future: Future[Result], index: int) -> Outcome[Item, Result]:
+        item, running = self._items[index], self._running.pop(index, None)
         try:
-            while futures:
-                done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
-                for index, what, count in _drain(progress):
-                    on_progress(items[index], what, count)
-                for future in done:
-                    yield _outcome(future, futures.pop(future))
-        finally:
-            if futures:
-                pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
-                pool.join()
+            return Outcome(item, result=future.result())
+        except AuditorError as error:
+            return Outcome(item, error=error)
+        except ProcessExpired as death:
+            if running is not None and running.ended:
+                what, remedy = running.ended, "give it more with --time-limit or --memory-limit if it is to be trusted"
+            else:
+                what = f"its process died (exit code {death.exitcode})"
+                remedy = "it may have run out of memory: run it again with --jobs 1"
+            return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
 
 
-def _outcome(future: Future[Result], item: Item) -> Outcome[Item, Result]:
+def _context() -> ForkServerContext:
+    """Processes are forked from one that has imported everything and used nothing.
+
+    OpenCV's and Arrow's threads do not survive a fork once they run; a fresh interpreter for each would import for a
+    second.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_PRELOADED)
+    # Ctrl-C is for this process, which stops the workers; they inherit that it is ignored.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        return Outcome(item, result=future.result())
-    except AuditorError as error:
-        return Outcome(item, error=error)
-    except ProcessExpired as death:
-        return Outcome(
-            item,
-            error=AuditorError(
-                f"its process died (exit code {death.exitcode})",
-                where=item,
-                remedy="it may have run out of memory: run it again with --jobs 1",
-            ),
-        )
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    return context
 
 
-def _drain(progress: "SimpleQueue[tuple[int, str, int]]") -> Iterator[tuple[int, str, int]]:
-    while not progress.empty():
-        yield progress.get()
+def _start_worker(progress: "Connection[Any, Any]") -> None:
+    global _progress_pipe  # noqa: PLW0603 - a worker has no other place to keep it
+    _progress_pipe = progress
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _start_worker(progress: "SimpleQueue[tuple[int, str, int]]") -> None:
-    global _progress_queue  # noqa: PLW0603 - a worker has no other place to keep it
-    _progress_queue = progress
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops the workers
+def _end_with_parent() -> None:
+    """Where the parent is killed nobody wants the result."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait_for([parent.sentinel])
+    os._exit(1)
 
 
 def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int) -> Result:
-    return task(item, lambda what, done: _progress_queue.put((index, what, done)))
+    pid = os.getpid()
+    _progress_pipe.send((index, pid, "", 0))
+    return task(item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))

@@ -1,10 +1,14 @@
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
-from auditor.engines import Outcome, Progress, run_all
+from auditor.engines import Limits, Outcome, Progress, limits_of, run_all
 from auditor.errors import RecordingError
 
 
@@ -51,3 +55,71 @@ def test_an_interrupt_stops_the_workers_and_is_raised() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         list(run_all(stop_at_the_first_progress, [1, 2], 2, interrupt))
+
+
+def greedy(item: str, progress: Progress) -> str:
+    if item == "hungry":
+        kept = bytearray(600 << 20)
+        kept[:: 1 << 12] = bytes(len(kept) >> 12)
+        signal.pause()
+    for step in range(20):
+        if item == "silent":
+            signal.pause()
+        time.sleep(0.1)
+        progress("slowly" if item == "slow" else "quickly", step)
+        if item == "modest":
+            break
+    return item
+
+
+@pytest.mark.parametrize(
+    ("item", "limits", "says"),
+    [
+        ("hungry", Limits(memory_mb=500), "more than 500 MB of memory"),
+        ("slow", Limits(seconds=0.5), "longer than 0.5 s"),
+        ("silent", Limits(silent_s=0.5), "no frame came for"),
+    ],
+)
+def test_a_task_over_its_budget_is_one_error_and_the_others_go_on(item: str, limits: Limits, says: str) -> None:
+    done = {o.item: o for o in run_all(greedy, ["modest", item, "modest too"], 2, lambda *_: None, lambda _: limits)}
+    if item == "slow":
+        done.pop("modest too")  # it takes as long
+    assert says in str(done[item].error)
+    assert "--" in str(done[item].error)
+    assert done["modest"].result == "modest"
+
+
+def test_frames_that_come_keep_a_task_alive_and_large_recordings_may_be_silent_longer() -> None:
+    [done] = run_all(greedy, ["slow"], 1, lambda *_: None, lambda _: Limits(silent_s=0.5))
+    assert done.result == "slow"
+    assert limits_of(10**11).silent_s == pytest.approx(10_600)
+    assert limits_of(10**11, seconds=5).silent_s is None
+
+
+def test_workers_end_with_their_parent() -> None:
+    program = (
+        "from tests.engines.test_processes import report_and_wait; from auditor.engines import run_all\n"
+        "list(run_all(report_and_wait, [1, 2], 2, lambda item, what, done: print(what, flush=True)))"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        parent.kill()
+    deadline = time.monotonic() + 10
+    while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(is_running(pid) for pid in workers)
+
+
+def report_and_wait(item: int, progress: Progress) -> int:
+    progress(str(os.getpid()), 0)
+    signal.pause()
+    return item
+
+
+def is_running(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
