@@ -12,13 +12,16 @@ from time import perf_counter
 import numpy as np
 
 from auditor import __version__
+from auditor.elements import rig_elements
 from auditor.errors import RecordingError, ThresholdsError
 from auditor.evidence import PictureBook, measure, use_one_thread
 from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher
 from auditor.frames import Frame, SensorState
+from auditor.identification.local_ratio import local_ratios
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.identification.verdicts import judge_frames
 from auditor.recordings import (
+    Origin,
     Recording,
     Survey,
     check_rig,
@@ -45,23 +48,26 @@ from auditor.store import (
 METHOD = "paper"
 """How verdicts are reached: disparity errors against thresholds, Algorithm 2."""
 
-_REPORT_EVERY = 5
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
 
 
 _NO_NETWORK = MatcherOptions()
+_UNKNOWN = Origin()
 
 
 @dataclass(frozen=True)
 class MeasureTask:
-    """One recording to be measured into a store. `rig` is a rig.toml that stands in for what the recording says."""
+    """One recording to be measured into a store.
+
+    `rig` is a rig.toml that stands in for what the recording says; what `origin` knows goes before it, too.
+    """
 
     recording: Path
     store: Path
     matcher: str = "sgbm"
     network: MatcherOptions = _NO_NETWORK
     rig: Path | None = None
-    vehicle: str | None = None
+    origin: Origin = _UNKNOWN
 
     def __str__(self) -> str:
         return str(self.recording)
@@ -99,9 +105,11 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         measurements = [store.measurement(known) for known in ids]
         damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
         # A scan may have been killed after its last measurement and before it could keep the recording itself.
-        if todo or not store.has_recording(recording.recording_id):
+        known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+        record = _recording_record(recording, task, known, measurements, damage)
+        if todo or record != known:
             store.write_labels(recording.recording_id, recording.labels(), rigs[0])
-            store.write_recording(_recording_record(recording, task, measurements, damage))
+            store.write_recording(record)
         return Measured(
             recording=task.recording,
             recording_id=recording.recording_id,
@@ -132,18 +140,18 @@ def _measure(
 ) -> None:
     started = perf_counter()
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
+    elements = rig_elements(rig)
     pictures = PictureBook()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
     with store.frames_writer(known, rig) as writer:
         for done, frame in enumerate(stream, start=1):
             if isinstance(frame, Frame):
                 measurement, evidence = measure(frame, rig, matcher)
-                writer.add(measurement)
+                writer.add(measurement, local_ratios(elements, measurement.cells, measurement.shares))
                 pictures.offer(measurement, evidence)
             else:
-                writer.add(frame)
-            if done % _REPORT_EVERY == 0:
-                progress(recording.path.name, done)
+                writer.skip(frame)
+            progress(recording.path.name, done)
         if writer.measured == 0:
             raise RecordingError(
                 "no frame with three overlapping sensors could be put together",
@@ -167,8 +175,15 @@ def _measure(
 
 
 def _recording_record(
-    recording: Recording, task: MeasureTask, measurements: Sequence[StoredMeasurement], damage: tuple[str, ...]
+    recording: Recording,
+    task: MeasureTask,
+    known: RecordingRecord | None,
+    measurements: Sequence[StoredMeasurement],
+    damage: tuple[str, ...],
 ) -> RecordingRecord:
+    origin = task.origin.over(Origin.of_metadata(recording.metadata()))
+    if known is not None:
+        origin = origin.over(Origin(known.vehicle, known.date, known.drive))
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=recording.path.name,
@@ -178,7 +193,9 @@ def _recording_record(
         clock=recording.clock,
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
-        vehicle=task.vehicle or recording.metadata().get("vehicle"),
+        vehicle=origin.vehicle,
+        date=origin.date,
+        drive=origin.drive,
         damage=damage,
     )
 

@@ -1,22 +1,28 @@
 """What is measured of a frame and what is said of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
-from decimal import Decimal
+from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.elements import Element
 from auditor.frames import Presence
-from auditor.rig import RigKind, Triple
 
-COUNTING_VERSION = 1
+COUNTING_VERSION = 2
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 MIN_VALID_PX = 200
 """Fewer valid pixels than this and a disparity error is not measured."""
+
+
+class Method(StrEnum):
+    """How verdicts are reached: by four witnesses and joint identification, or as the paper does."""
+
+    ROBUST = "robust"
+    PAPER = "paper"
 
 
 class Statistic(StrEnum):
@@ -75,13 +81,20 @@ class Cells:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there."""
+    """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
+
+    `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself (light and
+    emptiness). `fingerprints` tell by sensor whether its data change from frame to frame.
+    """
 
     number: int
     stamp_ns: int
     presence: Mapping[int, Presence]
     counts: tuple[Counts | None, ...]
     coverage: Mapping[int, Coverage]
+    cells: Mapping[Element, Cells] = field(default_factory=dict)
+    shares: Mapping[Element, float] = field(default_factory=dict)
+    fingerprints: Mapping[int, int] = field(default_factory=dict)
 
 
 class VerdictKind(StrEnum):
@@ -97,14 +110,60 @@ class VerdictKind(StrEnum):
 FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKind.SUSPECT})
 
 
+class Evidence(NamedTuple):
+    """One thing that speaks for an attack, and how far it lies above its threshold.
+
+    By the robust method an element's margin z; by the paper's E - theta of a triple. `witness` is the value of a
+    Witness or of a Statistic; `j` is None for elements.
+    """
+
+    witness: str
+    i: int
+    j: int | None
+    k: int
+    margin: float
+
+
+class Alternative(NamedTuple):
+    """Another attack, or none, that could explain a frame, and how much worse it does than the best one.
+
+    By the robust method in margins, by the paper's in elements of e that disagree.
+    """
+
+    attacked: tuple[int, ...]
+    worse_by: float
+
+
+class Cause(StrEnum):
+    """What else than an attack may lie behind a finding."""
+
+    FROZEN = "frozen"
+
+
+class Suspicion(NamedTuple):
+    """A cause and the sensor that it is seen in."""
+
+    cause: Cause
+    sensor: int
+
+
+class Finding(NamedTuple):
+    """What the half second around a raised frame says: frames of equal findings are incidents."""
+
+    kind: VerdictKind
+    attacked: tuple[int, ...]
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What is said of one frame.
 
     `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where
     kind is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are
-    the sensors that could not take part. `margin` is the smallest |E - theta| among the measured elements: how far a
-    disparity error would have to move to change e.
+    the sensors that could not take part. `margin` is how sure it is: by the paper's method the smallest |E - theta|
+    among the measured elements, how far a disparity error would have to move to change e; by the robust method the
+    lead of the best explanation. `evidence` is the strongest first, `alternatives` the next best first; `causes` are
+    what else may lie behind it. `finding` is the robust method's, None where the frame belongs to no incident.
     """
 
     kind: VerdictKind
@@ -114,6 +173,10 @@ class Verdict:
     out_of_system: tuple[int, ...] = ()
     margin: float | None = None
     reason: str = ""
+    evidence: tuple[Evidence, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    causes: tuple[Suspicion, ...] = ()
+    finding: Finding | None = None
 
 
 @dataclass(frozen=True)
@@ -126,39 +189,6 @@ class Procedure:
     matcher: str
     settings: str
     counting_version: int = COUNTING_VERSION
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """What clean recordings taught: the disparity errors of their frames, from which theta follows at any r.
-
-    `samples` holds, for each statistic and triple, the clean E in ascending order. `recordings` are the ids of the
-    recordings they came from. `calibrated_at` (UTC) is no part of the id: the same samples are the same calibration.
-    """
-
-    calibration_id: str
-    rig_kind: RigKind
-    procedure: Procedure
-    recordings: tuple[str, ...]
-    samples: Mapping[tuple[Statistic, Triple], tuple[float, ...]]
-    calibrated_at: datetime | None = None
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """theta for each triple at the designated false-alarm rate r.
-
-    `samples` counts the clean E that each came from. `resolvable` is False where 0 < r < 1/N for some triple: theta is
-    then the maximum, the same as for r = 0. `transferred` says that they were calibrated for another rig kind.
-    """
-
-    calibration_id: str
-    statistic: Statistic
-    r: Decimal
-    theta: Mapping[Triple, float]
-    samples: Mapping[Triple, int]
-    resolvable: bool
-    transferred: bool = False
 
 
 @dataclass(frozen=True)

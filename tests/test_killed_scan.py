@@ -26,7 +26,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
         write_drive(folder / "three.bag", count=16, seed=1),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
-    for table in ("recordings", "rigs", "triples", "measurements", "frames", "labels", "pictures"):
+    for table in ("recordings", "rigs", "triples", "elements", "measurements", "frames", "labels", "pictures"):
         shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
     return folder / "thresholds", drives
 

@@ -1,4 +1,4 @@
-"""A frame becomes counts of inconsistent pixels, for every triple over every reference camera."""
+"""A frame becomes counts of inconsistent pixels for every triple, and what the witnesses say of every pair."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.comparing import Comparison, compare_cameras, compare_with_lidar
+from auditor.evidence.fingerprints import fingerprints
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.matchers.interface import Matcher
 from auditor.evidence.reduction import grey, halve
 from auditor.evidence.stereo import StereoMap, stereo_maps
+from auditor.evidence.testimony import Testimony, testify
 from auditor.evidence.texture import textured
 from auditor.frames import Frame
 from auditor.results import Coverage, Measurement
@@ -23,13 +25,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What lies behind the counts of one frame, for drawing: nothing of it is stored for every frame.
+    """What lies behind the counts of one frame, for drawing and localising: it is not stored for every frame.
 
-    `views` has the half-resolution (h, w) grey image of each camera present.
+    `views` has the half-resolution (h, w) grey image of each camera present, `maps` the stereo maps by (witness,
+    reference), `lidar` the LiDAR's points by reference.
     """
 
     views: Mapping[int, NDArray[np.uint8]]
     comparisons: Mapping[Triple, Comparison]
+    maps: Mapping[tuple[int, int], StereoMap]
+    lidar: Mapping[int, LidarView]
+    testimony: Testimony
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher) -> tuple[Measurement, Evidence]:
@@ -59,14 +65,18 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> tuple[Measurement, Evid
         )
         for triple in triples
     }
+    testimony = testify(halves, maps, lidar, rig)
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in rig.triples),
         coverage=_coverage(frame, greys, texture, maps, lidar),
+        cells=testimony.cells,
+        shares=testimony.shares,
+        fingerprints=fingerprints(frame),
     )
-    return measurement, Evidence(halves, comparisons)
+    return measurement, Evidence(halves, comparisons, maps, lidar, testimony)
 
 
 def _present(triple: Triple, frame: Frame) -> bool:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import resolves_depth
+from auditor.elements import Element, Witness, resolves_depth
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView
@@ -16,7 +16,7 @@ from auditor.evidence.photometric import Light, coarse, compare_light
 from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap
 from auditor.results import Cells
-from auditor.rig import Rig
+from auditor.rig import LIDAR, Rig
 
 Pair = tuple[int, int]
 
@@ -37,6 +37,19 @@ class Testimony:
     emptiness: Mapping[int, float]
     adjudications: Mapping[Pair, Adjudication]
     likenesses: Mapping[Pair, Likeness]
+
+    @property
+    def cells(self) -> dict[Element, Cells]:
+        """The counts of the elements that have them."""
+        return {Element(Witness.CONTRADICTED, *pair): cells for pair, cells in self.contradicted.items()} | {
+            Element(Witness.UNLIKE, *pair): cells for pair, cells in self.unlike.items()
+        }
+
+    @property
+    def shares(self) -> dict[Element, float]:
+        """The statistics of the others; a pair cannot tell light in one camera from darkness in the other."""
+        light = {Element(Witness.LIGHT, *pair): max(s.brighter_i, s.brighter_k) for pair, s in self.light.items()}
+        return light | {Element(Witness.EMPTY, LIDAR, k): share for k, share in self.emptiness.items()}
 
 
 def testify(

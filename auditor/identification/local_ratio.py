@@ -1,12 +1,13 @@
 """The local ratio: the largest share of inconsistent pixels in any window of the cell grid."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
+from auditor.results import Cells
 
 Grid = NDArray[np.integer]
 
@@ -32,6 +33,9 @@ see `fitted`.
 
 FEWEST_POINTS = 30
 """Of fewer points a share says little, however few beams there are."""
+
+_DENSE_QUANTILE = 0.9
+_SHARE_OF_DENSE = 0.4
 
 
 @dataclass(frozen=True)
@@ -59,30 +63,36 @@ def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None
 
 def local_ratios(
     elements: Sequence[Element],
-    cells: Mapping[Element, tuple[Grid, Grid]],
+    cells: Mapping[Element, Cells],
     shares: Mapping[Element, float],
-    windows: Mapping[Witness, Window] = WINDOWS,
 ) -> tuple[float | None, ...]:
     """The statistic of each element in a frame, None where it was not measured.
 
-    `cells` holds (valid, against) counts by element, `shares` those statistics that come ready: light and emptiness.
+    `cells` holds the counts of the elements that have them, `shares` those statistics that come ready: light and
+    emptiness.
     """
-    ratios: list[float | None] = []
-    for element in elements:
-        found = local_ratio(*cells[element], windows[element.witness]) if element in cells else None
-        ratios.append(found.ratio if found else shares.get(element))
-    return tuple(ratios)
+    return tuple(_ratio(element, cells[element]) if element in cells else shares.get(element) for element in elements)
 
 
-def fitted(window: Window, valid: Iterable[Grid]) -> Window:
-    """The window for a LiDAR of fewer beams: half of the usual count is enough, 30 points at least.
+def _ratio(element: Element, cells: Cells) -> float | None:
+    window = WINDOWS[element.witness]
+    if element.witness is Witness.CONTRADICTED:
+        window = fitted(window, cells.valid)
+    found = local_ratio(cells.valid, cells.against, window)
+    return found.ratio if found else None
 
-    `valid` are the (rows, columns) counts of clean frames; usual is the median over the windows that hold any. It is
-    never made harder than `window`.
+
+def fitted(window: Window, valid: Grid) -> Window:
+    """The window for LiDARs of fewer beams: four tenths of a dense window's count are enough, 30 points at least.
+
+    `valid` are the frame's own (rows, columns) counts; dense is the 90th percentile of the windows that hold any, which
+    neither the sky nor an attacked part of the view moves much. It is never made harder than `window`.
     """
-    counts = [sums[sums > 0] for sums in (_window_sums(grid, window) for grid in valid)]
-    usual = float(np.median(np.concatenate(counts))) if any(count.size for count in counts) else 0.0
-    return replace(window, fewest_valid=min(max(round(usual / 2), FEWEST_POINTS), window.fewest_valid))
+    sums = _window_sums(valid, window)
+    held = sums[sums > 0]
+    dense = float(np.quantile(held, _DENSE_QUANTILE)) if held.size else 0.0
+    fewest = max(round(_SHARE_OF_DENSE * dense), FEWEST_POINTS)
+    return replace(window, fewest_valid=min(fewest, window.fewest_valid))
 
 
 def _window_sums(grid: Grid, window: Window) -> NDArray[np.int64]:

@@ -1,16 +1,22 @@
-"""Frames as rows of the table `frames`, and back as arrays of disparity errors."""
+"""Frames as rows of the table `frames`, and back as arrays of disparity errors and local ratios."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
+from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import Skipped
 from auditor.results import MIN_VALID_PX, Counts, Coverage, Measurement, Statistic
 from auditor.rig import Rig
-from auditor.store.records import FrameErrors
+from auditor.store.records import FrameErrors, FrameRatios
 from auditor.store.tables import Row, read_table
+
+ABSENT = -1
+"""The fingerprint of a sensor that was not there."""
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
 _COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
@@ -31,12 +37,14 @@ def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
     }
 
 
-def measured_row(measurement_id: str, measurement: Measurement, rig: Rig) -> Row:
-    """The row of a measured frame. Raises StoreError where it does not fit the rig."""
-    if len(measurement.counts) != len(rig.triples) or set(measurement.presence) != set(rig.sensors):
+def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence[float | None], rig: Rig) -> Row:
+    """The row of a measured frame, with its local ratio by element. Raises StoreError where it does not fit the rig."""
+    M = len(rig_elements(rig))
+    if (len(measurement.counts), len(ratios), set(measurement.presence)) != (len(rig.triples), M, set(rig.sensors)):
         raise StoreError(
             f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
-            f"{len(rig.triples)} triples, sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
+            f"{len(rig.triples)} triples, {len(ratios)} ratios for {M} elements, "
+            f"sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
             where=f"measurement {measurement_id}",
         )
     presence = [measurement.presence[sensor] for sensor in rig.sensors]
@@ -50,26 +58,60 @@ def measured_row(measurement_id: str, measurement: Measurement, rig: Rig) -> Row
         "skew_ns": [sensor.skew_ns for sensor in presence],
         **{name: [getattr(sensor, name) for sensor in coverage] for name in _COVERAGE},
         **{name: [_count(counts, name) for counts in measurement.counts] for name in _COUNTS},
+        "ratios": list(ratios),
+        "fingerprint": [measurement.fingerprints.get(sensor) for sensor in rig.sensors],
     }
 
 
 def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     """The disparity errors of a finished frames file, its skipped ticks left out. Raises StoreError."""
     valid, inconsistent = _PIXELS[statistic]
-    table = read_table("frames", path, ["frame", "stamp_ns", "skipped", "state", valid, inconsistent])
-    table = table.filter(table["skipped"].is_null())
+    table = _measured(path, ["frame", "stamp_ns", "state", valid, inconsistent])
     F, T, S = len(table), len(rig.triples), len(rig.sensors)
     # NULL becomes NaN, which is never >= MIN_VALID_PX.
-    pixels = _elements(table[valid], F * T, path).cast("float64").to_numpy(zero_copy_only=False).reshape(F, T)
-    flagged = _elements(table[inconsistent], F * T, path).cast("float64").to_numpy(zero_copy_only=False).reshape(F, T)
+    pixels, flagged = (_floats(table[name], F * T, path).reshape(F, T) for name in (valid, inconsistent))
     E = np.full((F, T), np.nan)
     np.divide(flagged, pixels, out=E, where=pixels >= MIN_VALID_PX)
     return FrameErrors(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
         E=E,
-        states=np.asarray(_elements(table["state"], F * S, path).to_pylist(), dtype=np.str_).reshape(F, S),
+        states=_texts(table["state"], F * S, path).reshape(F, S),
     )
+
+
+def read_ratios(path: Path, rig: Rig) -> FrameRatios:
+    """The local ratios of a finished frames file, its skipped ticks left out.
+
+    Raises StoreError, also where the file is older than local ratios.
+    """
+    table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
+    if table["ratios"].null_count:
+        raise StoreError("it was measured before there were local ratios", where=path, remedy="measure it again")
+    F, M, S = len(table), len(rig_elements(rig)), len(rig.sensors)
+    fingerprints = _elements(table["fingerprint"], F * S, path).fill_null(ABSENT)
+    return FrameRatios(
+        frames=table["frame"].to_numpy(),
+        stamps_ns=table["stamp_ns"].to_numpy(),
+        ratios=_floats(table["ratios"], F * M, path).reshape(F, M),
+        states=_texts(table["state"], F * S, path).reshape(F, S),
+        fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
+    )
+
+
+def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
+    """These columns of the measured frames."""
+    table = read_table("frames", path, ["skipped", *columns])
+    return table.filter(table["skipped"].is_null())
+
+
+def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
+    """The elements of all lists, NaN where NULL."""
+    return np.asarray(_elements(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+
+
+def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
+    return np.asarray(_elements(column, count, path).to_pylist(), dtype=np.str_)
 
 
 def _count(counts: Counts | None, name: str) -> int | None:

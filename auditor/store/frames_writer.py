@@ -1,6 +1,7 @@
 """The frames of one measurement on their way into the store, one at a time."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from auditor.errors import StoreError
@@ -31,16 +32,20 @@ class FramesWriter:
         """How many measured frames were added."""
         return self._measured
 
-    def add(self, frame: Measurement | Skipped) -> None:
-        """Take a measured frame or a skipped tick. Raises StoreError where it does not fit the rig."""
-        if isinstance(frame, Skipped):
-            self._table.add(skipped_row(self._measurement_id, frame))
-            self._skipped[frame.reason] += 1
-        else:
-            self._table.add(measured_row(self._measurement_id, frame, self._rig))
-            self._measured += 1
-        stamps = [stamp for stamp in (self._first_stamp_ns, frame.stamp_ns, self._last_stamp_ns) if stamp is not None]
-        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)
+    def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
+        """Take a measured frame with its local ratios, in the order of `rig_elements(rig)`.
+
+        Raises StoreError where they do not fit the rig.
+        """
+        self._table.add(measured_row(self._measurement_id, frame, ratios, self._rig))
+        self._measured += 1
+        self._note(frame.stamp_ns)
+
+    def skip(self, tick: Skipped) -> None:
+        """Take a tick without a frame."""
+        self._table.add(skipped_row(self._measurement_id, tick))
+        self._skipped[tick.reason] += 1
+        self._note(tick.stamp_ns)
 
     def commit(self, measurement: MeasurementRecord) -> None:
         """Put the frames in their place, then write the row that makes the measurement finished.
@@ -62,3 +67,7 @@ class FramesWriter:
             "last_stamp_ns": self._last_stamp_ns,
         }
         write_rows("measurements", self._manifest, [row])
+
+    def _note(self, stamp_ns: int) -> None:
+        stamps = [stamp for stamp in (self._first_stamp_ns, stamp_ns, self._last_stamp_ns) if stamp is not None]
+        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)

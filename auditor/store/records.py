@@ -88,6 +88,22 @@ class FrameErrors:
     states: NDArray[np.str_]
 
 
+@dataclass(frozen=True, eq=False)
+class FrameRatios:
+    """The local ratios of a measurement's F measured frames, skipped ticks left out.
+
+    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_elements(rig)`, NaN where
+    it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`, the
+    latter -1 where the sensor was not there.
+    """
+
+    frames: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    ratios: NDArray[np.float64]
+    states: NDArray[np.str_]
+    fingerprints: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class JudgementRecord:
     """One judging of one measurement. `judged_at` is UTC."""

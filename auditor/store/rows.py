@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC
 from typing import Any
 
+from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import TopicBalance
 from auditor.results import Procedure, Statistic, Verdict, VerdictKind
@@ -39,6 +40,18 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
             "position": position,
             **triple._asdict(),
             "baseline_m": rig.baseline_m(triple.j, triple.k),
+        }
+
+
+def element_rows(rig: Rig) -> Iterator[Row]:
+    """The rows of a rig's elements, in their order."""
+    for position, element in enumerate(rig_elements(rig), start=1):
+        yield {
+            "rig_id": rig.rig_id,
+            "position": position,
+            "witness": element.witness.value,
+            "i": element.i,
+            "k": element.k,
         }
 
 

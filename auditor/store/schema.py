@@ -9,13 +9,14 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Raised whenever a column is added. Columns are only added; a change of meaning is a new column."""
 
 TABLES = (
     "recordings",
     "rigs",
     "triples",
+    "elements",
     "measurements",
     "frames",
     "calibrations",

@@ -12,17 +12,19 @@ from auditor.results import AttackLabel, Calibration, Statistic, Verdict, Verdic
 from auditor.rig import Rig
 from auditor.store.calibrations import read_calibration, write_calibration
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
-from auditor.store.frame_rows import read_errors
+from auditor.store.frame_rows import read_errors, read_ratios
 from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
     FrameErrors,
+    FrameRatios,
     JudgementRecord,
     RecordingRecord,
     StoredJudgement,
     StoredMeasurement,
 )
 from auditor.store.rows import (
+    element_rows,
     judgement_row,
     rig_row,
     stored_judgement,
@@ -99,7 +101,8 @@ class Store:
         return RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
 
     def write_rig(self, rig: Rig) -> None:
-        """Keep a rig and its triples."""
+        """Keep a rig, its triples and its elements."""
+        write_rows("elements", self.path("elements", rig.rig_id), element_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
 
@@ -164,6 +167,11 @@ class Store:
         """The disparity errors of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_errors(self.path("frames", measurement_id), rig, statistic)
+
+    def load_ratios(self, measurement_id: str) -> FrameRatios:
+        """The local ratios and fingerprints of a finished measurement."""
+        rig = self.rig(self.measurement(measurement_id).rig_id)
+        return read_ratios(self.path("frames", measurement_id), rig)
 
     # Calibrations and judgements
 

@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from auditor.evidence import Evidence, PictureBook, draw, measure
+from auditor.evidence import PictureBook, draw, measure
 from auditor.evidence.matchers.sgbm import SgbmMatcher
 from auditor.results import Counts, Measurement
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
@@ -24,7 +24,10 @@ def test_a_picture_shows_every_camera_and_marks_what_is_inconsistent() -> None:
 
 
 def test_there_is_no_picture_where_nothing_was_measured() -> None:
-    assert draw(Evidence({}, {})) is None
+    rig = plane_rig()
+    _, evidence = measure(plane_frame(rig, without=frozenset({1, 2})), rig, SgbmMatcher())
+    assert not evidence.comparisons
+    assert draw(evidence) is None
 
 
 def test_a_picture_book_keeps_the_strongest_frame_of_each_second_and_the_strongest_seconds(monkeypatch) -> None:

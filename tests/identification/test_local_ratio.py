@@ -3,6 +3,7 @@ import pytest
 
 from auditor.elements import Element, Witness
 from auditor.identification.local_ratio import Window, fitted, local_ratio, local_ratios
+from auditor.results import Cells
 
 
 def by_hand(valid, against, window):
@@ -44,23 +45,24 @@ def test_a_grid_smaller_than_the_window_has_no_local_ratio():
     assert local_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
 
 
-@pytest.mark.parametrize(("points", "fewest"), [(5, 120), (2, 100), (1, 50), (0, 30)])
+@pytest.mark.parametrize(("points", "fewest"), [(5, 120), (3, 120), (2, 80), (1, 40), (0, 30)])
 def test_fewer_beams_need_fewer_points_in_a_window_but_never_more_than_sixty_four_do(points, fewest):
-    grids = [np.full((12, 12), points, dtype=np.uint8)] * 3
-    assert fitted(Window(10, 10, 120), grids) == Window(10, 10, fewest)
+    grid = np.full((12, 12), points, dtype=np.uint8)
+    assert fitted(Window(10, 10, 120), grid) == Window(10, 10, fewest)
 
 
 def test_windows_that_hold_no_points_do_not_make_it_easier():
     grid = np.zeros((30, 10), dtype=np.uint8)
     grid[:10] = 2
-    assert fitted(Window(10, 10, 120), [grid]).fewest_valid == 55  # windows of 200, 180, ... 20 points
-    assert fitted(Window(10, 10, 120), []).fewest_valid == 30
+    # Windows of 200, 180, ... 20 points: the 90th percentile is 182.
+    assert fitted(Window(10, 10, 120), grid).fewest_valid == 73
 
 
 def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_ready():
     full, half, few = (np.full((12, 14), n, dtype=np.uint8) for n in (16, 8, 1))
+    few[1:] = 0
     seen, blind, light, absent = (
         Element(witness, 1, 3) for witness in (Witness.UNLIKE, Witness.CONTRADICTED, Witness.LIGHT, Witness.EMPTY)
     )
-    found = local_ratios((seen, blind, light, absent), {seen: (full, half), blind: (few, few)}, {light: 0.25})
+    found = local_ratios((seen, blind, light, absent), {seen: Cells(full, half), blind: Cells(few, few)}, {light: 0.25})
     assert found == (0.5, None, 0.25, None)

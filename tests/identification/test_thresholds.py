@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.states import state_vector
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
-from auditor.results import Calibration, Procedure, Statistic
+from auditor.results import COUNTING_VERSION, Calibration, Procedure, Statistic
 from auditor.rig import RigKind, Triple, triples_of
 
 TRIPLES = triples_of(3, lidar=True)
@@ -149,7 +149,7 @@ def test_another_rig_kind_is_refused_unless_a_transfer_is_asked_for():
         (replace(PROCEDURE, settings='{"scale":0.5}'), "settings range 128, not None"),
         (replace(PROCEDURE, settings="half"), "settings .*not half"),
         (replace(PROCEDURE, settings="[1]"), r"settings .*not \[1\]"),
-        (replace(PROCEDURE, counting_version=7), "counting version 1, not 7"),
+        (replace(PROCEDURE, counting_version=7), f"counting version {COUNTING_VERSION}, not 7"),
     ],
 )
 def test_measurements_made_otherwise_are_refused_by_name_even_for_a_transfer(procedure, words):

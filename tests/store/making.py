@@ -5,6 +5,7 @@ from decimal import Decimal
 
 import numpy as np
 
+from auditor.elements import rig_elements
 from auditor.frames import Presence, SensorState, Skipped
 from auditor.results import Counts, Coverage, Measurement, Procedure, Statistic, Thresholds, Verdict, VerdictKind
 from auditor.rig import Camera, Lidar, Rig
@@ -31,13 +32,26 @@ def make_rig(n=3, *, lidar=True, name="cam", focal_px=700.0):
     return Rig(Lidar("velo", "/velo", np.eye(4)) if lidar else None, tuple(camera(k) for k in range(1, n + 1)))
 
 
-def make_measurement(rig, number, errors=None, *, missing=(), stamp_ns=None):
-    """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that."""
+def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_ns=None):
+    """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that.
+
+    `ratios` are those of the rig's first elements; sensors there have fingerprints of their own in each frame.
+    """
     errors = [10] * len(rig.triples) if errors is None else errors
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
     counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
     coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}
-    return Measurement(number, number * PERIOD_NS if stamp_ns is None else stamp_ns, presence, counts, coverage)
+    shares = dict(zip(rig_elements(rig), ratios, strict=False))
+    prints = {s: 10 * number + s for s in rig.sensors if s not in missing}
+    return Measurement(
+        number,
+        number * PERIOD_NS if stamp_ns is None else stamp_ns,
+        presence,
+        counts,
+        coverage,
+        shares=shares,
+        fingerprints=prints,
+    )
 
 
 def new_store(folder):
@@ -59,7 +73,11 @@ def add_frames(store, rig, recording_id, frames, **record):
     measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
     with store.frames_writer(measurement.measurement_id, rig) as writer:
         for frame in frames:
-            writer.add(frame)
+            if isinstance(frame, Skipped):
+                writer.skip(frame)
+            else:
+                # Tests give ratios as shares, whatever the witness.
+                writer.add(frame, [frame.shares.get(element) for element in rig_elements(rig)])
         writer.commit(measurement)
     return measurement.measurement_id
 

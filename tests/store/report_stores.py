@@ -7,6 +7,7 @@ from decimal import Decimal
 import cv2
 import numpy as np
 
+from auditor.elements import rig_elements
 from auditor.frames import Presence, SensorState, Skipped, TopicBalance
 from auditor.identification.thresholds import thresholds_at
 from auditor.identification.verdicts import judge_frames
@@ -71,11 +72,12 @@ def add_recording(
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in range(frames):
             if frame in edge:
-                writer.add(Skipped(frame, START_NS + frame * PERIOD_NS, "edge"))
+                writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "edge"))
             elif frame in skipped:
-                writer.add(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
+                writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
             else:
-                writer.add(_measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured))
+                measured = _measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured)
+                writer.add(measured, _ratios(rig, frame, attacks, measured))
         writer.commit(record)
     for frame in pictured:
         store.write_picture(record.measurement_id, Picture(frame, rig.n, *_picture(rig)))
@@ -127,6 +129,17 @@ def _measurement(rig, frame, *, attacks, missing, unmeasured):
             if s not in absent
         },
     )
+
+
+def _ratios(rig, frame, attacks, measured):
+    """Every witness of an attacked sensor says so, all others nothing much."""
+    attacked = {s for sensors, first, last in attacks if first <= frame <= last for s in sensors}
+    return [
+        (0.9 if attacked & set(element.accusable) else 0.01 * (frame % 20))
+        if all(measured.presence[s].state is SensorState.PRESENT for s in element.needed)
+        else None
+        for element in rig_elements(rig)
+    ]
 
 
 def _judge(store, rig, measurement_id, r):

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import Presence, SensorState, TopicBalance
 from auditor.results import AttackLabel, Counts, Coverage, Measurement, Statistic, Verdict, VerdictKind
@@ -24,6 +25,7 @@ from auditor.store.store import Store
 from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES
 from tests.store.making import (
     NOON,
+    PERIOD_NS,
     PROCEDURE,
     add_frames,
     add_judgement,
@@ -140,10 +142,30 @@ def test_frames_come_back_as_disparity_errors_in_double_precision(tmp_path):
         assert seen == expected
 
 
+def test_frames_come_back_as_local_ratios_and_fingerprints(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    given = [0.1, None, 1 / 3]
+    frames = [skip(0), make_measurement(rig, 1, ratios=given), make_measurement(rig, 2, missing=(2,))]
+    measurement_id = add_measurement(store, rig, frames)
+    found = store.load_ratios(measurement_id)
+    elements = rig_elements(rig)
+    assert found.ratios.shape == (2, len(elements))
+    rest = [None] * (len(elements) - 3)
+    assert [None if np.isnan(x) else x for x in found.ratios[0]] == [*given, *rest]
+    assert np.isnan(found.ratios[1]).all()
+    assert (found.frames.tolist(), found.stamps_ns.tolist()) == ([1, 2], [PERIOD_NS, 2 * PERIOD_NS])
+    assert found.states.tolist()[1] == ["present", "present", "missing", "present"]
+    assert found.fingerprints.tolist() == [[10, 11, 12, 13], [20, 21, -1, 23]]
+    seen = run_sql(store, "SELECT witness, i, k, ratio FROM ratios WHERE frame = 1 ORDER BY position").to_pylist()
+    assert [(row["witness"], row["i"], row["k"]) for row in seen] == [tuple(element) for element in elements]
+    assert [row["ratio"] for row in seen] == [*given, *rest]
+
+
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
     assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 3)
+    assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_elements(rig)))
     assert store.measurement(measurement_id).frames == 0
 
 
@@ -270,7 +292,7 @@ def test_without_a_commit_there_is_no_measurement(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     with store.frames_writer("a" * 32, rig) as writer:
         for number in range(2 * BATCH_ROWS * ROW_GROUP_BATCHES):
-            writer.add(skip(number))
+            writer.skip(skip(number))
     assert not store.has_measurement("a" * 32)
     assert digests(store.folder) == {}
     assert list(store.folder.rglob("*.part")) == []
@@ -293,7 +315,7 @@ def test_an_interrupted_measurement_leaves_the_finished_one_as_it_was(tmp_path):
 def test_a_frame_that_does_not_fit_its_rig_is_refused(tmp_path):
     store = new_store(tmp_path)
     with store.frames_writer("a" * 32, make_rig(3)) as writer, pytest.raises(StoreError, match="does not fit its rig"):
-        writer.add(make_measurement(make_rig(4), 0))
+        writer.add(make_measurement(make_rig(4), 0), [])
 
 
 def test_a_record_of_another_measurement_is_refused(tmp_path):
@@ -400,5 +422,5 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     last = run_killed(killed, "never")
     assert last.returncode == 0, last.stderr
     assert list(killed.rglob("*.part")) == []
-    for table in ("frames", "verdicts", "triples", "rigs"):
+    for table in ("frames", "verdicts", "triples", "elements", "rigs"):
         assert digests(killed / "audit" / table) == digests(tmp_path / "undisturbed" / "audit" / table)

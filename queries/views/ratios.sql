@@ -1,0 +1,22 @@
+-- One row a measured frame and element: the local ratio of each witness.
+--
+-- column frame: Number of the frame within the recording.
+-- column stamp_ns: The frame's stamp: when it was captured.
+-- column position: Place of the element in `ratios`, counted from 1.
+-- column witness: Who says something: contradicted, unlike, light or empty.
+-- column i: First camera of the pair; of empty the LiDAR, 0.
+-- column k: Second camera of the pair; of empty the one whose view it is.
+-- column ratio: The local ratio; NULL where it was not measured.
+SELECT
+    frame.measurement_id,
+    frame.frame,
+    frame.stamp_ns,
+    element.position,
+    element.witness,
+    element.i,
+    element.k,
+    frame.ratios[element.position] AS ratio
+FROM stored_frames AS frame
+JOIN stored_measurements AS measurement USING (measurement_id)
+JOIN stored_elements AS element USING (rig_id)
+WHERE frame.skipped IS NULL
