@@ -12,9 +12,13 @@ from auditor.cli.output import emit, format_option, print_rows, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from auditor.engines import Limits
     from auditor.evidence.matchers import MatcherOptions
-    from auditor.results import Calibration
+    from auditor.recordings import Origin
     from auditor.store import Store
+    from auditor.thresholds import Calibration
 
 
 class _Frames(click.ParamType[range]):
@@ -42,7 +46,8 @@ class _Frames(click.ParamType[range]):
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
 @options.matcher_options
 @options.rig_option
-@options.vehicle_option
+@options.origin_options
+@options.budget_options
 @options.jobs_option
 @format_option
 def command(
@@ -54,7 +59,8 @@ def command(
     matcher: str,
     network: "MatcherOptions",
     rig: Path | None,
-    vehicle: str | None,
+    origin_of: "Callable[[Path], Origin]",
+    budget: "Callable[[Path], Limits]",
     jobs: int,
     form: str,
     *,
@@ -81,7 +87,15 @@ def command(
     measurements = [(kept, known) for kept in map(Store.open, stores) for known in kept.ids("measurements")]
     if recordings:
         measured = measure_all(
-            recordings, store, tally, matcher=matcher, network=network, rig=rig, vehicle=vehicle, jobs=jobs
+            recordings,
+            store,
+            tally,
+            matcher=matcher,
+            network=network,
+            rig=rig,
+            origin_of=origin_of,
+            budget=budget,
+            jobs=jobs,
         )
         measurements += [(Store.open(store), known) for one in measured for known in one.measurement_ids]
     clean = [(kept, known) for kept, known in measurements if _is_clean(kept, known)]

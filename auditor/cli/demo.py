@@ -35,8 +35,10 @@ def command(folder: Path, jobs: int) -> int:
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
     from auditor.cli.showing import show_audit  # noqa: PLC0415
     from auditor.demo import fleet  # noqa: PLC0415
+    from auditor.engines import Limits  # noqa: PLC0415
     from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415
     from auditor.pipeline import calibrate  # noqa: PLC0415
+    from auditor.recordings import Origin  # noqa: PLC0415
     from auditor.store import Store, render_incident_report  # noqa: PLC0415
 
     _prepare(folder)
@@ -51,7 +53,8 @@ def command(folder: Path, jobs: int) -> int:
         matcher="sgbm",
         network=MatcherOptions(),
         rig=None,
-        vehicle=None,
+        origin_of=lambda _: Origin(),
+        budget=lambda _: Limits(),
         jobs=jobs,
     )
     learnt = measured([take.file for take in clean])

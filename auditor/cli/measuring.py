@@ -1,7 +1,7 @@
 """Measuring as scan and calibrate do it: many recordings, side by side, none spoilt by another."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +11,10 @@ from auditor.cli.output import progress, say
 from auditor.errors import RigError
 
 if TYPE_CHECKING:
+    from auditor.engines import Limits
     from auditor.evidence.matchers import MatcherOptions
     from auditor.pipeline import Measured
+    from auditor.recordings import Origin
 
 
 def measure_all(
@@ -23,10 +25,14 @@ def measure_all(
     matcher: str,
     network: "MatcherOptions",
     rig: Path | None,
-    vehicle: str | None,
+    origin_of: "Callable[[Path], Origin]",
+    budget: "Callable[[Path], Limits]",
     jobs: int,
 ) -> "list[Measured]":
-    """Measure every recording at the paths into a store, in the order given; say what cannot be, and why."""
+    """Measure every recording at the paths into a store, in the order given; say what cannot be, and why.
+
+    Raises SettingError where `origin_of` does, before any work.
+    """
     from auditor.engines import run_all  # noqa: PLC0415
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
     from auditor.pipeline import MeasureTask, measure_recording  # noqa: PLC0415
@@ -43,10 +49,10 @@ def measure_all(
     Store.open(store, create=True)
     side_by_side = min(jobs, len(found.recordings))
     network = replace(network, threads=max(1, len(os.sched_getaffinity(0)) // side_by_side))
-    tasks = [MeasureTask(path, store, matcher, network, rig, vehicle) for path in found.recordings]
+    tasks = [MeasureTask(path, store, matcher, network, rig, origin_of(path)) for path in found.recordings]
     measured = {}
     with progress(len(tasks), "measuring") as (advanced, finished):
-        for outcome in run_all(measure_recording, tasks, jobs, advanced):
+        for outcome in run_all(measure_recording, tasks, jobs, advanced, lambda task: budget(task.recording)):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
                 # A recording whose sensors cannot be audited was looked at, and says what is missing.

@@ -26,7 +26,6 @@ recordings_argument = click.argument(
 rig_option = click.option(
     "--rig", type=click.Path(path_type=Path), help="A rig.toml in place of the recording's own calibration."
 )
-vehicle_option = click.option("--vehicle", help="Name of the vehicle that made these recordings.")
 jobs_option = click.option(
     "--jobs",
     type=click.IntRange(min=1),
@@ -42,6 +41,75 @@ matcher_option = click.option(
     show_default=True,
     help="Stereo matcher: sgbm (half resolution), sgbm-full, psmnet, onnx:FILE or torchscript:FILE.",
 )
+
+
+def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Where recordings come from; the command gets `origin_of`, a function from a path to its Origin."""
+
+    @wraps(command)
+    def collected(
+        *,
+        vehicle: str | None,
+        drive: str | None,
+        path_pattern: str | None,
+        **others: Any,  # noqa: ANN401 - handed on
+    ) -> Any:  # noqa: ANN401 - whatever the command returns
+        from auditor.recordings import Origin  # noqa: PLC0415 - keeps --help quick
+
+        def origin_of(path: Path) -> Origin:
+            given = Origin(vehicle, drive=drive)
+            return given.over(Origin.of_path(path, path_pattern)) if path_pattern else given
+
+        return command(origin_of=origin_of, **others)
+
+    for option in (
+        click.option(
+            "--path-pattern",
+            metavar="PATTERN",
+            help="What the paths say, such as '{vehicle}/{date}/{drive}_*.mcap'.",
+        ),
+        click.option(
+            "--drive",
+            help="Name of the drive that these recordings are parts of.  [default: those that follow each other]",
+        ),
+        click.option("--vehicle", help="Name of the vehicle that made these recordings."),
+    ):
+        collected = option(collected)
+    return collected
+
+
+def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """What one recording may take; the command gets `budget`, a function from a path to its Limits."""
+
+    @wraps(command)
+    def collected(*, time_limit: float | None, memory_limit: float, **others: Any) -> Any:  # noqa: ANN401
+        from auditor.engines import Limits, limits_of  # noqa: PLC0415 - keeps --help quick
+
+        def budget(path: Path) -> Limits:
+            files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
+            size_bytes = sum(file.stat().st_size for file in files)
+            return limits_of(size_bytes, seconds=time_limit, memory_mb=memory_limit)
+
+        return command(budget=budget, **others)
+
+    for option in (
+        click.option(
+            "--memory-limit",
+            type=click.FloatRange(min=0, min_open=True),
+            default=4096,
+            show_default=True,
+            metavar="MB",
+            help="Memory that measuring one recording may take before it is given up.",
+        ),
+        click.option(
+            "--time-limit",
+            type=click.FloatRange(min=0, min_open=True),
+            metavar="SECONDS",
+            help="Time that measuring one recording may take.  [default: any, while a frame comes every ten minutes]",
+        ),
+    ):
+        collected = option(collected)
+    return collected
 
 
 def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -9,7 +9,11 @@ from auditor.cli import options
 from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from auditor.engines import Limits
     from auditor.evidence.matchers import MatcherOptions
+    from auditor.recordings import Origin
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
@@ -19,7 +23,8 @@ if TYPE_CHECKING:
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
 @options.matcher_options
 @options.rig_option
-@options.vehicle_option
+@options.origin_options
+@options.budget_options
 @options.jobs_option
 @format_option
 def command(
@@ -28,7 +33,8 @@ def command(
     matcher: str,
     network: "MatcherOptions",
     rig: Path | None,
-    vehicle: str | None,
+    origin_of: "Callable[[Path], Origin]",
+    budget: "Callable[[Path], Limits]",
     jobs: int,
     *,
     measure_only: bool,
@@ -51,7 +57,15 @@ def command(
 
     tally = Tally()
     measured = measure_all(
-        recordings, store, tally, matcher=matcher, network=network, rig=rig, vehicle=vehicle, jobs=jobs
+        recordings,
+        store,
+        tally,
+        matcher=matcher,
+        network=network,
+        rig=rig,
+        origin_of=origin_of,
+        budget=budget,
+        jobs=jobs,
     )
     if not measured:
         return tally.exit_code()

@@ -4,6 +4,7 @@ from auditor.recordings.converting import ConvertReport, convert, rewrite
 from auditor.recordings.finding import Found, find_recordings
 from auditor.recordings.interface import Damage, Reader, Recording, Topic
 from auditor.recordings.opening import open_recording
+from auditor.recordings.origin import Origin
 from auditor.recordings.path_pattern import read_path
 from auditor.recordings.rig_file import read_rig, write_rig
 from auditor.recordings.rigs import check_rig, find_rigs
@@ -16,6 +17,7 @@ __all__ = [
     "Damage",
     "Found",
     "FrameStream",
+    "Origin",
     "Reader",
     "Recording",
     "Survey",

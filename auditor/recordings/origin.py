@@ -1,0 +1,52 @@
+"""Where a recording comes from: its vehicle, its day, and the drive that it is part of."""
+
+import datetime
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from auditor.errors import SettingError
+from auditor.recordings.path_pattern import read_path
+
+_DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What is known of it; None where nothing is."""
+
+    vehicle: str | None = None
+    date: datetime.date | None = None
+    drive: str | None = None
+
+    def over(self, other: Self) -> "Origin":
+        """This one, with what it does not know taken from another."""
+        return Origin(self.vehicle or other.vehicle, self.date or other.date, self.drive or other.drive)
+
+    @classmethod
+    def of_path(cls, path: Path, pattern: str) -> "Origin":
+        """What a path says by a pattern, see read_path. Raises SettingError for a bad pattern or a bad date."""
+        said = read_path(path.absolute(), pattern)
+        date = _day(said["date"]) if "date" in said else None
+        if "date" in said and date is None:
+            raise SettingError(
+                f"{said['date']!r} in {path} is no date",
+                where=f"path pattern {pattern!r}",
+                remedy="{date} stands for a day such as 2026-01-31, 2026_01_31 or 20260131",
+            )
+        return cls(said.get("vehicle"), date, said.get("drive"))
+
+    @classmethod
+    def of_metadata(cls, said: Mapping[str, str]) -> "Origin":
+        """What a recording says of itself; a date that is none is passed over."""
+        return cls(said.get("vehicle") or None, _day(said.get("date", "")), said.get("drive") or None)
+
+
+def _day(text: str) -> datetime.date | None:
+    found = _DAY.fullmatch(text)
+    try:
+        return datetime.date(int(found[1]), int(found[3]), int(found[4])) if found else None
+    except ValueError:
+        return None
