@@ -22,19 +22,17 @@ Only `range_px` must be there; these are the defaults of the others, save for th
 """
 
 import dataclasses
-import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import SettingError
+from auditor.evidence.descriptions import are_numbers, fields_of, is_name, is_whole, read_toml, refuse
 
 _COLOURS = ("rgb", "bgr", "grey")
 _CORNERS = ("bottom right", "top right")
@@ -154,91 +152,42 @@ class ModelMatcher:
         return ((rows, 0) if taken.pad == "top right" else (0, rows)), (0, columns)
 
 
-def read_model_file(path: Path) -> bytes:
-    """The bytes of a model; raises SettingError where there are none."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise SettingError(error.strerror or str(error), where=path, remedy="name a model's file") from error
-
-
-def sha256(content: bytes) -> str:
-    """The hash that tells one model from another."""
-    return hashlib.sha256(content).hexdigest()
-
-
 def read_description(model: Path) -> Description:
     """The description beside a model: `model.toml` for `model.onnx`. Raises SettingError where it makes no sense."""
-    path = model.with_suffix(".toml")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise SettingError(
-            "there is no description beside the model", where=path, remedy="write one with at least: range_px = 192"
-        ) from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise SettingError(f"no readable TOML ({error})", where=path) from error
-    description = Description(
-        **_fields(path, Description, table)
-        | {
-            "input": Input(**_fields(path, Input, table.get("input", {}))),
-            "output": Output(**_fields(path, Output, table.get("output", {}))),
-        }
-    )
-    for name, meant in _complaints(description):
-        raise SettingError(f"{name} makes no sense", where=path, remedy=f"it is {meant}")
+    path, table = read_toml(model, remedy="write one with at least: range_px = 192")
+    values = fields_of(path, Description, table)
+    if "range_px" not in values:
+        raise SettingError("range_px, the largest disparity of the model, is missing", where=path)
+    values |= {
+        "input": Input(**fields_of(path, Input, table.get("input", {}))),
+        "output": Output(**fields_of(path, Output, table.get("output", {}))),
+    }
+    description = Description(**values)
+    refuse(path, _rules(description))
     return description
 
 
-def _fields(path: Path, kind: type[Any], table: object) -> dict[str, Any]:
-    known = [field.name for field in dataclasses.fields(kind)]
-    if not isinstance(table, dict) or not set(table) <= set(known):
-        odd = ", ".join(sorted(set(table) - set(known))) if isinstance(table, dict) else repr(table)
-        raise SettingError(f"{odd} is not known here", where=path, remedy=f"use: {', '.join(known)}")
-    if kind is Description and "range_px" not in table:
-        raise SettingError("range_px, the largest disparity of the model, is missing", where=path)
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in table.items()}
-
-
-def _complaints(description: Description) -> Iterator[tuple[str, str]]:
-    """Names of what makes no sense, with what each may be: TOML has types of its own, and nobody checked them."""
+def _rules(description: Description) -> Iterator[tuple[str, bool, str]]:
     taken, given = description.input, description.output
-    step = description.step if _whole(description.step) else 0
+    step = description.step if is_whole(description.step) else 0
     channels = (1,) if taken.colour == "grey" else (1, 3)
     corners = _CORNERS if step == 1 else _CORNERS[:1]
-    rules = {
-        "range_px": (_whole(description.range_px), "a whole number of pixels"),
-        "step": (step in _STEPS, f"one of {_STEPS}"),
-        "input.left": (_name(taken.left), "a name"),
-        "input.right": (_name(taken.right), "a name"),
-        "input.colour": (taken.colour in _COLOURS, f"one of {', '.join(_COLOURS)}"),
-        "input.divisor": (_numbers((taken.divisor,), (1,), positive=True), "a positive number"),
-        "input.mean": (_numbers(taken.mean, channels), "a list of one number, or of one a channel"),
-        "input.deviation": (
-            _numbers(taken.deviation, channels, positive=True),
-            "a list like mean, of positive numbers",
-        ),
-        "input.multiple": (_whole(taken.multiple) and taken.multiple % max(step, 1) == 0, "a multiple of step"),
-        "input.pad": (taken.pad in corners, " or ".join(corners)),
-        "output.disparity": (_name(given.disparity), "a name"),
-        "output.factor": (_numbers((given.factor,), (1,)) and given.factor != 0, "a number other than 0"),
-    }
-    yield from ((name, meant) for name, (sensible, meant) in rules.items() if not sensible)
-
-
-def _name(value: object) -> bool:
-    return isinstance(value, str) and bool(value)
-
-
-def _whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
-
-
-def _numbers(values: object, counts: tuple[int, ...], *, positive: bool = False) -> bool:
-    if not isinstance(values, tuple) or len(values) not in counts:
-        return False
-    finite = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
-    return finite and (not positive or min(values) > 0)
+    yield "range_px", is_whole(description.range_px), "a whole number of pixels"
+    yield "step", step in _STEPS, f"one of {_STEPS}"
+    yield "input.left", is_name(taken.left), "a name"
+    yield "input.right", is_name(taken.right), "a name"
+    yield "input.colour", taken.colour in _COLOURS, f"one of {', '.join(_COLOURS)}"
+    yield "input.divisor", are_numbers((taken.divisor,), (1,), positive=True), "a positive number"
+    yield "input.mean", are_numbers(taken.mean, channels), "a list of one number, or of one a channel"
+    yield (
+        "input.deviation",
+        are_numbers(taken.deviation, channels, positive=True),
+        "a list like mean, of positive numbers",
+    )
+    yield "input.multiple", is_whole(taken.multiple) and taken.multiple % max(step, 1) == 0, "a multiple of step"
+    yield "input.pad", taken.pad in corners, " or ".join(corners)
+    yield "output.disparity", is_name(given.disparity), "a name"
+    yield "output.factor", are_numbers((given.factor,), (1,)) and given.factor != 0, "a number other than 0"
 
 
 def _normalised(image: Image, taken: Input) -> Tensor:

@@ -10,7 +10,8 @@ from pathlib import Path
 import torch
 
 from auditor.errors import SettingError
-from auditor.evidence.matchers.described import Model, ModelMatcher, Tensor, read_description, read_model_file, sha256
+from auditor.evidence.descriptions import read_model_file, sha256
+from auditor.evidence.matchers.described import Model, ModelMatcher, Tensor, read_description
 
 
 def open_torchscript(path: Path, *, device: str = "cpu", threads: int = 1) -> ModelMatcher:
