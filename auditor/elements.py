@@ -70,4 +70,6 @@ def rig_elements(rig: Rig) -> tuple[Element, ...]:
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
     """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
-    return rig.camera(k).focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M
+    # Cameras of different focal lengths are compared at the shortest.
+    focal_px = min(camera.focal_px for camera in rig.cameras)
+    return focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M

@@ -136,8 +136,11 @@ class Rig:
         return self.camera(sensor).topic
 
     def baseline_m(self, i: int, k: int) -> float:
-        """Distance b_{i,k} in metres, positive, between cameras i < k along the reference's image rows."""
-        return float(self.camera(i).centre_m[0] - self.camera(k).centre_m[0])
+        """Distance b_{i,k} in metres, positive, between cameras i < k; of rectified ones that along their rows."""
+        right, left = self.camera(i), self.camera(k)
+        if right.rectified and left.rectified:
+            return float(right.centre_m[0] - left.centre_m[0])
+        return float(np.linalg.norm(right.centre_m - left.centre_m))
 
     @cached_property
     def kind(self) -> "RigKind":

@@ -10,6 +10,7 @@ from auditor.evidence.comparing import Comparison, compare_cameras, compare_with
 from auditor.evidence.fingerprints import fingerprints
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.matchers.interface import Matcher
+from auditor.evidence.rectifying import rectification
 from auditor.evidence.reduction import grey, halve
 from auditor.evidence.stereo import StereoMap, stereo_maps
 from auditor.evidence.testimony import Testimony, testify
@@ -41,8 +42,11 @@ class Evidence:
 def measure(frame: Frame, rig: Rig, matcher: Matcher) -> tuple[Measurement, Evidence]:
     """Compare all disparity maps of a frame: each pair of cameras is matched once, the LiDAR projected once a view.
 
-    Images are (H, W) or (H, W, 3) uint8 of the rig's sizes. A triple with an absent sensor has no counts.
+    Images are (H, W) or (H, W, 3) uint8 of the rig's sizes; cameras that are not rectified are so first. A triple with
+    an absent sensor has no counts. Raises RigError where the cameras have no view in common.
     """
+    seen = rectification(rig)
+    frame, rig = seen.frame(frame), seen.rig
     greys = {number: grey(image.pixels) for number, image in frame.images.items()}
     halves = {number: halve(pixels) for number, pixels in greys.items()}
     texture = {number: textured(half) for number, half in halves.items()}

@@ -26,7 +26,7 @@ class Rays:
     `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
     the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
     depths, and `principal_px` is where it looks straight ahead. Without one it is a LiDAR's: columns are evenly spaced
-    azimuths from `first_azimuth` on.
+    azimuths from `first_azimuth` on. A camera whose rays are bent has x and y for each pixel and no `principal_px`.
     """
 
     shape: tuple[int, int]
@@ -35,7 +35,7 @@ class Rays:
     z: Floats
     origin: tuple[Floats, Floats, Floats]
     pixel: float
-    principal_px: tuple[float, float] = (0.0, 0.0)
+    principal_px: tuple[float, float] | None = None
     focal_px: float | None = None
     first_azimuth: float = 0.0
 
@@ -180,10 +180,24 @@ def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
         left, right = _range((azimuth - rays.first_azimuth) / rays.pixel, ahead, _LIDAR_MARGIN, rays.shape[1])
         # The edges of a piece are bent in elevation: all rows are tried.
         return nearest, np.stack([np.zeros_like(left), np.full_like(left, rays.shape[0]), left, right], axis=1)
+    if rays.principal_px is None:
+        columns = _bent_range(x / depth, ahead, rays.x.min(axis=0), rays.x.max(axis=0))
+        rows = _bent_range(y / depth, ahead, rays.y.min(axis=1), rays.y.max(axis=1))
+        return nearest, np.stack([*rows, *columns], axis=1)
     u0, v0 = rays.principal_px
     left, right = _range(x / depth * rays.focal_px + u0, ahead, _CAMERA_MARGIN, rays.shape[1])
     top, bottom = _range(y / depth * rays.focal_px + v0, ahead, _CAMERA_MARGIN, rays.shape[0])
     return nearest, np.stack([top, bottom, left, right], axis=1)
+
+
+def _bent_range(
+    places: NDArray[np.floating], ahead: NDArray[np.bool_], least: Floats, most: Floats
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """As `_range`, for columns (or rows) whose rays reach from `least` to `most`, both rising but for their noise."""
+    low, high = np.where(ahead, places, np.inf).min(axis=1), np.where(ahead, places, -np.inf).max(axis=1)
+    first = np.searchsorted(np.maximum.accumulate(most), low)
+    last = np.searchsorted(np.minimum.accumulate(least[::-1])[::-1], high, side="right")
+    return first.astype(np.int32), np.maximum(first, last).astype(np.int32)
 
 
 def _range(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.errors import SettingError
 from auditor.lab.casting import Hits, Rays
 from auditor.lab.surfaces import Surfaces
 from auditor.lab.vehicles import CameraFlaws, LidarFlaws
@@ -20,7 +21,9 @@ Floats = NDArray[np.float32]
 
 
 def camera_rays(camera: Camera, row_shift_px: float = 0.0) -> Rays:
-    """The rays of a camera's pixels; distances along them are depths."""
+    """The rays of a camera's pixels; distances along them are depths in the rig frame."""
+    if not camera.rectified:
+        return _bent_rays(camera, row_shift_px)
     focal = camera.focal_px
     u0, v0 = float(camera.projection[0, 2]), float(camera.projection[1, 2]) + row_shift_px
     x, y, z = (np.float32(axis) for axis in camera.centre_m)
@@ -33,6 +36,27 @@ def camera_rays(camera: Camera, row_shift_px: float = 0.0) -> Rays:
         pixel=1 / focal,
         principal_px=(u0, v0),
         focal_px=focal,
+    )
+
+
+def _bent_rays(camera: Camera, row_shift_px: float) -> Rays:
+    """The rays of a camera that is turned, or has a lens: each pixel has a direction of its own."""
+    K, columns, rows = camera.intrinsics, np.arange(camera.width_px), np.arange(camera.height_px)
+    down = (rows[:, None] - K[1, 2] - row_shift_px) / K[1, 1] + np.zeros(columns.size)
+    bent = (columns - K[0, 2] - K[0, 1] * down) / K[0, 0]
+    x, y = camera.lens.undistort(bent, down)
+    if not np.isfinite(x).all():
+        raise SettingError("its lens shows nothing at some of its pixels", where=camera.name, remedy="bend it less")
+    directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.rotation  # R^T, applied from the right
+    across, downwards = (directions[..., axis] / directions[..., 2] for axis in (0, 1))
+    return Rays(
+        shape=across.shape,
+        x=across.astype(np.float32),
+        y=downwards.astype(np.float32),
+        z=np.ones((1, 1), dtype=np.float32),
+        origin=tuple(np.asarray(np.float32(axis)) for axis in camera.centre_m),  # type: ignore[arg-type]
+        pixel=1 / camera.focal_px,
+        focal_px=camera.focal_px,
     )
 
 

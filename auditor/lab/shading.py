@@ -64,8 +64,11 @@ def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Li
         part = at[first : first + _PART]
         piece = hits.piece.take(part)
         depth, s, t = (grid.take(part) for grid in (hits.distance, hits.s, hits.t))
-        row, column = np.divmod(part, rays.shape[1])
-        x, y = rays.x.take(column), rays.y.take(row)
+        if rays.principal_px is None:
+            x, y = rays.x.take(part), rays.y.take(part)
+        else:
+            row, column = np.divmod(part, rays.shape[1])
+            x, y = rays.x.take(column), rays.y.take(row)
         nx, ny, nz = (axis.take(piece) for axis in scene.normal)
         result.ravel()[part] = scene.light_from(_Met(x, y, depth, piece, s, t, nx * x + ny * y + nz))
     return result

@@ -1,0 +1,25 @@
+import numpy as np
+import pytest
+
+from auditor.evidence.rectangles import largest_rectangle
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_largest_rectangle_is_as_large_as_the_best_of_all(seed: int) -> None:
+    mask = np.random.default_rng(seed).random((9, 11)) < 0.75
+    areas = [
+        (bottom - top) * (right - left)
+        for top in range(9)
+        for bottom in range(top + 1, 10)
+        for left in range(11)
+        for right in range(left + 1, 12)
+        if mask[top:bottom, left:right].all()
+    ]
+    top, left, rows, columns = largest_rectangle(mask)
+    assert mask[top : top + rows, left : left + columns].all()
+    assert rows * columns == max(areas)
+
+
+def test_an_empty_mask_has_none_and_a_full_one_is_all() -> None:
+    assert largest_rectangle(np.zeros((4, 5), dtype=np.bool_)) == (0, 0, 0, 0)
+    assert largest_rectangle(np.ones((4, 5), dtype=np.bool_)) == (0, 0, 4, 5)
