@@ -43,7 +43,18 @@ def test_a_module_of_one_room_imports_no_other_room(path: Path) -> None:
     if room in ROOMS:
         named = {name.split(".")[1] for name in imports(path) if name.startswith("auditor.")}
         assert named & set(ROOMS) <= {room}
-        assert named <= {room, "elements", "errors", "frames", "geometry", "results", "rig", "resources", "thresholds"}
+        assert named <= {
+            room,
+            "elements",
+            "errors",
+            "frames",
+            "geometry",
+            "lenses",
+            "results",
+            "rig",
+            "resources",
+            "thresholds",
+        }
 
 
 @pytest.mark.parametrize("path", MODULES, ids=place)
