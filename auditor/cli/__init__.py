@@ -10,7 +10,20 @@ import click
 from auditor import __version__
 from auditor.errors import AuditorError
 
-VERBS = ("demo", "inspect", "convert", "attack", "calibrate", "scan", "judge", "evaluate", "query", "report", "weights")
+VERBS = (
+    "demo",
+    "inspect",
+    "convert",
+    "attack",
+    "calibrate",
+    "scan",
+    "judge",
+    "evaluate",
+    "query",
+    "report",
+    "weights",
+    "train-matcher",
+)
 """In the order in which a newcomer meets them; each is a module of this package with a command of its name."""
 
 
@@ -32,7 +45,7 @@ class _Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's
         if cmd_name not in VERBS:
             return None
-        command: click.Command = importlib.import_module(f"auditor.cli.{cmd_name}").command
+        command: click.Command = importlib.import_module(f"auditor.cli.{cmd_name.replace('-', '_')}").command
         return command
 
 

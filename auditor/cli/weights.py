@@ -23,9 +23,9 @@ def command() -> None:
 def inspect(file: Path) -> int:
     """Tell what a checkpoint holds, and whether it can be used."""
     from auditor.cli.output import shown  # noqa: PLC0415 - keeps --help quick
-    from auditor.evidence.matchers import psmnet_weights  # noqa: PLC0415
+    from auditor.evidence.matchers import psmnet_module  # noqa: PLC0415
 
-    report = psmnet_weights().inspect_weights(file)
+    report = psmnet_module("weights").inspect_weights(file)
     for name, value in asdict(report).items():
         click.echo(f"{name:>14}  {shown(value)}")
     return Exit.FAILED if report.problems else Exit.CLEAN
@@ -42,7 +42,7 @@ def inspect(file: Path) -> int:
 @click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity to write down with them.")
 def convert(file: Path, target: Path, *, align_corners: bool | None, max_disparity: int | None) -> None:
     """Write weights as safetensors, a format that cannot hold code, with the settings they need."""
-    from auditor.evidence.matchers import psmnet_weights  # noqa: PLC0415 - keeps --help quick
+    from auditor.evidence.matchers import psmnet_module  # noqa: PLC0415 - keeps --help quick
 
-    psmnet_weights().convert_weights(file, target, align_corners=align_corners, max_disparity=max_disparity)
+    psmnet_module("weights").convert_weights(file, target, align_corners=align_corners, max_disparity=max_disparity)
     click.echo(target)

@@ -9,11 +9,13 @@ torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
 from auditor.evidence.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
+from auditor.evidence.matchers.psmnet.crops import crops  # noqa: E402
 from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.evidence.matchers.psmnet.training import (  # noqa: E402
     CHECKPOINT,
     TrainingSettings,
     _loss,
+    _rate,
     train,
     training_curve,
 )
@@ -37,7 +39,7 @@ def sample(seed: int, height: int = 32, width: int = 64, range_px: int = 14) -> 
 
 
 SAMPLES = [sample(seed) for seed in range(5)]
-UNSEEN = [sample(99)]
+UNSEEN = {"planes": [sample(99)]}
 
 
 def test_a_sample_is_what_the_matchers_call_a_left_and_a_right_image() -> None:
@@ -46,10 +48,9 @@ def test_a_sample_is_what_the_matchers_call_a_left_and_a_right_image() -> None:
 
 def test_a_resumed_training_ends_with_every_bit_of_an_undisturbed_one(tmp_path: Path) -> None:
     whole = list(train(SAMPLES, UNSEEN, TOY, tmp_path / "whole"))
-    first = dataclasses.replace(TOY, steps=2)
-    parts = list(train(SAMPLES, UNSEEN, first, tmp_path / "parts"))
+    parts = list(itertools.islice(train(SAMPLES, UNSEEN, TOY, tmp_path / "parts"), 1))
     torch.manual_seed(1234)  # whatever else draws numbers in between
-    parts += train(iter(SAMPLES * 9), UNSEEN, TOY, tmp_path / "parts", resume=True)
+    parts += train(SAMPLES, UNSEEN, TOY, tmp_path / "parts", resume=True)
     assert [row.step for row in whole] == [2, 4]
     assert parts == whole == training_curve(tmp_path / "parts")
     states = [torch.load(tmp_path / name / CHECKPOINT, weights_only=True) for name in ("whole", "parts")]
@@ -81,7 +82,7 @@ def test_other_seeds_and_other_samples_train_another_network(tmp_path: Path) -> 
 
 
 def test_training_lowers_the_loss_on_what_it_sees(tmp_path: Path) -> None:
-    settings = dataclasses.replace(TOY, steps=40, validate_every=10, learning_rate=1e-2, width=4)
+    settings = dataclasses.replace(TOY, steps=40, validate_every=10, learning_rate=2e-2, width=4)
     rows = list(train(SAMPLES[:2], UNSEEN, settings, tmp_path))
     assert rows[-1].loss < 0.6 * rows[0].loss
 
@@ -141,14 +142,61 @@ def test_a_folder_is_neither_overwritten_nor_resumed_by_mistake(tmp_path: Path) 
     with pytest.raises(SettingError, match="a training is here already"):
         list(train(SAMPLES, UNSEEN, short, tmp_path))
     with pytest.raises(SettingError, match=r"other settings: width 2 instead of 3, seed 5 instead of 6"):
-        list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, width=3, seed=6), tmp_path, resume=True))
+        list(train(SAMPLES, UNSEEN, dataclasses.replace(short, width=3, seed=6), tmp_path, resume=True))
 
 
 def test_samples_that_are_not_there_or_end_are_said(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="no samples to train on"):
         list(train([], UNSEEN, TOY, tmp_path))
-    with pytest.raises(SettingError, match="no samples to train on"):
-        list(train(iter(SAMPLES[:3]), UNSEEN, TOY, tmp_path))
+
+
+def test_a_pass_takes_every_sample_once_and_in_an_order_of_its_own() -> None:
+    flat = [(np.full((16, 16), 0, np.uint8),) * 2 + (np.full((16, 16), 1.0 + n, np.float32),) for n in range(6)]
+    settings = dataclasses.replace(TOY, crop=(16, 16), batch=3)
+    seen = [[int(crop[2][0, 0]) for crop in batch] for batch in itertools.islice(crops(flat, settings, 0), 4)]
+    passes = [seen[0] + seen[1], seen[2] + seen[3]]
+    assert all(sorted(one) == [1, 2, 3, 4, 5, 6] for one in passes)
+    assert passes[0] != passes[1]
+    later = [[int(crop[2][0, 0]) for crop in batch] for batch in itertools.islice(crops(flat, settings, 3), 1)]
+    assert later == seen[3:]
+
+
+def test_at_half_resolution_a_crop_has_half_the_disparities_and_no_mean_of_two() -> None:
+    truth = np.full((32, 32), np.nan, dtype=np.float32)
+    truth[:, :16], truth[1::2, 17::2] = 10.0, 20.0
+    flat = (np.full((32, 32, 3), 90, np.uint8),) * 2 + (truth,)
+    settings = dataclasses.replace(TOY, crop=(16, 16), step=2, max_disparity=32)
+    left, right, halved = next(crops([flat], settings, 0))[0]
+    assert left.shape == right.shape == halved.shape == (16, 16)
+    assert (halved[:, :8] == 5.0).all()
+    assert (halved[:, 8:] == 10.0).all()
+
+
+def test_both_images_of_a_crop_change_their_light_and_not_alike() -> None:
+    flat = (np.full((16, 16), 120, np.uint8),) * 2 + (np.full((16, 16), 3.0, np.float32),)
+    settings = dataclasses.replace(TOY, crop=(16, 16), batch=8)
+    means = [(left.mean(), right.mean()) for left, right, _ in next(crops([flat], settings, 0))]
+    assert np.ptp(means, axis=0).min() > 20
+    assert min(abs(left - right) for left, right in means) > 0.1
+    assert max(abs(left - right) for left, right in means) < 60
+
+
+def test_a_network_for_half_resolution_says_so_and_its_range_is_that_of_the_image(tmp_path: Path) -> None:
+    settings = dataclasses.replace(TOY, steps=1, step=2, max_disparity=32, crop=(16, 32))
+    list(train(SAMPLES, UNSEEN, settings, tmp_path))
+    matcher = find_matcher("psmnet", MatcherOptions(weights=tmp_path / CHECKPOINT))
+    assert (matcher.step, matcher.colour, matcher.range_px) == (2, False, 32)
+    disparity = matcher.match(SAMPLES[0][0][:31, :63], SAMPLES[0][1][:31, :63])
+    assert disparity.shape == (16, 32)
+    assert 0 <= disparity.min() < disparity.max() < 32
+
+
+def test_the_learning_rate_rises_then_falls_to_nothing() -> None:
+    rates = [_rate(done, 100) for done in range(100)]
+    assert rates[0] == pytest.approx(0.2)
+    assert rates[4] == max(rates) == pytest.approx(1.0, abs=0.01)
+    assert rates[4:] == sorted(rates[4:], reverse=True)
+    assert rates[-1] < 0.001
 
 
 def test_scores_count_pixels_without_a_disparity_as_wrong() -> None:

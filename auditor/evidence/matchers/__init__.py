@@ -74,10 +74,10 @@ def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
     return open_torchscript(path, device=options.device, threads=options.threads)
 
 
-def psmnet_weights() -> ModuleType:
-    """The module that inspects and converts weights of PSMNet. Raises SettingError where its packages are missing."""
+def psmnet_module(name: str) -> ModuleType:
+    """A module of PSMNet's, such as `weights` or `training`. Raises SettingError where its packages are missing."""
     try:
-        return import_module("auditor.evidence.matchers.psmnet.weights")
+        return import_module(f"auditor.evidence.matchers.psmnet.{name}")
     except ModuleNotFoundError as error:
         raise _not_installed("psmnet", "psmnet", error) from error
 
@@ -96,4 +96,4 @@ BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
 MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
 """Matchers that are files of the user's: `onnx:model.onnx`."""
 
-__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher", "psmnet_weights"]
+__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher", "psmnet_module"]

@@ -36,14 +36,14 @@ class ScaleCheck:
 
 
 def check_scale(
-    pairs: Iterable[tuple[Pixels, Pixels]], *, align_corners: bool, max_disparity: int
+    pairs: Iterable[tuple[Pixels, Pixels]], *, align_corners: bool, max_disparity: int, step: int = 1
 ) -> ScaleCheck | None:
     """Compare (M,) disparities of PSMNet with the LiDAR's at the same pixels, in a pair of arrays a frame or view.
 
     Pixels where either is NaN, where the LiDAR has under 4 px or where it leaves PSMNet's range are not used; None
     where under 500 are left. Upsampling D / 4 levels to D puts level i at i (D - 1) / (D / 4 - 1) with aligned corners
-    and at 4 i + 1.5 without: with the wrong convention d becomes a line of d, which is undone here to see whether the
-    LiDAR likes that better.
+    and at 4 i + 1.5 without, in the network's own pixels, `step` of the full image wide: with the wrong convention d
+    becomes a line of d, which is undone here to see whether the LiDAR likes that better.
     """
     parts = list(pairs)
     if not parts:
@@ -55,13 +55,13 @@ def check_scale(
         return None
     ratio = float(np.median(network / lidar))
     residual = float(np.median(np.abs(network - lidar)))
-    other = float(np.median(np.abs(_under_other(network, align_corners, max_disparity) - lidar)))
+    other = float(np.median(np.abs(_under_other(network / step, align_corners, max_disparity // step) * step - lidar)))
     return ScaleCheck(int(lidar.size), ratio, residual, other, _warning(ratio, residual, other, align_corners))
 
 
 def _under_other(disparity: Pixels, align_corners: bool, max_disparity: int) -> Pixels:  # noqa: FBT001 - private
-    step = (max_disparity - 1) / (max_disparity / 4 - 1)
-    return disparity / step * 4 + 1.5 if align_corners else (disparity - 1.5) / 4 * step
+    level = (max_disparity - 1) / (max_disparity / 4 - 1)
+    return disparity / level * 4 + 1.5 if align_corners else (disparity - 1.5) / 4 * level
 
 
 def _warning(ratio: float, residual: float, other: float, align_corners: bool) -> str | None:  # noqa: FBT001 - private
@@ -117,8 +117,10 @@ def first_frames_warnings(matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Fra
         truth = np.full_like(disparity, np.nan)
         if frame.cloud is not None:
             view = lidar_view(frame.cloud, rig, leftmost)
-            truth[view.row, view.column] = view.disparity_px(rig, rightmost)
+            truth[view.row // matcher.step, view.column // matcher.step] = view.disparity_px(rig, rightmost)
         measured.append((disparity, truth))
-    scale = check_scale(measured, align_corners=matcher.align_corners, max_disparity=matcher.range_px)
+    scale = check_scale(
+        measured, align_corners=matcher.align_corners, max_disparity=matcher.range_px, step=matcher.step
+    )
     warnings.append(scale.warning if scale else None)
     return tuple(warning for warning in warnings if warning)

@@ -32,7 +32,7 @@ def frame_cost(matcher: PsmnetMatcher, size: tuple[int, int]) -> Cost:
 
     Both parts of the network take time in proportion to the pixels; measuring takes about a second on a CPU.
     """
-    scale = size[0] * size[1] / (_PROBE_PX[0] * _PROBE_PX[1])
+    scale = size[0] * size[1] / matcher.step**2 / (_PROBE_PX[0] * _PROBE_PX[1])
     image = np.zeros((*_PROBE_PX, 3), dtype=np.uint8)
     engine = matcher.engine
     features = engine.features([image])

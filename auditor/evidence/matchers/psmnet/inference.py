@@ -13,6 +13,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from auditor.evidence.matchers.psmnet.network import MULTIPLE, PSMNet
 from auditor.evidence.matchers.psmnet.weights import Weights
+from auditor.evidence.reduction import grey, halve
 
 PRECISIONS = ("fp32", "tf32", "fp16", "bf16")
 """fp32 is exact; tf32 rounds the factors of products to 10 bits; fp16 and bf16 also store what lies between layers."""
@@ -64,7 +65,8 @@ class Engine:
             # The first two outputs are for training: neither is brought to full resolution.
             cost = self.network.costs(volume)[2]
         del volume
-        disparity = self.network.disparity(cost, padded)
+        # One by one: at full resolution a pair's levels take more memory than all that came before.
+        disparity = torch.cat([self.network.disparity(one, padded) for one in cost[:, None]])
         return disparity[:, padded[0] - height :, :width].cpu().numpy()
 
     def _arithmetic(self) -> AbstractContextManager[object]:
@@ -105,6 +107,12 @@ def fold(network: PSMNet) -> PSMNet:
                 block[place - 1] = fuse_conv_bn_eval(before, layer, transpose=transposed)
                 block[place] = nn.Identity()
     return folded
+
+
+def seen(image: Image, *, step: int, colour: bool) -> Image:
+    """A full-resolution image, (H, W) or (H, W, 3) BGR, as a network is shown it: grey, halved, or as it is."""
+    image = image if colour else grey(image)
+    return halve(image) if step == 2 else image
 
 
 def _rgb(image: Image) -> Image:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from auditor.errors import SettingError
 from auditor.evidence.matchers.options import MatcherOptions
-from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine, make_engine
+from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine, make_engine, seen
 from auditor.evidence.matchers.psmnet.weights import Weights, load_weights, settle
 
 _LARGEST_BATCH = 16
@@ -22,7 +22,9 @@ Result = TypeVar("Result")
 
 
 class PsmnetMatcher:
-    """Matches images (H, W, 3) BGR or (H, W) grey at full resolution; every pixel gets a disparity.
+    """Matches images (H, W, 3) BGR or (H, W) grey; every pixel gets a disparity.
+
+    `step` and `colour` are those that the weights were trained for: full resolution and colour in published ones.
 
     Two networks with the same weights, convention, range and precision have the same `settings`, on any device. On a
     GPU pairs go through in batches of at most `batch`, which is halved for good whenever the memory does not suffice;
@@ -30,8 +32,6 @@ class PsmnetMatcher:
     """
 
     name = "psmnet"
-    step = 1
-    colour = True
 
     def __init__(
         self,
@@ -45,6 +45,7 @@ class PsmnetMatcher:
     ) -> None:
         """Raises SettingError for a convention that nobody says, a device that is not there, an unknown precision."""
         self.align_corners, self.range_px = settle(weights, align_corners=align_corners, max_disparity=max_disparity)
+        self.step, self.colour = weights.step, weights.colour
         self._weights = weights
         self.precision = precision
         place = _device(device, precision)
@@ -61,23 +62,30 @@ class PsmnetMatcher:
         """Canonical JSON of everything that changes a disparity by more than rounding."""
         values = {
             "align_corners": self.align_corners,
+            "colour": self.colour,
             "precision": self.precision,
             "range_px": self.range_px,
+            "step": self.step,
             "weights_sha256": self._weights.sha256,
         }
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
     def match(self, left: Image, right: Image) -> Disparity:
-        """Disparities (H, W) in pixels of the left image, none of them NaN."""
+        """Disparities (ceil(H / step), ceil(W / step)) in full-resolution pixels, none of them NaN."""
         return self.match_pairs([left, right], [(0, 1)])[0]
 
     def match_pairs(self, images: Sequence[Image], pairs: Sequence[tuple[int, int]]) -> list[Disparity]:
-        """One map (H, W) a pair (left, right) of positions in `images`, of one frame or of several.
+        """What `match` gives for each pair (left, right) of positions in `images`, of one frame or of several.
 
         Each image's features are computed once, however many pairs it is in. Raises SettingError where a pair's images
         differ in size or a single pair does not fit into the device's memory.
         """
-        features = self._features(images, sorted({position for pair in pairs for position in pair}))
+        used = sorted({position for pair in pairs for position in pair})
+        images = [
+            seen(image, step=self.step, colour=self.colour) if position in used else image
+            for position, image in enumerate(images)
+        ]
+        features = self._features(images, used)
         maps: dict[int, Disparity] = {}
         for size in dict.fromkeys(images[left].shape[:2] for left, _ in pairs):
             places = [place for place, (left, _) in enumerate(pairs) if images[left].shape[:2] == size]
@@ -91,7 +99,7 @@ class PsmnetMatcher:
 
             for some, result in self._batches(places, compare):
                 maps.update(zip(some, result, strict=True))
-        return [maps[place] for place in range(len(pairs))]
+        return [maps[place] * np.float32(self.step) for place in range(len(pairs))]
 
     def exact(self) -> "PsmnetMatcher":
         """The same network in fp32, to check a lower precision against."""
@@ -107,7 +115,7 @@ class PsmnetMatcher:
         return make_engine(
             self._weights,
             align_corners=self.align_corners,
-            max_disparity=self.range_px,
+            max_disparity=self.range_px // self.step,
             device=device,
             precision=precision,
         )

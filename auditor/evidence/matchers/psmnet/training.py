@@ -1,13 +1,10 @@
 """Training on a fleet's own clean recordings and on synthetic scenes: for teams without the published weights."""
 
-import dataclasses
-import itertools
 import math
-import os
-from collections.abc import Iterable, Iterator, Sized
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,148 +13,132 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from auditor.errors import SettingError
-from auditor.evidence.matchers.psmnet.files import METADATA, load_safely
-from auditor.evidence.matchers.psmnet.inference import Engine, Image
-from auditor.evidence.matchers.psmnet.network import MULTIPLE, PUBLISHED_WIDTH, PSMNet
-from auditor.evidence.matchers.scoring import Sample, Score, score
-
-CHECKPOINT = "checkpoint.pt"
-"""The one file in the folder of a training: weights for `--weights`, and all that is needed to go on."""
+from auditor.evidence.ahead import ahead
+from auditor.evidence.matchers.psmnet.checkpoints import (
+    CHECKPOINT,
+    Run,
+    TrainingRow,
+    TrainingSettings,
+    restore,
+    training_curve,
+    write,
+)
+from auditor.evidence.matchers.psmnet.crops import crops
+from auditor.evidence.matchers.psmnet.inference import Engine, Image, seen
+from auditor.evidence.matchers.psmnet.network import MULTIPLE, PSMNet
+from auditor.evidence.matchers.scoring import Sample, score
 
 _OUTPUT_WEIGHTS = (0.5, 0.7, 1.0)
+_WARM_UP = 20  # the share of the steps is one over it
 _PRECISIONS = ("fp32", "bf16")
-_MAY_CHANGE = ("steps", "validate_every", "device")
 _LARGEST_POOL_PX = 256
-
-
-@dataclass(frozen=True)
-class TrainingSettings:
-    """A training run. `crop` (H, W) in pixels, multiples of 16; `steps` batches in all, counted over resumptions.
-
-    Width 32, range 192 and crops of 256 x 512 make the published network; width 4, range 32 and crops of 64 x 128
-    make one that a CPU trains in a minute. `precision` bf16 is for GPUs.
-    """
-
-    max_disparity: int = 192
-    width: int = PUBLISHED_WIDTH
-    align_corners: bool = False
-    crop: tuple[int, int] = (256, 512)
-    batch: int = 4
-    steps: int = 20_000
-    learning_rate: float = 1e-3
-    validate_every: int = 500
-    seed: int = 0
-    device: str = "cpu"
-    precision: str = "fp32"
-
-
-@dataclass(frozen=True)
-class TrainingRow:
-    """A point of the curve: mean loss of the steps since the last one, and the score on the validation samples."""
-
-    step: int
-    loss: float
-    validation: Score
-
-
-@dataclass(eq=False)
-class _Run:
-    """A training between two steps."""
-
-    settings: TrainingSettings
-    network: PSMNet
-    optimiser: torch.optim.Adam
-    step: int = 0
-    rows: list[TrainingRow] = field(default_factory=list)
+_BATCHES_AHEAD = 2
 
 
 def train(
-    samples: Iterable[Sample],
-    validation: Iterable[Sample],
+    samples: Sequence[Sample],
+    validation: Mapping[str, Sequence[Sample]],
     settings: TrainingSettings,
     folder: Path,
     *,
     resume: bool = False,
 ) -> Iterator[TrainingRow]:
-    """Train on random crops, in the samples' own order, passing over them again and again; yields rows of the curve.
+    """Train on random crops of the samples, grey and in changing light; yields rows of the curve.
 
     Known disparities may be as sparse as a LiDAR's. Loss: smooth L1 of the three outputs, weighted 0.5, 0.7 and 1.0
     (Chang and Chen, section 3.6), over the known pixels within the range. With each row a checkpoint is written whole
-    into `folder`. With `resume` it goes on from there: on a CPU every bit is that of an undisturbed run, provided that
-    the samples come again in the same order. Raises SettingError for settings that make no sense, samples that do not
+    into `folder`. With `resume` it goes on from there: on a CPU every bit is that of an undisturbed run. `validation`
+    has samples by the name of their group. Raises SettingError for settings that make no sense, samples that do not
     fit, a checkpoint that is there without `resume` or not there with it.
     """
     _check(settings)
     checkpoint = folder / CHECKPOINT
     if checkpoint.exists() != resume:
         what = "no training to resume" if resume else "a training is here already"
-        raise SettingError(
-            what, where=checkpoint, remedy="leave --resume out" if resume else "use --resume or another folder"
-        )
-    run = _resumed(checkpoint, settings) if resume else _started(settings)
+        raise SettingError(what, where=checkpoint, remedy="start one" if resume else "resume it, or use another folder")
+    run = _started(settings)
+    if resume:
+        restore(run, checkpoint)
     folder.mkdir(parents=True, exist_ok=True)
-    stream = _from(samples, run.step * settings.batch)
     losses: list[float] = []
-    while run.step < settings.steps:
-        losses.append(_step(run, list(itertools.islice(stream, settings.batch))))
-        if run.step % settings.validate_every == 0 or run.step == settings.steps:
-            row = TrainingRow(run.step, sum(losses) / len(losses), score(_Validated(run.network, settings), validation))
-            losses.clear()
-            run.rows.append(row)
-            _write(run, checkpoint)
-            yield row
+    with closing(ahead(crops(samples, settings, run.done), _BATCHES_AHEAD)) as batches:
+        while run.done < settings.steps:
+            losses.append(_step(run, next(batches)))
+            if run.done % settings.validate_every == 0 or run.done == settings.steps:
+                trained = _Trained(run.network, settings)
+                scores = {name: score(trained, group) for name, group in validation.items()}
+                run.rows.append(TrainingRow(run.done, sum(losses) / len(losses), scores))
+                losses.clear()
+                write(run, checkpoint)
+                yield run.rows[-1]
 
 
-def training_curve(folder: Path) -> list[TrainingRow]:
-    """The rows of a training so far, those before resumptions included. Raises SettingError where there is none."""
-    return _rows(_loaded(folder / CHECKPOINT))
+def best_precision(device: str) -> str:
+    """Mixed precision where the device has it: bf16 on such GPUs, else fp32."""
+    capable = device != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
+    return "bf16" if capable else "fp32"
+
+
+def use_threads(count: int) -> None:
+    """Let the CPU train on so many threads."""
+    torch.set_num_threads(count)
 
 
 @dataclass(frozen=True, eq=False)
-class _Validated:
+class _Trained:
     """The network under training as a matcher."""
 
     network: PSMNet
     training: TrainingSettings
     name: str = "psmnet"
     settings: str = ""
-    step: int = 1
-    colour: bool = True
+    colour: bool = False
 
     @property
     def range_px(self) -> int:
         return self.training.max_disparity
 
+    @property
+    def step(self) -> int:
+        return self.training.step
+
     def match(self, left: Image, right: Image) -> NDArray[np.float32]:
         self.network.eval()
         engine = Engine(self.network, torch.device(self.training.device))
+        left, right = (seen(image, step=self.step, colour=False) for image in (left, right))
         features = engine.features([left, right])
         size = (left.shape[0], left.shape[1])
         disparity: NDArray[np.float32] = engine.disparities(features[:1], features[1:], size)[0]
-        return disparity
+        return disparity * np.float32(self.step)
 
 
-def _step(run: _Run, samples: list[Sample]) -> float:
+def _step(run: Run, crops: list[Sample]) -> float:
     settings = run.settings
-    first = run.step * settings.batch
-    crops = [_crop(sample, settings, first + place) for place, sample in enumerate(samples)]
     device = torch.device(settings.device)
     engine = Engine(run.network.train(), device)
     left, right = engine.load([crop[0] for crop in crops]), engine.load([crop[1] for crop in crops])
     truth = torch.from_numpy(np.stack([crop[2] for crop in crops]).astype(np.float32)).to(device)
+    for group in run.optimiser.param_groups:
+        group["lr"] = settings.learning_rate * _rate(run.done, settings.steps)
     run.optimiser.zero_grad()
     with torch.autocast(device.type, dtype=torch.bfloat16, enabled=settings.precision == "bf16"):
         outputs = run.network(left, right)
-    loss = _loss(outputs, truth, settings.max_disparity)
+    loss = _loss(outputs, truth, settings.range_px)
     loss.backward()  # type: ignore[no-untyped-call]
     run.optimiser.step()
-    run.step += 1
+    run.done += 1
     value = loss.item()
     if not math.isfinite(value):
         raise SettingError(
-            f"the loss is {value} at step {run.step}", where="training", remedy="use a smaller --learning-rate"
+            f"the loss is {value} at step {run.done}", where="training", remedy="use a smaller --learning-rate"
         )
     return value
+
+
+def _rate(done: int, steps: int) -> float:
+    """The share of the learning rate after so many of the steps: up a line, down a cosine."""
+    warm_up = max(1, steps // _WARM_UP)
+    return min(1.0, (done + 1) / warm_up) * 0.5 * (1 + math.cos(math.pi * done / steps))
 
 
 def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Tensor:
@@ -171,116 +152,27 @@ def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Ten
     )
 
 
-def _crop(sample: Sample, settings: TrainingSettings, number: int) -> Sample:
-    """A window of a sample, drawn by its number alone, so that a resumed run draws the same."""
-    left, right, truth = sample
-    rows, columns = settings.crop
-    spare = truth.shape[0] - rows, truth.shape[1] - columns
-    if min(spare) < 0 or left.shape[:2] != truth.shape or right.shape[:2] != truth.shape:
-        raise SettingError(
-            f"images {left.shape[:2]} and {right.shape[:2]}, disparities {truth.shape}: no crop of {settings.crop}",
-            where="training",
-            remedy="use smaller crops",
-        )
-    rng = np.random.default_rng((settings.seed, number))
-    top, start = (int(rng.integers(room + 1)) for room in spare)
-    window = slice(top, top + rows), slice(start, start + columns)
-    return left[window], right[window], truth[window]
-
-
-def _from(samples: Iterable[Sample], skipped: int) -> Iterator[Sample]:
-    """All samples, pass after pass, without the first ones that an earlier run has used."""
-    if isinstance(samples, Sized) and len(samples):
-        skipped %= len(samples)
-    return itertools.islice(_passes(samples), skipped, None)
-
-
-def _passes(samples: Iterable[Sample]) -> Iterator[Sample]:
-    while True:
-        sample = None
-        for sample in samples:
-            yield sample
-        if sample is None:
-            raise SettingError("there are no samples to train on", where="training", remedy="name clean recordings")
-
-
-def _started(settings: TrainingSettings) -> _Run:
+def _started(settings: TrainingSettings) -> Run:
     with torch.random.fork_rng(devices=[]):  # constructing draws numbers that are drawn again below
-        network = PSMNet(
-            max_disparity=settings.max_disparity, align_corners=settings.align_corners, width=settings.width
-        )
+        network = PSMNet(max_disparity=settings.range_px, align_corners=settings.align_corners, width=settings.width)
     generator = torch.Generator().manual_seed(settings.seed)
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.Conv3d | nn.ConvTranspose3d):
             spread = math.sqrt(2 / (math.prod(layer.kernel_size) * layer.out_channels))
             nn.init.normal_(layer.weight, 0.0, spread, generator=generator)
     network.to(settings.device)
-    return _Run(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
-
-
-def _resumed(checkpoint: Path, settings: TrainingSettings) -> _Run:
-    content = _loaded(checkpoint)
-    before, now = content["settings"], _plain(settings)
-    changed = [name for name in now if name not in _MAY_CHANGE and before.get(name) != now[name]]
-    if changed:
-        raise SettingError(
-            "the training was started with other settings: "
-            + ", ".join(f"{name} {before.get(name)} instead of {now[name]}" for name in changed),
-            where=checkpoint,
-            remedy="resume with the same ones, or start again in another folder",
-        )
-    run = _started(settings)
-    run.network.load_state_dict(content["state_dict"])
-    run.optimiser.load_state_dict(content["optimizer"])
-    run.step = content["step"]
-    run.rows = _rows(content)
-    return run
-
-
-def _loaded(checkpoint: Path) -> dict[str, Any]:
-    try:
-        loaded = load_safely(checkpoint, checkpoint.read_bytes())
-    except OSError as error:
-        raise SettingError(error.strerror or str(error), where=checkpoint, remedy="name a training's folder") from error
-    if not isinstance(loaded, dict) or not {"settings", "state_dict", "optimizer", "step", "rows"} <= set(loaded):
-        raise SettingError("no checkpoint of a training", where=checkpoint, remedy="name a training's folder")
-    return loaded
-
-
-def _rows(content: dict[str, Any]) -> list[TrainingRow]:
-    return [TrainingRow(row["step"], row["loss"], Score(**row["validation"])) for row in content["rows"]]
-
-
-def _plain(settings: TrainingSettings) -> dict[str, Any]:
-    return dataclasses.asdict(settings) | {"crop": list(settings.crop)}
-
-
-def _write(run: _Run, checkpoint: Path) -> None:
-    settings = run.settings
-    content = {
-        "state_dict": run.network.state_dict(),
-        METADATA: {"align_corners": settings.align_corners, "max_disparity": settings.max_disparity},
-        "optimizer": run.optimiser.state_dict(),
-        "step": run.step,
-        "settings": _plain(settings),
-        "rows": [dataclasses.asdict(row) for row in run.rows],
-    }
-    beside = checkpoint.with_suffix(".part")
-    try:
-        torch.save(content, beside)
-        os.replace(beside, checkpoint)  # noqa: PTH105 - the same in one step on every platform
-    except OSError as error:
-        raise SettingError(error.strerror or str(error), where=checkpoint, remedy="choose another folder") from error
+    return Run(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
 
 
 def _check(settings: TrainingSettings) -> None:
     rows, columns = settings.crop
     pooled = settings.batch * math.prod(max(1, length // _LARGEST_POOL_PX) for length in settings.crop)
+    multiple = MULTIPLE * settings.step
     for wrong, what, remedy in (
         (
-            settings.max_disparity < MULTIPLE or settings.max_disparity % MULTIPLE,
+            settings.max_disparity < multiple or settings.max_disparity % multiple,
             "--max-disparity",
-            f"a multiple of {MULTIPLE}",
+            f"a multiple of {multiple}",
         ),
         (min(settings.crop) < MULTIPLE or rows % MULTIPLE or columns % MULTIPLE, "--crop", f"multiples of {MULTIPLE}"),
         (not 1 <= settings.width <= 256, "--width", "1 to 256"),
@@ -293,3 +185,14 @@ def _check(settings: TrainingSettings) -> None:
     ):
         if wrong:
             raise SettingError("no training can be done so", where=what, remedy=f"it is {remedy}")
+
+
+__all__ = [
+    "CHECKPOINT",
+    "TrainingRow",
+    "TrainingSettings",
+    "best_precision",
+    "train",
+    "training_curve",
+    "use_threads",
+]

@@ -28,7 +28,9 @@ class Weights:
     """The parameters of one network, complete and finite, in float32.
 
     `sha256` is of the names, shapes and values, so that it stays the same whatever file format holds them.
-    `align_corners` and `max_disparity` are None where the file does not say them.
+    `align_corners` and `max_disparity` are None where the file does not say them. A network with `step` 2 sees images
+    at half resolution, one without `colour` sees grey ones; the published networks do neither. `max_disparity` is in
+    full-resolution pixels.
     """
 
     state: Mapping[str, Tensor]
@@ -37,6 +39,8 @@ class Weights:
     align_corners: bool | None
     max_disparity: int | None
     where: str
+    step: int = 1
+    colour: bool = True
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,8 @@ class WeightsReport:
     width: int
     align_corners: bool | None
     max_disparity: int | None
+    step: int
+    colour: bool
     left_aside: tuple[str, ...]
     missing: tuple[str, ...]
     unexpected: tuple[str, ...]
@@ -89,6 +95,8 @@ def inspect_weights(path: Path) -> WeightsReport:
         width=_width(file.tensors),
         align_corners=_align_corners(file.metadata),
         max_disparity=_max_disparity(file.metadata),
+        step=_step(file.metadata),
+        colour=_colour(file.metadata),
         left_aside=file.left_aside,
         missing=missing,
         unexpected=unexpected,
@@ -116,7 +124,15 @@ def convert_weights(
         raise no_safetensors(target) from error
     metadata = {
         "format": "pt",
-        METADATA: json.dumps({"align_corners": align_corners, "max_disparity": max_disparity}, sort_keys=True),
+        METADATA: json.dumps(
+            {
+                "align_corners": align_corners,
+                "max_disparity": max_disparity,
+                "step": weights.step,
+                "colour": weights.colour,
+            },
+            sort_keys=True,
+        ),
     }
     beside = target.with_name(target.name + ".part")
     try:
@@ -131,7 +147,8 @@ def settle(weights: Weights, *, align_corners: bool | None, max_disparity: int |
     """The upsampling convention and the largest disparity in pixels, from what was asked for and what the file says.
 
     With the wrong convention nothing fails and every disparity is a little off, so there is no default. Raises
-    SettingError where nobody says the convention, where file and user differ, or where the range is no multiple of 16.
+    SettingError where nobody says the convention, where file and user differ, or where the range is no multiple of 16
+    of the network's pixels.
     """
     if align_corners is None and weights.align_corners is None:
         raise SettingError(
@@ -147,11 +164,12 @@ def settle(weights: Weights, *, align_corners: bool | None, max_disparity: int |
             remedy="leave the option out, or convert the original file again",
         )
     asked = max_disparity or weights.max_disparity or DEFAULT_MAX_DISPARITY
-    if asked < MULTIPLE or asked % MULTIPLE:
+    multiple = MULTIPLE * weights.step
+    if asked < multiple or asked % multiple:
         raise SettingError(
             f"{asked} px is no disparity range of PSMNet",
             where="--max-disparity",
-            remedy=f"use a multiple of {MULTIPLE}",
+            remedy=f"use a multiple of {multiple}",
         )
     return bool(weights.align_corners if align_corners is None else align_corners), asked
 
@@ -173,7 +191,10 @@ def _weights(path: Path, file: WeightsFile) -> Weights:
         for name in _shapes(width)
     }
     align_corners, max_disparity = _align_corners(file.metadata), _max_disparity(file.metadata)
-    return Weights(state, width, content_sha256(state), align_corners, max_disparity, str(path))
+    said = file.metadata
+    return Weights(
+        state, width, content_sha256(state), align_corners, max_disparity, str(path), _step(said), _colour(said)
+    )
 
 
 def _problems(file: WeightsFile) -> tuple[str, ...]:
@@ -228,6 +249,14 @@ def _align_corners(metadata: Mapping[str, Any]) -> bool | None:
 def _max_disparity(metadata: Mapping[str, Any]) -> int | None:
     value = metadata.get("max_disparity")
     return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def _step(metadata: Mapping[str, Any]) -> int:
+    return 2 if metadata.get("step") == 2 else 1
+
+
+def _colour(metadata: Mapping[str, Any]) -> bool:
+    return metadata.get("colour") is not False
 
 
 def _some(names: tuple[str, ...] | list[str]) -> str:
