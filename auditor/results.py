@@ -135,16 +135,29 @@ class Alternative(NamedTuple):
 
 
 class Cause(StrEnum):
-    """What else than an attack may lie behind a finding."""
+    """What else than an attack may lie behind a finding.
+
+    FROZEN: the same data again and again. LATE: a frame behind the others. DISPLACED: turned since it was calibrated.
+    SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
+    """
 
     FROZEN = "frozen"
+    LATE = "late"
+    DISPLACED = "displaced"
+    SOILED = "soiled"
+    DARK = "dark"
+    GLARE = "glare"
 
 
 class Suspicion(NamedTuple):
-    """A cause and the sensor that it is seen in."""
+    """A cause and the sensor that it is seen in, None for all cameras.
+
+    `score` is 0 to 1; an attack's is 0.5, so that from there on the cause explains a frame about as well.
+    """
 
     cause: Cause
-    sensor: int
+    sensor: int | None
+    score: float = 1.0
 
 
 class Finding(NamedTuple):

@@ -15,6 +15,10 @@ Points = NDArray[np.float32]
 _AZIMUTHS_DEG = (-35.0, 35.0)
 _ELEVATIONS_DEG = (-12.0, 1.0)
 _RANGES_M = (4.0, 40.0)
+_BLOB_RADII = (0.05, 0.12)  # of the image's width
+_OPAQUE = 0.95
+_SOFT_EDGE = 0.5  # of the radius
+_MUD_LEVEL = 30.0  # grey levels
 
 
 @dataclass(frozen=True)
@@ -57,16 +61,19 @@ class ScatteredPoints(Described):
 
 @dataclass(frozen=True)
 class TurnedLidar(Described):
-    """The LiDAR has turned on its mount by `yaw_deg` since it was calibrated: a fault, not an attack."""
+    """The LiDAR has turned on its mount since it was calibrated: a fault, not an attack."""
 
     yaw_deg: float
+    pitch_deg: float = 0.0
 
     name = "turned LiDAR"
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud as the turned LiDAR reports it. Raises SettingError for a rig without a LiDAR."""
         cosine, sine = np.cos(np.deg2rad(self.yaw_deg)), np.sin(np.deg2rad(self.yaw_deg))
-        turn = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+        yaw = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+        cosine, sine = np.cos(np.deg2rad(self.pitch_deg)), np.sin(np.deg2rad(self.pitch_deg))
+        turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]) @ yaw
         rotation = _rotation(rig)
         xyz = cloud.xyz_m @ (rotation.T @ turn @ rotation).T
         return PointCloud(cloud.stamp_ns, np.asarray(xyz, dtype=np.float32))
@@ -74,16 +81,60 @@ class TurnedLidar(Described):
 
 @dataclass(frozen=True)
 class ShiftedCamera(Described):
-    """The camera has tilted since it was calibrated: its image stands `rows_px` lower. A fault, not an attack."""
+    """The camera has turned since it was calibrated: its image stands `rows_px` lower and `columns_px` to the right.
+
+    A fault, not an attack. One degree is 13 px where the focal length is 720 px.
+    """
 
     rows_px: int
+    columns_px: int = 0
 
     name = "shifted camera"
 
     def apply(self, image: CameraImage) -> CameraImage:
-        """The image moved down, its first row repeated above it."""
-        row = np.clip(np.arange(image.pixels.shape[0]) - self.rows_px, 0, None)
-        return CameraImage(image.sensor, image.stamp_ns, image.pixels[row])
+        """The image moved, its edges repeated where nothing moved in."""
+        height, width = image.pixels.shape[:2]
+        row = np.clip(np.arange(height) - self.rows_px, 0, height - 1)
+        column = np.clip(np.arange(width) - self.columns_px, 0, width - 1)
+        return CameraImage(image.sensor, image.stamp_ns, np.ascontiguousarray(image.pixels[row[:, None], column]))
+
+
+@dataclass(frozen=True)
+class DimmedCamera(Described):
+    """The camera gets a share `light` of what it got: dusk, a tunnel, a closed aperture. Not an attack by itself."""
+
+    light: float
+
+    name = "dimmed"
+
+    def apply(self, image: CameraImage) -> CameraImage:
+        """The darker image."""
+        pixels = np.rint(image.pixels * np.float32(self.light))
+        return CameraImage(image.sensor, image.stamp_ns, np.clip(pixels, 0, 255).astype(np.uint8))
+
+
+@dataclass(frozen=True)
+class SoiledLens(Described):
+    """Drops of mud on the lens: `blobs` soft-edged discs at places that do not move, dark and opaque in the middle."""
+
+    blobs: int
+    seed: int
+
+    name = "soiled lens"
+
+    def apply(self, image: CameraImage) -> CameraImage:
+        """The image behind the dirt."""
+        height, width = image.pixels.shape[:2]
+        rng = np.random.default_rng([self.seed, image.sensor])
+        clear = np.ones((height, width), dtype=np.float32)
+        row, column = np.arange(height)[:, None], np.arange(width)
+        for _ in range(self.blobs):
+            u, v, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(*_BLOB_RADII) * width
+            distance = np.hypot(row - v, column - u) / radius
+            clear *= 1 - _OPAQUE * np.clip((1 - distance) / _SOFT_EDGE, 0, 1).astype(np.float32)
+        clear = clear.reshape(height, width, *[1] * (image.pixels.ndim - 2))
+        pixels = np.rint(image.pixels * clear + _MUD_LEVEL * (1 - clear))
+        return CameraImage(image.sensor, image.stamp_ns, pixels.astype(np.uint8))
 
 
 @dataclass(frozen=True, eq=False)

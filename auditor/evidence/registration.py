@@ -1,0 +1,111 @@
+"""Whether the points of one picture lie on the same rows of another, now or a frame ago.
+
+Rectified cameras that see one moment see every point on one row. A camera that has tilted moves all rows by a
+constant; one that lags moves them as the scene has moved since: points are followed to the other camera and to the
+frame before (pyramidal Lucas-Kanade), and each hypothesis is scored by the share of points that it puts on one row.
+"""
+
+from collections.abc import Mapping
+from math import nan
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.symptoms import Pair, Rows
+
+_ROWS, _COLUMNS = 6, 20  # blocks, one point each
+_KEPT_SHARE = 0.7
+_CORNER_PX = 7
+_WINDOW = (13, 13)
+_LEVELS = 3
+_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.05)
+_LARGEST_RESIDUE = 30.0  # grey levels a pixel
+_SAME_ROW_PX = 0.5  # half-resolution pixels
+_HALF = 2
+_FEWEST_TRACKED = 15
+
+Image = NDArray[np.uint8]
+Points = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+def corners(half: Image) -> Points:
+    """(P, 2) columns and rows of the strongest corner of each of 6 x 20 blocks, without the weakest three in ten."""
+    strength = cv2.cornerMinEigenVal(half, _CORNER_PX)
+    height, width = (size // count for size, count in zip(half.shape, (_ROWS, _COLUMNS), strict=True))
+    if height == 0 or width == 0:
+        return np.zeros((0, 2), dtype=np.float32)
+    blocks = strength[: height * _ROWS, : width * _COLUMNS].reshape(_ROWS, height, _COLUMNS, width)
+    blocks = blocks.transpose(0, 2, 1, 3).reshape(_ROWS, _COLUMNS, height * width)
+    place = blocks.argmax(axis=2)
+    row = np.arange(_ROWS)[:, None] * height + place // width
+    column = np.arange(_COLUMNS) * width + place % width
+    strongest = blocks.max(axis=2)
+    kept = (strongest >= np.quantile(strongest, 1 - _KEPT_SHARE)) & (strongest > 0)
+    return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
+
+
+def register(
+    points: Mapping[int, Points],
+    now: Mapping[int, Image],
+    before: Mapping[int, Image],
+    disparities_px: Mapping[Pair, NDArray[np.float32]],
+) -> dict[Pair, Rows]:
+    """Follow the points (P, 2) of each reference k to each of its witnesses, and both to the frame before.
+
+    `now` and `before` are half-resolution grey images. `disparities_px` holds DM_{i,k} at the points, (P,)
+    half-resolution pixels, where to look first. A pair of which fewer than 15 points can be followed is left out;
+    cameras that `before` lacks are not asked whether they lag.
+    """
+    flows = {k: _follow(now[k], before[k], points[k], points[k]) for k in points if k in before}
+    found = {}
+    for (i, k), disparity in disparities_px.items():
+        start = points[k].copy()
+        start[:, 0] -= np.nan_to_num(disparity)
+        match, tracked = _follow(now[k], now[i], points[k], start)
+        back_k = flows.get(k)
+        back_i = _follow(now[i], before[i], match, match) if i in before else None
+        for back in (back_i, back_k):
+            tracked = tracked & back[1] if back else tracked
+        if np.count_nonzero(tracked) >= _FEWEST_TRACKED:
+            apart = match[:, 1] - points[k][:, 1]
+            # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
+            late_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
+            late_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
+            found[i, k] = _symptoms(apart, tracked, late_i, late_k)
+    return found
+
+
+def _symptoms(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Rows:
+    offset = np.median(apart[tracked])
+    return Rows(
+        tracked=float(np.count_nonzero(tracked)),
+        in_step=_share(apart, tracked),
+        offset_px=float(_HALF * offset),
+        offset_share=_share(apart - offset, tracked),
+        late_i=late_i,
+        late_k=late_k,
+    )
+
+
+def _share(residual: Points, among: Mask) -> float:
+    return float(np.mean(np.abs(residual[among]) <= _SAME_ROW_PX))
+
+
+def _follow(source: Image, target: Image, points: Points, start: Points) -> tuple[Points, Mask]:
+    """Where (P, 2) points of one picture lie in another, and which of them were found again."""
+    if len(points) == 0:
+        return points, np.zeros(0, dtype=np.bool_)
+    moved, found, residue = cv2.calcOpticalFlowPyrLK(
+        source,
+        target,
+        points[:, None],
+        start[:, None].copy(),
+        winSize=_WINDOW,
+        maxLevel=_LEVELS,
+        criteria=_ACCURACY,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    good = (found[:, 0] > 0) & (residue[:, 0] < _LARGEST_RESIDUE)
+    return np.asarray(moved[:, 0], dtype=np.float32), np.asarray(good)

@@ -1,0 +1,66 @@
+"""Symptoms: what tells a fault from an attack, measured with every frame so that judging needs no images."""
+
+from math import nan
+from typing import NamedTuple
+
+Pair = tuple[int, int]
+
+
+class Rows(NamedTuple):
+    """Points of reference k found again in camera i, and what becomes of their rows: shares of `tracked` points.
+
+    `in_step`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
+    the share within 1 px of it: a camera that has tilted moves all rows alike. `late_i`, `late_k`: the share on the
+    same row once that camera's picture is taken for one of the frame before. NaN where it could not be measured.
+    """
+
+    tracked: float = nan
+    in_step: float = nan
+    offset_px: float = nan
+    offset_share: float = nan
+    late_i: float = nan
+    late_k: float = nan
+
+
+class Contrast(NamedTuple):
+    """How much brighter k is than i where they are unlike: the median in grey levels, less that where they are alike.
+
+    `unlike_px` counts half-resolution pixels; `difference` is NaN where they are hardly any.
+    """
+
+    unlike_px: float = nan
+    difference: float = nan
+
+
+class Agreement(NamedTuple):
+    """LiDAR points against stereo's disparities: shares of `compared` points that agree within 1 px.
+
+    `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
+    by `right_px` or `down_px` in the reference's image. `late_gain`: how many more agree with stereo of the frame
+    before, over the points that both frames' stereo is sure of. NaN where it could not be measured.
+    """
+
+    compared: float = nan
+    agreeing: float = nan
+    bias_px: float = nan
+    biased: float = nan
+    right_px: float = nan
+    down_px: float = nan
+    turned: float = nan
+    late_gain: float = nan
+
+
+class PairSymptoms(NamedTuple):
+    """The symptoms of a matched pair (i, k) in one frame; of the LiDAR only where the pair may deny it."""
+
+    rows: Rows = Rows()
+    contrast: Contrast = Contrast()
+    agreement: Agreement = Agreement()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All numbers in the order of COLUMNS."""
+        return (*self.rows, *self.contrast, *self.agreement)
+
+
+COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields)
