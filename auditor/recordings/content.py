@@ -9,14 +9,15 @@ _BLOCK = 1 << 20
 
 
 def content_id(path: Path, files: tuple[Path, ...]) -> str:
-    """sha256 (hex) of a file; of a folder, of its sorted relative paths and the hashes of those files.
+    """sha256 (hex) of a file; of a folder, or a file and its journal, of sorted relative paths and the files' hashes.
 
     Raises RecordingError where a file cannot be read.
     """
-    if not path.is_dir():
+    if files == (path,):
         return _file_hash(path)
+    folder = path if path.is_dir() else path.parent
     whole = hashlib.sha256()
-    for name, file in sorted((file.relative_to(path).as_posix(), file) for file in files):
+    for name, file in sorted((file.relative_to(folder).as_posix(), file) for file in files):
         whole.update(f"{_file_hash(file)}  {name}\n".encode("utf-8", "surrogateescape"))
     return whole.hexdigest()
 

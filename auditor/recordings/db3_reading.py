@@ -5,6 +5,7 @@ looked through for rows of the shape that these tables have.
 """
 
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from auditor.recordings.damage_log import DamageLog
 from auditor.recordings.interface import Definition, Topic
 from auditor.recordings.names import Names
 from auditor.recordings.schemas import schema_name
+from auditor.recordings.sqlite_journal import ENDING, read_journal
 from auditor.recordings.sqlite_pages import LEAF, BadPageError, Pages, Row
-from auditor.recordings.unpacking import MAX_BYTES
+from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
 
 _CATALOGUE_PAGE = 1
 _CATALOGUE_ROW = "tttit"
@@ -24,6 +26,12 @@ _MESSAGE_ROW = "niib"
 _NAMES_ROW = "nttt"
 _MAX_NAMES_ROWS = 100_000
 _DEFINITION_ENCODINGS = {"ros2msg", "ros2idl"}
+
+
+def journal_of(path: Path) -> Path | None:
+    """The write-ahead log beside a database, where there is one that holds anything."""
+    journal = path.with_name(f"{path.name}{ENDING}")
+    return journal if journal.is_file() and journal.stat().st_size else None
 
 
 class Db3Read:
@@ -35,25 +43,46 @@ class Db3Read:
         self._path = path
         self._names = names
         self._damage = damage
+        self._expansion = Expansion()
         self._bad_rows = 0
         self._lost_messages = 0
         self.channels = Channels(wanted, names, damage)
 
     def look(self) -> None:
         """Learn topics and definitions. Raises RecordingError where this is no recording."""
-        with self._path.open("rb") as file:
-            self._learn_names(Pages(file, self._path.stat().st_size))
+        with self._pages() as pages:
+            self._learn_names(pages)
 
     def messages(self) -> Iterator[Message]:
         """Every message of the topics wanted. Raises RecordingError where this is no recording."""
-        with self._path.open("rb") as file:
-            pages = Pages(file, self._path.stat().st_size)
+        with self._pages() as pages:
             try:
                 yield from self._walk(pages, self._learn_names(pages))
             except OSError as error:
                 self._damage.add(f"it cannot be read further ({error.strerror or error})")
             self._tell(pages)
         self.channels.tell_unknown()
+
+    @contextmanager
+    def _pages(self) -> Iterator[Pages]:
+        """The pages of the file, with what its write-ahead log adds where its recorder left one."""
+        with ExitStack() as opened:
+            file = opened.enter_context(self._path.open("rb"))
+            size = self._path.stat().st_size
+            path = journal_of(self._path)
+            log = opened.enter_context(path.open("rb")) if path else None
+            journal = read_journal(log, path.stat().st_size) if path and log else None
+            if path and journal is None:
+                self._damage.add(f"{path.name} is no write-ahead log that can be read")
+            pages = Pages(file, size)
+            if journal and path:
+                if pages.has_header and pages.page_bytes != journal.page_bytes:
+                    self._damage.add(f"{path.name} has pages of another size and is not read")
+                else:
+                    pages = Pages(file, size, journal, log)
+                    if journal.problem:
+                        self._damage.add(f"{path.name}: {journal.problem}")
+            yield pages
 
     def _walk(self, pages: Pages, root: int | None) -> Iterator[Message]:
         seen: set[int] = set()
@@ -85,6 +114,11 @@ class Db3Read:
             self._lost_messages += 1
             return
         assert isinstance(data, bytes)
+        try:
+            data = unpack_message(data, self._expansion)
+        except BadChunkError as error:
+            self._damage.add(f"a message of {channel.topic.name!r} is left out: {error}")
+            return
         topic = channel.topic
         yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
 
@@ -162,10 +196,5 @@ class Db3Read:
             self._damage.add(f"{self._bad_rows} rows cannot be read")
         if self._lost_messages:
             self._damage.add(f"{self._lost_messages} messages are cut or too large")
-        if pages.told_count * pages.page_bytes > pages.size:
+        if pages.is_cut:
             self._damage.add("the recording is cut", pages.size)
-        journal = self._path.with_name(f"{self._path.name}-wal")
-        if journal.is_file() and journal.stat().st_size:
-            self._damage.add(
-                f"what {journal.name} holds is not read: close the recording with SQLite's own tools first"
-            )

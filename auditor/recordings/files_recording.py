@@ -13,6 +13,7 @@ from auditor.recordings.content import content_id
 from auditor.recordings.damage_log import DamageLog
 from auditor.recordings.interface import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
 from auditor.recordings.names import Names
+from auditor.recordings.packed_files import Source, source_of
 from auditor.results import AttackLabel
 
 _PEEK_BYTES = 32 * 2**20
@@ -30,11 +31,15 @@ class FileRead(Protocol):
 
 
 class FilesRecording(ABC):
-    """Nothing stays open between reads; every read begins at the start. See interface.Recording."""
+    """Every read begins at the start; only unpacked content is held between reads. See interface.Recording.
 
-    def __init__(self, path: Path, files: tuple[Path, ...]) -> None:
+    `files` are read one after the other, `journals` beside them; both are the recording's content.
+    """
+
+    def __init__(self, path: Path, files: tuple[Path, ...], journals: tuple[Path, ...] = ()) -> None:
         self.path = path
-        self.files = files
+        self.files = (*files, *journals)
+        self._sources = tuple(source_of(file) for file in files)
         self._names = Names()
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
@@ -47,8 +52,10 @@ class FilesRecording(ABC):
     ) -> None:
         self.close()
 
-    def close(self) -> None:  # noqa: B027 - there is nothing to close, in any of them
-        """Nothing stays open between reads."""
+    def close(self) -> None:
+        """Let go of what was unpacked."""
+        for source in self._sources:
+            source.close()
 
     @cached_property
     def recording_id(self) -> str:
@@ -89,6 +96,12 @@ class FilesRecording(ABC):
         self._damage = DamageLog()
         self._reads, stream = self._read(topics, self._damage)
         return stream
+
+    def _begin(self, source: Source, damage: DamageLog) -> None:
+        """Say of what file the next damage is, and what could not be unpacked of it."""
+        damage.file = source.name if len(self._sources) > 1 else ""
+        if source.problem:
+            damage.add(source.problem)
 
     def _learn_from_beginning(self) -> None:
         """Learn topics where no index tells them."""

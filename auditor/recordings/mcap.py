@@ -33,32 +33,33 @@ class McapRecording(FilesRecording):
 
     def __init__(self, path: Path, files: tuple[Path, ...]) -> None:
         super().__init__(path, files)
-        for file in files:
-            with file.open("rb") as stream:
+        for source in self._sources:
+            with source.path.open("rb") as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
+                    self.close()
                     raise RecordingError(
-                        "this is no MCAP file, or one cut at its very start",
-                        where=file,
+                        source.problem or "this is no MCAP file, or one cut at its very start",
+                        where=path.parent / source.name if path.is_file() else path / source.name,
                         remedy="check how it was copied, or give its true ending",
                     )
         self._look()
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
-        reads = [FileRead(file, topics, self._names, damage) for file in self.files]
+        reads = [FileRead(source.path, topics, self._names, damage) for source in self._sources]
         return reads, self._one_by_one(reads, damage)
 
     def _one_by_one(self, reads: list[FileRead], damage: DamageLog) -> Iterator[Message]:
-        for file, read in zip(self.files, reads, strict=True):
-            damage.file = file.name if len(self.files) > 1 else ""
+        for source, read in zip(self._sources, reads, strict=True):
+            self._begin(source, damage)
             yield from read.messages()
 
     def _look(self) -> None:
         """Learn topics: from the summaries where there are any, else from the beginning."""
-        for file in self.files:
-            with file.open("rb") as stream:
-                ending = read_ending(stream, file.stat().st_size)
+        for source in self._sources:
+            with source.path.open("rb") as stream:
+                ending = read_ending(stream, source.path.stat().st_size)
             if ending:
-                FileRead(file, None, self._names, DamageLog()).learn_summary(ending.summary)
+                FileRead(source.path, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 
@@ -74,10 +75,10 @@ class McapRecording(FilesRecording):
     def _extras(self) -> tuple[tuple[AttackLabel, ...], Mapping[str, str]]:
         labels: list[AttackLabel] = []
         metadata: dict[str, str] = {}
-        for file in self.files:
-            for attached in attached_to(file):
+        for source in self._sources:
+            for attached in attached_to(source.path):
                 if isinstance(attached, Metadata):
                     metadata.update(attached.metadata if attached.name == METADATA_NAME else {})
                 elif attached.name == LABELS_NAME:
-                    labels.extend(labels_from_json(attached.data, file))
+                    labels.extend(labels_from_json(attached.data, self.path))
         return tuple(labels), metadata

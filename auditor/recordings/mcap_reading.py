@@ -27,7 +27,7 @@ from auditor.recordings.mcap_stream import (
 from auditor.recordings.names import Names
 from auditor.recordings.salvaging import is_trusted
 from auditor.recordings.schemas import schema_name
-from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion
+from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
 
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
@@ -45,6 +45,7 @@ class FileRead:
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
+        self._messages_expansion = Expansion()
         self._schemas: dict[int, str] = {}
         self._chunk_offsets: list[int] = []
         self.channels = Channels(wanted, names, damage)
@@ -102,7 +103,7 @@ class FileRead:
             return
         body = read_body(stream, record._replace(length=record.length - len(head)), self._damage)
         if body is not None:
-            yield self._made(channel, head, 0, body, record.offset)
+            yield from self._made(channel, head, 0, body, record.offset)
 
     def _chunk(self, body: bytes, offset: int) -> Iterator[Message]:
         try:
@@ -135,18 +136,26 @@ class FileRead:
                 channel = self.channels.met(inside[start] | inside[start + 1] << 8)
                 if channel is not None and channel.wanted:
                     data = bytes(inside[start + _MESSAGE_HEAD.size : position])
-                    yield self._made(channel, inside, start, data, offset)
+                    yield from self._made(channel, inside, start, data, offset)
             elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
                 self.learn(opcode, inside[start:position], offset)
         return position
 
-    def _made(self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int) -> Message:
+    def _made(
+        self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int
+    ) -> Iterator[Message]:
         log_time_ns = _MESSAGE_HEAD.unpack_from(head, start)[2]
         if log_time_ns > _MAX_LOG_TIME_NS:
             self._damage.add(f"a log time of {log_time_ns} ns cannot be: taken as 0", offset)
             log_time_ns = 0
         topic = channel.topic
-        return Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
+        if topic.encoding == "cdr":
+            try:
+                data = unpack_message(data, self._messages_expansion)
+            except BadChunkError as error:
+                self._damage.add(f"a message of {topic.name!r} is left out: {error}", offset)
+                return
+        yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
 
     def learn_summary(self, summary: bytes) -> None:
         """Take in the schemas and channels of a summary section, and where it says that chunks begin."""

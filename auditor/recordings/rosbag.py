@@ -9,11 +9,12 @@ from auditor.errors import RecordingError
 from auditor.frames import Message
 from auditor.recordings.bag_reading import BagRead
 from auditor.recordings.damage_log import DamageLog
-from auditor.recordings.db3_reading import Db3Read
+from auditor.recordings.db3_reading import Db3Read, journal_of
 from auditor.recordings.files_recording import FilesRecording
 from auditor.recordings.interface import Recording
 from auditor.recordings.labels import METADATA_TOPIC, label_from_dict, load_json
 from auditor.recordings.mcap import McapRecording
+from auditor.recordings.packed_files import Source, kind_of
 from auditor.recordings.schemas import STRING
 from auditor.results import AttackLabel
 
@@ -36,18 +37,18 @@ class Ros1Reader:
 
 
 class Ros2Reader:
-    """Recognises .db3 files and rosbag2 folders."""
+    """Recognises .db3 files, rosbag2 folders, and files that rosbag2 compressed."""
 
     def detects(self, path: Path) -> bool:
-        """True for a .db3 file, and for a folder with metadata.yaml or .db3 files."""
+        """True for a .db3 file, or a packed one or .mcap, and for a folder with metadata.yaml or .db3 files."""
         if path.is_dir():
             return bool(_storage_files(path)) and ((path / "metadata.yaml").is_file() or bool(_files(path, ".db3")))
-        return path.suffix.lower() == ".db3" and path.is_file()
+        return kind_of(path) in {".db3", ".mcap"} and path.is_file()
 
     def open(self, path: Path) -> Recording:
         """Open it; the order of a folder's files is that of their names. Raises RecordingError."""
         files = _storage_files(path) if path.is_dir() else (path,)
-        if files[0].suffix.lower() == ".mcap":
+        if kind_of(files[0]) == ".mcap":
             return McapRecording(path, files)
         # The files are opened one by one: metadata.yaml may be missing, or tell of files that are gone.
         return RosbagRecording(path, files, Db3Read)
@@ -55,7 +56,7 @@ class Ros2Reader:
 
 def _files(folder: Path, suffix: str) -> tuple[Path, ...]:
     # "_10" comes after "_9": recorders number the files of a folder without leading zeros.
-    found = (file for file in folder.iterdir() if file.suffix.lower() == suffix and file.is_file())
+    found = (file for file in folder.iterdir() if kind_of(file) == suffix and file.is_file())
     return tuple(sorted(found, key=lambda file: (len(file.name), file.name)))
 
 
@@ -63,36 +64,41 @@ def _storage_files(folder: Path) -> tuple[Path, ...]:
     return _files(folder, ".db3") or _files(folder, ".mcap")
 
 
+def _journals(files: tuple[Path, ...]) -> tuple[Path, ...]:
+    return tuple(journal for journal in map(journal_of, files) if journal is not None)
+
+
 class RosbagRecording(FilesRecording):
     """The files of one ROS recording, read one after the other."""
 
     def __init__(self, path: Path, files: tuple[Path, ...], kind: type[BagRead] | type[Db3Read]) -> None:
-        super().__init__(path, files)
+        super().__init__(path, files, _journals(files) if kind is Db3Read else ())
         self._kind = kind
-        self._unreadable: dict[Path, str] = {}
-        for file in files:
+        self._unreadable: dict[Source, str] = {}
+        for source in self._sources:
             try:
-                kind(file, None, self._names, DamageLog()).look()
+                kind(source.path, None, self._names, DamageLog()).look()
             except RecordingError as error:
-                self._unreadable[file] = error.what
+                self._unreadable[source] = source.problem or error.what
         if len(self._unreadable) == len(files):
             what = next(iter(self._unreadable.values()))
+            self.close()
             raise RecordingError(what, where=path, remedy="repair it with its recorder's own tools")
         if not self._names.topics:
             self._learn_from_beginning()
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
-        readable = [file for file in self.files if file not in self._unreadable]
-        reads: list[FileRead] = [self._kind(file, topics, self._names, damage) for file in readable]
+        readable = [source for source in self._sources if source not in self._unreadable]
+        reads: list[FileRead] = [self._kind(source.path, topics, self._names, damage) for source in readable]
         return reads, self._one_by_one(dict(zip(readable, reads, strict=True)), damage)
 
-    def _one_by_one(self, reads: Mapping[Path, FileRead], damage: DamageLog) -> Iterator[Message]:
-        for file in self.files:
-            damage.file = file.name if len(self.files) > 1 else ""
-            if file in reads:
-                yield from reads[file].messages()
+    def _one_by_one(self, reads: Mapping[Source, FileRead], damage: DamageLog) -> Iterator[Message]:
+        for source in self._sources:
+            self._begin(source, damage)
+            if source in reads:
+                yield from reads[source].messages()
             else:
-                damage.add(f"it cannot be read ({self._unreadable[file]})")
+                damage.add(f"it cannot be read ({self._unreadable[source]})")
 
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""

@@ -8,6 +8,8 @@ import struct
 from collections.abc import Iterator
 from typing import IO, NamedTuple
 
+from auditor.recordings.sqlite_journal import Journal
+
 MAGIC = b"SQLite format 3\0"
 LEAF, INTERIOR = 0x0D, 0x05
 _HEADER_BYTES = 100
@@ -52,20 +54,39 @@ class Row(NamedTuple):
 
 
 class Pages:
-    """The pages of one file."""
+    """The pages of one file, those in its write-ahead log before its own."""
 
-    def __init__(self, file: IO[bytes], size: int) -> None:
+    def __init__(
+        self, file: IO[bytes], size: int, journal: Journal | None = None, journal_file: IO[bytes] | None = None
+    ) -> None:
         self._file = file
+        self._journal_file = journal_file
+        self._newer = journal.pages if journal else {}
         self.size = size
-        header = self._read(0, _HEADER_BYTES) if size >= _HEADER_BYTES else b""
+        first = self._newer.get(1)
+        if journal_file is not None and first is not None:
+            header = _read(journal_file, first, _HEADER_BYTES)
+        else:
+            header = _read(file, 0, _HEADER_BYTES) if size >= _HEADER_BYTES else b""
         self.has_header = header.startswith(MAGIC)
         told = _UINT16.unpack_from(header, 16)[0] if header else 0
         told = 2**16 if told == 1 else told
         self.page_bytes = told if self.has_header and told in _PAGE_SIZES else _USUAL_PAGE_SIZE
         reserved = header[20] if self.has_header else 0
         self._usable = self.page_bytes - (reserved if reserved <= 32 else 0)
-        self.count = size // self.page_bytes
-        self.told_count = _UINT32.unpack_from(header, 28)[0] if self.has_header else 0
+        self._own_count = size // self.page_bytes
+        self.count = self._own_count
+        self._told_count = _UINT32.unpack_from(header, 28)[0] if self.has_header else 0
+        if journal and journal.page_count:
+            self._told_count = journal.page_count
+            self.count = min(journal.page_count, self._own_count + len(self._newer))
+        self._most_row_bytes = self.count * self.page_bytes
+
+    @property
+    def is_cut(self) -> bool:
+        """True where the file says that it has more pages than there are."""
+        missing = self._told_count > self.count
+        return missing or any(page not in self._newer for page in range(self._own_count + 1, self._told_count + 1))
 
     def offset(self, number: int) -> int:
         """Where page `number` (from 1) begins."""
@@ -132,15 +153,22 @@ class Pages:
             return serial - 8
         return None if serial in {0, _FLOAT} else int.from_bytes(data, "big", signed=True)
 
-    def _read(self, offset: int, length: int) -> bytes:
-        self._file.seek(offset)
-        return self._file.read(length)
-
     def _page(self, number: int) -> bytes:
-        page = self._read(self.offset(number), self.page_bytes) if 1 <= number <= self.count else b""
+        page = self._block(number, 1) if 1 <= number <= self.count else b""
         if len(page) < self.page_bytes:
             raise BadPageError("beyond the end of the file")
         return page
+
+    def _block(self, number: int, count: int) -> bytes:
+        """Pages one behind the other, in one go where no log stands before them."""
+        if not self._newer or self._journal_file is None:
+            return _read(self._file, self.offset(number), count * self.page_bytes)
+        return b"".join(
+            _read(self._journal_file, newer, self.page_bytes)
+            if (newer := self._newer.get(page)) is not None
+            else _read(self._file, self.offset(page), self.page_bytes)
+            for page in range(number, number + count)
+        )
 
     def _pointers(self, page: bytes, head: int, header_bytes: int) -> list[int]:
         """Where the cells of a page begin."""
@@ -160,7 +188,7 @@ class Pages:
             local = least + (size - least) % (self._usable - 4)
             local = local if local <= most else least
         end = position + local
-        if end + (4 if local < size else 0) > len(page) or size > self.size:
+        if end + (4 if local < size else 0) > len(page) or size > self._most_row_bytes:
             raise BadPageError("a row beyond its page")
         overflow = _UINT32.unpack_from(page, end)[0] if local < size else 0
         inside = page[position:end]
@@ -177,7 +205,7 @@ class Pages:
             # Recorders write these pages one behind the other: read them at once, and believe each one's pointer.
             jumps.add(following)
             wanted = min(-(-(end - len(data)) // inside), self.count - following + 1)
-            block = self._read(self.offset(following), wanted * self.page_bytes)
+            block = self._block(following, wanted)
             if len(block) < wanted * self.page_bytes:
                 raise BadPageError("a row whose end is missing")
             for place in range(wanted):
@@ -189,6 +217,11 @@ class Pages:
                     break
                 following = pointer
         return bytes(data[start:end])
+
+
+def _read(file: IO[bytes], offset: int, length: int) -> bytes:
+    file.seek(offset)
+    return file.read(length)
 
 
 def _head_at(number: int) -> int:

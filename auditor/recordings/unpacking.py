@@ -1,6 +1,8 @@
 """Unpacking compressed chunks without trusting what they declare."""
 
 import bz2
+from io import SEEK_END
+from typing import IO
 
 import lz4.frame
 import zstandard
@@ -8,9 +10,12 @@ import zstandard
 MAX_BYTES = 64 * 2**20
 """No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
 
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
 _FREE_BYTES = 32 * 2**20
 _MAX_RATIO = 100
 _STEP_BYTES = 1 << 20
+_ZSTD_HEAD_BYTES = 18
 
 
 class BadChunkError(Exception):
@@ -71,6 +76,46 @@ def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memor
     except (zstandard.ZstdError, RuntimeError, OSError, EOFError):
         pass  # what came before it stays
     return memoryview(unpacked)
+
+
+def unpack_message(data: bytes, expansion: Expansion) -> bytes:
+    """A message that rosbag2 compressed by itself (compression mode `message`), or any other as it is.
+
+    CDR begins with a zero: it is never taken for zstd. Raises BadChunkError where it is damaged or unpacks to too much.
+    """
+    if data[: len(ZSTD_MAGIC)] != ZSTD_MAGIC:
+        return data
+    try:
+        size = zstandard.frame_content_size(data)
+    except zstandard.ZstdError as error:
+        raise BadChunkError(f"its zstd data are damaged ({error})") from error
+    if size < 0:
+        raise BadChunkError("its zstd frame does not declare its size")
+    expansion.allow(len(data), size)
+    return _unpack_zstd(memoryview(data), size)
+
+
+def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
+    """Unpack a zstd file as far as it is whole and within bounds; the answer is what was wrong, empty for nothing.
+
+    The bounds are `most_bytes` and those of Expansion. Raises OSError.
+    """
+    packed_bytes = source.seek(0, SEEK_END)
+    source.seek(0)
+    most = min(most_bytes, _FREE_BYTES + _MAX_RATIO * packed_bytes)
+    unpacked = 0
+    try:
+        declared = zstandard.frame_content_size(source.read(_ZSTD_HEAD_BYTES))
+        source.seek(0)
+        with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(source, closefd=False) as reader:
+            while piece := reader.read(min(_STEP_BYTES, most - unpacked)):
+                unpacked += len(piece)
+                target.write(piece)
+                if unpacked == most:
+                    return f"it would unpack to more than {most} bytes: the rest is left out"
+    except zstandard.ZstdError as error:
+        return f"its zstd data are damaged ({error}) behind {unpacked} unpacked bytes"
+    return "" if declared in {-1, unpacked} else f"its zstd data are cut behind {unpacked} of {declared} unpacked bytes"
 
 
 def _unpack_zstd(packed: memoryview, size: int) -> bytes:

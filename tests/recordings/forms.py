@@ -1,5 +1,6 @@
 """The same frames in every container and message form, by the real writers."""
 
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,8 +8,8 @@ from typing import Any, NamedTuple
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag1 import Reader as BagReader
 from rosbags.rosbag1 import Writer as BagWriter
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Reader as Rosbag2Reader
-from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from auditor.frames import Frame
@@ -106,22 +107,44 @@ def _idl_in_mcap(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Pat
     return folder / "a.mcap"
 
 
-def _rosbag2(plugin: StoragePlugin, *, bare: bool) -> Write:
+def _rosbag2(plugin: StoragePlugin, *, bare: bool, packed: CompressionMode = CompressionMode.NONE) -> Write:
     def write(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Path:
         write_db3(folder / "whole", rig, frames, image=form)
-        if plugin is StoragePlugin.SQLITE3:
+        if plugin is StoragePlugin.SQLITE3 and not packed.value:
             return folder / "whole" / "whole.db3" if bare else folder / "whole"
-        with (
-            Rosbag2Reader(folder / "whole") as reader,
-            Rosbag2Writer(folder / "copy", version=9, storage_plugin=plugin) as writer,
-        ):
+        copy = Rosbag2Writer(folder / "copy", version=9, storage_plugin=plugin)
+        copy.set_compression(packed, CompressionFormat.ZSTD)
+        with Rosbag2Reader(folder / "whole") as reader, copy as writer:
             maker = MessageMaker("cdr")
             made = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=maker.store) for c in reader.connections}
             for connection, time_ns, data in reader.messages():
                 writer.write(made[connection.id], time_ns, data)
-        return folder / "copy"
+        return next((folder / "copy").glob("copy.*")) if bare else folder / "copy"
 
     return write
+
+
+def _unclosed_db3(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Path:
+    """A recorder with a write-ahead log crashed: what it wrote last lies beside its database."""
+    write_db3(folder / "whole", rig, frames, image=form)
+    source = sqlite3.connect(folder / "whole" / "whole.db3", isolation_level=None)
+    recorder = sqlite3.connect(folder / "recorder.db3", isolation_level=None)
+    recorder.execute("PRAGMA journal_mode=WAL")
+    recorder.execute("PRAGMA wal_autocheckpoint=0")
+    tables = [sql for (sql,) in source.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")]
+    for sql in tables:
+        recorder.execute(sql)
+    for table in ("topics", "message_definitions", "messages"):
+        rows = source.execute(f"SELECT * FROM {table}").fetchall()
+        for number, row in enumerate(rows):
+            recorder.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(row))})", row)
+            if table == "messages" and number == len(rows) // 2:
+                recorder.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    for name in ("recorder.db3", "recorder.db3-wal"):
+        (folder / name.replace("recorder", "crashed")).write_bytes((folder / name).read_bytes())
+    source.close()
+    recorder.close()
+    return folder / "crashed.db3"
 
 
 def _protobuf(compression: str) -> Write:
@@ -159,4 +182,19 @@ CONTAINERS = (
     Container("rosbag2 folder, db3", _rosbag2(StoragePlugin.SQLITE3, bare=False)),
     Container("rosbag2 bare db3", _rosbag2(StoragePlugin.SQLITE3, bare=True)),
     Container("rosbag2 folder, mcap", _rosbag2(StoragePlugin.MCAP, bare=False)),
+    Container(
+        "rosbag2 folder, db3, zstd files", _rosbag2(StoragePlugin.SQLITE3, bare=False, packed=CompressionMode.FILE)
+    ),
+    Container(
+        "rosbag2 folder, db3, zstd messages",
+        _rosbag2(StoragePlugin.SQLITE3, bare=False, packed=CompressionMode.MESSAGE),
+    ),
+    Container(
+        "rosbag2 folder, mcap, zstd files", _rosbag2(StoragePlugin.MCAP, bare=False, packed=CompressionMode.FILE)
+    ),
+    Container(
+        "rosbag2 folder, mcap, zstd messages", _rosbag2(StoragePlugin.MCAP, bare=False, packed=CompressionMode.MESSAGE)
+    ),
+    Container("rosbag2 bare db3.zstd", _rosbag2(StoragePlugin.SQLITE3, bare=True, packed=CompressionMode.FILE)),
+    Container("db3 with a write-ahead log", _unclosed_db3),
 )

@@ -287,9 +287,3 @@ def test_another_sqlite_file_is_refused(tmp_path: Path) -> None:
     connection.close()
     with pytest.raises(RecordingError, match="no ROS 2 recording"):
         open_recording(tmp_path / "a.db3")
-
-
-def test_messages_left_in_a_journal_are_told(db3: Path, tmp_path: Path) -> None:
-    shutil.copy(db3, tmp_path / "a.db3")
-    (tmp_path / "a.db3-wal").write_bytes(b"something")
-    assert any("a.db3-wal" in piece for piece in read(tmp_path / "a.db3")[1])

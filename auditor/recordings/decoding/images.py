@@ -65,6 +65,9 @@ ENCODINGS = {
 }
 """Encodings of sensor_msgs/image_encodings.hpp that are understood; 16-bit values keep their upper 8 bits."""
 
+_PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
+"""OpenCV's own order by bytes a pixel: what a cv_bridge that was told nothing else passed through."""
+
 
 class RawImageDecoder:
     """sensor_msgs/Image."""
@@ -97,7 +100,10 @@ def raw_pixels(
 ) -> NDArray[np.uint8]:
     """Pixels of anything with the fields of sensor_msgs/Image. See interface.ImageDecoder."""
     check_size((image.width, image.height), size_px)
-    encoding = ENCODINGS.get(image.encoding)
+    name = image.encoding
+    if name == "passthrough":
+        name = _PASSTHROUGH.get(image.step // image.width, name)
+    encoding = ENCODINGS.get(name)
     if encoding is None:
         raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not understood", where=topic)
     return _convert(_rows(image, encoding), encoding, colour=colour)
