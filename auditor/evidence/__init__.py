@@ -2,7 +2,7 @@
 
 import cv2
 
-from auditor.evidence.measuring import Evidence, measure
+from auditor.evidence.measuring import Evidence, measure, measure_stream
 from auditor.evidence.pictures import Picture, PictureBook, draw
 
 
@@ -11,4 +11,4 @@ def use_one_thread() -> None:
     cv2.setNumThreads(1)
 
 
-__all__ = ["Evidence", "Picture", "PictureBook", "draw", "measure", "use_one_thread"]
+__all__ = ["Evidence", "Picture", "PictureBook", "draw", "measure", "measure_stream", "use_one_thread"]

@@ -28,9 +28,11 @@ _ERRORS_ONLY = 3
 class OnnxModel:
     """A model that was read once: what is hashed is what is run.
 
-    `inputs` are the names and shapes that it takes, where a length may be a name or None. Raises SettingError where the
-    file cannot be read or run, or the device is not there.
+    `inputs` are the names and shapes that it takes, where a length may be a name or None; `libraries` the version of
+    what runs it. Raises SettingError where the file cannot be read or run, or the device is not there.
     """
+
+    libraries: Mapping[str, str] = {"onnxruntime": onnxruntime.__version__}
 
     def __init__(self, path: Path, *, device: str = "cpu", threads: int = 1) -> None:
         self._path = path

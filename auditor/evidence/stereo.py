@@ -1,7 +1,8 @@
 """DM_{i,k}: the disparity map that a witness camera gives in the view of a reference camera."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from auditor.evidence.matchers.interface import Matcher, match_pairs
 _TEXTURE_STEP = 2
 
 Mask = NDArray[np.bool_]
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +44,14 @@ def stereo_map(
 
 def stereo_maps(
     matcher: Matcher,
-    images: Mapping[int, NDArray[np.uint8]],
-    texture: Mapping[int, Mask],
-    pairs: Iterable[tuple[int, int]],
-) -> dict[tuple[int, int], StereoMap]:
-    """DM_{i,k} for each pair (i, k) of cameras, as `stereo_map` gives them; the matcher sees all pairs at once."""
+    images: Mapping[Key, NDArray[np.uint8]],
+    texture: Mapping[Key, Mask],
+    pairs: Iterable[tuple[Key, Key]],
+) -> dict[tuple[Key, Key], StereoMap]:
+    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them; the matcher sees all pairs at once.
+
+    Keys are whatever names an image: a camera, or a frame and a camera.
+    """
     pairs, cameras = list(pairs), list(images)
     places = [(cameras.index(k), cameras.index(i)) for i, k in pairs]
     disparities = match_pairs(matcher, list(images.values()), places)

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 from auditor.errors import SettingError
-from auditor.evidence.matchers.interface import Matcher
+from auditor.evidence.matchers.interface import Matcher, libraries
 from auditor.evidence.matchers.options import MatcherOptions
 from auditor.evidence.matchers.sgbm import SgbmMatcher
 
@@ -96,4 +96,13 @@ BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
 MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
 """Matchers that are files of the user's: `onnx:model.onnx`."""
 
-__all__ = ["BUILT_IN", "MODEL_FILES", "Matcher", "MatcherOptions", "SgbmMatcher", "find_matcher", "psmnet_module"]
+__all__ = [
+    "BUILT_IN",
+    "MODEL_FILES",
+    "Matcher",
+    "MatcherOptions",
+    "SgbmMatcher",
+    "find_matcher",
+    "libraries",
+    "psmnet_module",
+]

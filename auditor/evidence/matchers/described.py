@@ -24,7 +24,7 @@ Only `range_px` must be there; these are the defaults of the others, save for th
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -76,7 +76,10 @@ class Description:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A loaded model: `run` maps two inputs to its output; `size` (H, W) is the only one it takes, None for any."""
+    """A loaded model: `run` maps two inputs to its output; `size` (H, W) is the only one it takes, None for any.
+
+    `libraries` are the versions of what runs it, by name.
+    """
 
     kind: str
     where: str
@@ -84,6 +87,7 @@ class Model:
     description: Description
     run: Callable[[Tensor, Tensor], NDArray[np.floating]]
     size: tuple[int, int] | None = None
+    libraries: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,11 @@ class ModelMatcher:
         """Canonical JSON of the model's hash and its description."""
         values = dataclasses.asdict(self.model.description) | {"model_sha256": self.model.sha256}
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
+
+    @property
+    def libraries(self) -> Mapping[str, str]:
+        """Version of what runs the model, by name."""
+        return self.model.libraries
 
     @property
     def range_px(self) -> int:

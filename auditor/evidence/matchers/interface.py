@@ -1,6 +1,6 @@
 """What a stereo matcher is."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -33,8 +33,13 @@ class Matcher(Protocol):
 
 @runtime_checkable
 class PairMatcher(Protocol):
-    """A matcher that gains from seeing all pairs of a frame, or of several, at once."""
+    """A matcher that gains from seeing many pairs at once: those of a frame, or of several.
 
+    `pairs_at_once` is how many its device works on together; 1 on the CPU, which has no time to spare beside them.
+    """
+
+    @property
+    def pairs_at_once(self) -> int: ...  # noqa: D102 - the class docstring says it
     def match_pairs(
         self, images: Sequence[NDArray[np.uint8]], pairs: Sequence[tuple[int, int]]
     ) -> list[NDArray[np.float32]]:
@@ -49,3 +54,14 @@ def match_pairs(
     if isinstance(matcher, PairMatcher):
         return matcher.match_pairs(images, pairs)
     return [matcher.match(images[left], images[right]) for left, right in pairs]
+
+
+def pairs_at_once(matcher: Matcher) -> int:
+    """How many pairs a matcher works on together."""
+    return matcher.pairs_at_once if isinstance(matcher, PairMatcher) else 1
+
+
+def libraries(matcher: Matcher) -> Mapping[str, str]:
+    """Versions by name of what a matcher runs on and others do not: what was measured may depend on them."""
+    found: Mapping[str, str] = getattr(matcher, "libraries", {})
+    return found

@@ -22,7 +22,8 @@ def open_onnx(path: Path, *, device: str = "cpu", threads: int = 1) -> ModelMatc
         (disparity,) = model.run([given.disparity], {taken.left: left, taken.right: right})
         return cast(Tensor, disparity)
 
-    return ModelMatcher(Model("onnx", str(path), model.sha256, description, run, _size(path, taken, model)))
+    size = _size(path, taken, model)
+    return ModelMatcher(Model("onnx", str(path), model.sha256, description, run, size, model.libraries))
 
 
 def _size(path: Path, taken: Input, model: OnnxModel) -> tuple[int, int] | None:

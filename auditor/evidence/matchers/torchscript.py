@@ -43,4 +43,6 @@ def open_torchscript(path: Path, *, device: str = "cpu", threads: int = 1) -> Mo
         disparity: Tensor = found.float().cpu().numpy()
         return disparity
 
-    return ModelMatcher(Model("torchscript", str(path), sha256(content), description, run))
+    return ModelMatcher(
+        Model("torchscript", str(path), sha256(content), description, run, libraries={"torch": torch.__version__})
+    )

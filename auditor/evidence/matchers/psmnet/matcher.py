@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from typing import TypeVar
 
 import numpy as np
@@ -51,6 +52,17 @@ class PsmnetMatcher:
         place = _device(device, precision)
         self.batch = batch if place.type == "cuda" else 1
         self.engine = self._engine(place, precision)
+
+    @property
+    def pairs_at_once(self) -> int:
+        """How many pairs go through together: as many as the memory has allowed so far, 1 on the CPU."""
+        return self.batch
+
+    @property
+    def libraries(self) -> dict[str, str]:
+        """The version of torch, and of safetensors where that read the weights."""
+        reader = {"safetensors": version("safetensors")} if self._weights.layout == "safetensors" else {}
+        return {"torch": torch.__version__, **reader}
 
     @property
     def width(self) -> int:

@@ -30,7 +30,7 @@ class Weights:
     `sha256` is of the names, shapes and values, so that it stays the same whatever file format holds them.
     `align_corners` and `max_disparity` are None where the file does not say them. A network with `step` 2 sees images
     at half resolution, one without `colour` sees grey ones; the published networks do neither. `max_disparity` is in
-    full-resolution pixels.
+    full-resolution pixels. `layout` is the format of the file.
     """
 
     state: Mapping[str, Tensor]
@@ -41,6 +41,7 @@ class Weights:
     where: str
     step: int = 1
     colour: bool = True
+    layout: str = ""
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,15 @@ def _weights(path: Path, file: WeightsFile) -> Weights:
     align_corners, max_disparity = _align_corners(file.metadata), _max_disparity(file.metadata)
     said = file.metadata
     return Weights(
-        state, width, content_sha256(state), align_corners, max_disparity, str(path), _step(said), _colour(said)
+        state,
+        width,
+        content_sha256(state),
+        align_corners,
+        max_disparity,
+        str(path),
+        _step(said),
+        _colour(said),
+        file.layout,
     )
 
 
