@@ -45,6 +45,7 @@ def test_a_module_of_one_room_imports_no_other_room(path: Path) -> None:
         assert named & set(ROOMS) <= {room}
         assert named <= {
             room,
+            "common_view",
             "elements",
             "errors",
             "frames",

@@ -7,7 +7,7 @@ from auditor.recordings.opening import open_recording
 from auditor.recordings.origin import Origin
 from auditor.recordings.path_pattern import read_path
 from auditor.recordings.rig_file import read_rig, write_rig
-from auditor.recordings.rigs import check_rig, find_rigs
+from auditor.recordings.rigs import FoundRigs, check_rig, find_rigs, look_for_rigs
 from auditor.recordings.surveying import Survey, survey
 from auditor.recordings.synchronising import FrameStream, synchronise
 from auditor.recordings.writers import write_bag, write_db3, write_mcap
@@ -16,6 +16,7 @@ __all__ = [
     "ConvertReport",
     "Damage",
     "Found",
+    "FoundRigs",
     "FrameStream",
     "Origin",
     "Reader",
@@ -26,6 +27,7 @@ __all__ = [
     "convert",
     "find_recordings",
     "find_rigs",
+    "look_for_rigs",
     "open_recording",
     "read_path",
     "read_rig",

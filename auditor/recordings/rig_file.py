@@ -7,11 +7,14 @@ from pathlib import Path
 
 from auditor.errors import RigError
 from auditor.geometry import Matrix
+from auditor.lenses import NO_LENS
 from auditor.rig import Rig
 
 _HEAD = """\
 # The sensors of a vehicle: S_0 is the LiDAR, S_1..S_n are the cameras from right to left.
-# projection: 3 x 4, points of the rig frame in metres to pixels of the rectified image.
+# projection: 3 x 4, P = K [R | t], points of the rig frame in metres to pixels, lens distortion apart.
+# rectified: whether the images are so, all cameras looking along the rig's z axis without distortion; if not,
+# distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) say what bends them.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 """
 
@@ -55,6 +58,9 @@ def _lines(rig: Rig) -> Iterator[str]:
         yield f"width_px = {camera.width_px}"
         yield f"height_px = {camera.height_px}"
         yield f"rectified = {str(camera.rectified).lower()}"
+        if camera.lens != NO_LENS:
+            yield f"distortion_model = {_text(camera.lens.model)}"
+            yield f"distortion = [{', '.join(repr(value) for value in camera.lens.coefficients)}]"
         yield f"projection = {_matrix(camera.projection)}"
 
 

@@ -1,17 +1,23 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from auditor.errors import RigError
+from auditor.evidence.rectifying import rectification
 from auditor.geometry import Matrix, invert, motion, rotation_from_quaternion
-from auditor.recordings import check_rig, find_rigs, read_rig, write_rig
+from auditor.lab.vehicles import askew, rotation
+from auditor.lenses import NO_LENS, Lens
+from auditor.recordings import check_rig, find_rigs, look_for_rigs, open_recording, read_rig, write_rig
+from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.interface import Topic
 from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
 from auditor.rig import Rig
-from tests.recordings.drives import make_rig
+from tests.recordings.drives import make_frames, make_rig
+from tests.small_drives import WRITERS
 
 K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
 LIDAR_AT = motion(rotation_from_quaternion(0.5, -0.5, 0.5, -0.5), np.array([0.0, -0.1, -0.3]))
@@ -159,10 +165,105 @@ def test_a_camera_off_the_line_is_left_out() -> None:
     assert list(x_of(survey)) == ["b", "a"]
 
 
-def test_cameras_of_other_intrinsics_are_not_one_rig() -> None:
+def test_cameras_of_other_intrinsics_are_one_rig_to_be_rectified() -> None:
     other = P(0.5) * np.array([[1.2], [1.2], [1]])
-    with pytest.raises(RigError, match="no triple possible"):
-        find_rigs(look({"a": info("a", P(0.0)), "b": info("b", other)}, {"a": at(0), "b": at(0.5), "top": LIDAR_AT}))
+    survey = look({"a": info("a", P(0.0)), "b": info("b", other)}, {"a": at(0), "b": at(0.5), "top": LIDAR_AT})
+    (rig,) = find_rigs(survey)
+    assert [camera.focal_px for camera in rig.cameras] == pytest.approx([840, 700])
+    assert rectification(rig).rig.camera(1).focal_px == pytest.approx(700)
+    check_rig(rig, survey)
+
+
+def test_rectified_cameras_that_can_identify_stay_among_themselves() -> None:
+    infos = {"a": info("a", P(0.0)), "b": info("b", P(0.2)), "c": info("c", P(0.5))}
+    odd = info("odd", P(0.3) * np.array([[1.2], [1.2], [1]]))
+    places = {"a": at(0), "b": at(0.2), "c": at(0.5), "odd": at(0.3), "top": LIDAR_AT}
+    found = look_for_rigs(look({**infos, "odd": odd}, places))
+    assert [camera.name for camera in found.rigs[0].cameras] == ["c", "b", "a"]
+    assert any("(odd)" in reason for reason in found.reasons)
+    del infos["c"]
+    (rig,) = find_rigs(look({**infos, "odd": odd}, places))
+    assert [camera.name for camera in rig.cameras] == ["odd", "b", "a"]
+
+
+def test_raw_images_of_a_stereo_calibration_are_placed_by_r_and_p() -> None:
+    turns = {"a": rotation(0.02, -0.01, 0.03), "b": rotation(-0.01, 0.02, 0.0)}
+    D = (-0.3, 0.1, 0.001, 0.0, 0.0)
+    infos = {n: info(n, P(x), distortion=D, rotation=turns[n]) for n, x in (("a", 0.0), ("b", 0.4))}
+    # tf speaks of the cameras as they are mounted.
+    mounted_at = {n: at(x) @ motion(turns[n], np.zeros(3)) for n, x in (("a", 0.0), ("b", 0.4))}
+    (rig,) = find_rigs(look(infos, {**mounted_at, "top": LIDAR_AT}, images="image_raw"))
+    assert rig.camera(1).lens.coefficients == D[:4]
+    assert rig.lidar
+    for camera, x in ((rig.camera(1), 0.4), (rig.camera(2), 0.0)):
+        expected = K @ turns[camera.name].T @ (at(-x) @ LIDAR_AT)[:3]
+        assert np.allclose(camera.projection @ rig.lidar.rig_SE3_lidar, expected, atol=1e-9)
+    ideal = rectification(rig).rig
+    assert np.allclose(ideal.camera(1).centre_m - ideal.camera(2).centre_m, [0.4, 0, 0])
+
+
+def test_raw_images_are_placed_and_turned_by_tf_where_p_has_no_offsets() -> None:
+    D = (-0.3, 0.1, 0.0, 0.0)
+    infos = {n: info(n, P(0), distortion=D) for n in ("a", "b")}
+    places = {"a": turned(1, at(0)), "b": turned(-2, at(0.4, 0.05, 0.1)), "top": LIDAR_AT}
+    (rig,) = find_rigs(look(infos, places, images="image_raw"))
+    assert rig.lidar
+    assert rig.baseline_m(1, 2) == pytest.approx(np.linalg.norm([0.4, 0.05, 0.1]))
+    # Whatever frame the rig was given: the LiDAR lies where tf says, seen from each camera.
+    for camera in rig.cameras:
+        expected = K @ (invert(places[camera.name]) @ LIDAR_AT)[:3]
+        assert np.allclose(camera.projection @ rig.lidar.rig_SE3_lidar, expected, atol=1e-9)
+
+
+def test_cameras_that_no_line_holds_or_that_see_little_together_are_left_out_with_the_reason() -> None:
+    infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "high", "same", "away", "bent")}
+    infos["bent"] = info("bent", P(0), distortion=(0.1,))
+    places = {
+        "a": at(0),
+        "b": at(0.5),
+        "high": at(0.2, -0.3),
+        "same": at(0.5),
+        "away": turned(19, at(0.9)),
+        "bent": at(1),
+    }
+    found = look_for_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
+    assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "a"]
+    told = "; ".join(found.reasons)
+    assert "/bent/image_raw: 1 coefficients do not fit the model plumb_bob" in told
+    assert "high does not lie on one line with" in told
+    assert "same lies where b lies" in told
+    infos["far"] = replace(info("far", P(0), distortion=(-0.1, 0, 0, 0)), intrinsics=np.diag([2000.0, 2000, 1]))
+    assert "far" not in [
+        c.name
+        for c in look_for_rigs(look(infos, {**places, "far": at(2)}, clouds={}, images="image_raw")).rigs[0].cameras
+    ]
+
+
+def test_a_rig_file_whose_cameras_no_line_holds_is_refused() -> None:
+    infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c")}
+    survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(0.6), "top": LIDAR_AT}, images="image_raw")
+    description = find_rigs(survey)[0].to_dict()
+    check_rig(Rig.from_dict(description), survey)
+    description["cameras"][1]["projection"][1][3] -= 700 * 0.05
+    with pytest.raises(RigError, match=r"do not lie on one line.* 3\.5 px at 10 m"):
+        check_rig(Rig.from_dict(description), survey)
+
+
+@pytest.mark.parametrize("ending", [".mcap", ".bag"])
+def test_a_rig_that_is_not_rectified_survives_a_recording_and_a_rig_file(tmp_path: Path, ending: str) -> None:
+    lenses = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
+    rig = askew(make_rig(), lenses, seed=3)
+    write_rig(rig, tmp_path / "rig.toml")
+    assert read_rig(tmp_path / "rig.toml").rig_id == rig.rig_id
+    WRITERS[ending](tmp_path / f"raw{ending}", rig, make_frames(rig, 3))
+    with open_recording(tmp_path / f"raw{ending}") as recording:
+        (found,) = find_rigs(survey_of(recording))
+    assert [camera.lens for camera in found.cameras] == list(lenses)
+    assert rig.lidar
+    assert found.lidar
+    for camera, again in zip(rig.cameras, found.cameras, strict=True):
+        told, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((camera, rig), (again, found)))
+        assert np.allclose(told, read, atol=1e-6)
 
 
 def test_three_cameras_without_a_lidar_are_a_rig_and_two_are_not() -> None:
@@ -218,11 +319,7 @@ def test_whether_images_are_rectified_is_told_from_name_distortion_and_rotation(
     survey = look({"a": known, "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT}, images=images)
     (rig,) = find_rigs(survey)
     assert rig.camera(2).rectified is rectified
-    if rectified:
-        check_rig(rig, survey)
-    else:
-        with pytest.raises(RigError, match="/a/image_raw are not rectified, which is not supported yet"):
-            check_rig(rig, survey)
+    check_rig(rig, survey)
 
 
 def test_images_of_kitti_converters_are_rectified_whatever_their_name_says() -> None:

@@ -181,7 +181,8 @@ class FoxgloveCameraCalibrationDecoder(_Decoder):
         R = checked_matrix(values["R"], 3, message.topic) if values["R"] else np.eye(3)
         P = checked_matrix(values["P"], 4, message.topic) if values["P"] else np.hstack([K, np.zeros((3, 1))])
         header = self.header(message)
-        return CameraInfo(header, values["width"], values["height"], tuple(values["D"]), K, R, P)
+        model = str(values["distortion_model"])
+        return CameraInfo(header, values["width"], values["height"], tuple(values["D"]), K, R, P, model)
 
 
 class FoxgloveTransformsDecoder:

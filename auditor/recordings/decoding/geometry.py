@@ -41,6 +41,7 @@ class RosCameraInfoDecoder:
             intrinsics=checked_matrix(k, 3, message.topic),
             rotation=checked_matrix(r, 3, message.topic),
             projection=checked_matrix(p, 4, message.topic),
+            distortion_model=str(getattr(info, "distortion_model", "")),
         )
 
 

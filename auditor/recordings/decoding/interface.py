@@ -25,7 +25,8 @@ class Header:
 class CameraInfo:
     """The camera calibration that a recording carries (sensor_msgs/CameraInfo).
 
-    `intrinsics` K and `rotation` R are (3, 3), `projection` P is (3, 4), `distortion` D has any length.
+    `intrinsics` K and `rotation` R are (3, 3), `projection` P is (3, 4), `distortion` D has any length and is of the
+    `distortion_model`, which may be empty.
     """
 
     header: Header
@@ -35,6 +36,7 @@ class CameraInfo:
     intrinsics: Matrix
     rotation: Matrix
     projection: Matrix
+    distortion_model: str = ""
 
 
 @dataclass(frozen=True, eq=False)

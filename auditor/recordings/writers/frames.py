@@ -1,7 +1,8 @@
 """A rig and its frames -> an MCAP file, a .bag or a rosbag2 folder, as a vehicle's recorder would have written them.
 
 Images go to the rig's topics with a camera info beside each, the point cloud to the LiDAR's; /tf_static places every
-camera at its own centre and the LiDAR in the rig frame, while P keeps its offsets: as converters of KITTI do.
+camera at its own centre and the LiDAR in the rig frame, while P keeps its offsets: as converters of KITTI do. What is
+not rectified has K, D and its place in tf, and no offset.
 """
 
 import json
@@ -16,7 +17,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from auditor.frames import Frame
-from auditor.geometry import motion
+from auditor.geometry import Matrix, motion
 from auditor.recordings import schemas
 from auditor.recordings.interface import Definition, Topic
 from auditor.recordings.labels import METADATA_TOPIC, label_to_dict
@@ -126,7 +127,8 @@ def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form
             placed = True
         for number, image in sorted(frame.images.items()):
             camera, frame_id = rig.camera(number), frame_ids[number]
-            info = maker.camera_info(camera.projection, camera.width_px, camera.height_px, image.stamp_ns, frame_id)
+            size, at = (camera.width_px, camera.height_px), (image.stamp_ns, frame_id)
+            info = maker.camera_info(_projection(camera), *size, *at, camera.lens)
             yield _Outgoing(info_topics[number], schemas.CAMERA_INFO, image.stamp_ns, info)
             schema, data = maker.image(image.pixels, image.stamp_ns, frame_id, form)
             yield _Outgoing(camera.topic, schema, image.stamp_ns, data)
@@ -138,10 +140,15 @@ def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form
 
 
 def _transforms(maker: MessageMaker, rig: Rig, frame_ids: dict[int, str], stamp_ns: int) -> _Outgoing:
-    children = {frame_ids[camera.number]: motion(np.eye(3), camera.centre_m) for camera in rig.cameras}
+    children = {frame_ids[camera.number]: motion(camera.rotation.T, camera.centre_m) for camera in rig.cameras}
     if rig.lidar:
         children[frame_ids[0]] = rig.lidar.rig_SE3_lidar
     return _Outgoing(TRANSFORMS_TOPIC, schemas.TRANSFORMS, stamp_ns, maker.transforms(RIG_FRAME, children, stamp_ns))
+
+
+def _projection(camera: Camera) -> Matrix:
+    """Cameras that look elsewhere than along the rig have no P in its frame: tf says where they are."""
+    return camera.projection if camera.rectified else np.hstack([camera.intrinsics, np.zeros((3, 1))])
 
 
 def _frame_ids(rig: Rig) -> dict[int, str]:

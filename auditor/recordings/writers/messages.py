@@ -9,6 +9,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from auditor.geometry import Matrix, quaternion_from_rotation
+from auditor.lenses import NO_LENS, POLYNOMIAL, Lens
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture
 
@@ -72,10 +73,13 @@ class MessageMaker:
         )
         return self.serialise(schemas.COMPRESSED_IMAGE, image)
 
-    def camera_info(self, projection: Matrix, width_px: int, height_px: int, stamp_ns: int, frame_id: str) -> bytes:
-        """sensor_msgs/CameraInfo of a rectified camera: D empty, R = I, the whole (3, 4) P."""
+    def camera_info(
+        self, projection: Matrix, width_px: int, height_px: int, stamp_ns: int, frame_id: str, lens: Lens = NO_LENS
+    ) -> bytes:
+        """sensor_msgs/CameraInfo: the whole (3, 4) P, K = P[:, :3], R = I; D is empty where there is no lens."""
         names = "DKRP" if self.encoding == "ros1" else "dkrp"
-        matrices = (np.empty(0), projection[:, :3].reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))
+        D = np.array(lens.coefficients, dtype=np.float64)
+        matrices = (D, projection[:, :3].reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))
         region = self._made(
             "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
         )
@@ -84,7 +88,7 @@ class MessageMaker:
             header=self.header(stamp_ns, frame_id),
             height=height_px,
             width=width_px,
-            distortion_model="plumb_bob",
+            distortion_model=POLYNOMIAL if lens == NO_LENS else lens.model,
             **{name: np.ascontiguousarray(matrix) for name, matrix in zip(names, matrices, strict=True)},
             binning_x=0,
             binning_y=0,

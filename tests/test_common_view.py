@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.evidence.rectangles import largest_rectangle
+from auditor.common_view import largest_rectangle
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,0 +1,150 @@
+"""One view for all cameras of a rig: how ideal cameras at the same places would look, and how much they would see.
+
+All cameras get one orientation (x along the line of their centres, z as near as can be to where they look) and one
+focal length, the shortest there is. Of the plane that they all look at, the largest rectangle is kept that every camera
+sees whole: no pixel of a rectified picture lies outside the recorded one, and none needs a mask.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import RigError
+from auditor.geometry import Matrix, compose, motion
+from auditor.lenses import NO_LENS
+from auditor.rig import Camera, Rig
+
+ALIKE = 1e-3
+"""Focal lengths and principal points that differ by less, as a share of the focal length, are the same."""
+
+_CELL_PX = 8
+_WIDEST = 1.2  # tan of 50 degrees
+_FARTHEST_PX = 4096  # from the principal point: a focal length may be anything
+_FEWEST_PX = 32
+_FINEST = 0.6
+"""Recorded pixels a rectified one at least: towards the edges of a wide lens there is more to see, but blurred."""
+
+
+@dataclass(frozen=True, eq=False)
+class CommonView:
+    """`rig` is the ideal rig: same sensors, same numbers, cameras rectified, of one size and focal length.
+
+    Its frame is turned against the recorded rig's by `view_SO3_rig` (3, 3). `x` (width) and `y` (height) are the rays
+    (x, y, 1) of its pictures' columns and rows.
+    """
+
+    rig: Rig
+    view_SO3_rig: Matrix
+    focal_px: float
+    x: Matrix
+    y: Matrix
+
+
+def is_rectified(rig: Rig) -> bool:
+    """Whether all cameras are rectified and share size, focal length and principal point."""
+    first = rig.cameras[0]
+    return all(
+        camera.rectified
+        and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
+        and np.allclose(camera.intrinsics, first.intrinsics, atol=ALIKE * first.focal_px)
+        for camera in rig.cameras
+    )
+
+
+def common_view(rig: Rig) -> CommonView:
+    """The view of cameras on one line. Raises RigError where they have none in common."""
+    view_SO3_rig = _orientation(rig)
+    focal = min(camera.focal_px for camera in rig.cameras)
+    left, top, width, height = _window(rig, view_SO3_rig, focal)
+    K = np.array([[focal, 0, -left], [0, focal, -top], [0, 0, 1]])
+    x, y = (np.arange(width) + left) / focal, (np.arange(height) + top) / focal
+    cameras = tuple(
+        replace(
+            camera,
+            width_px=width,
+            height_px=height,
+            projection=K @ np.column_stack([np.eye(3), -(view_SO3_rig @ camera.centre_m)]),
+            rectified=True,
+            lens=NO_LENS,
+        )
+        for camera in rig.cameras
+    )
+    lidar = rig.lidar
+    if lidar is not None:
+        turned = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
+        lidar = replace(lidar, rig_SE3_lidar=turned)
+    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y)
+
+
+def _orientation(rig: Rig) -> Matrix:
+    """(3, 3) rotation to the view's axes: x along the line of the centres, z as near as can be to where they look."""
+    centres = np.array([camera.centre_m for camera in rig.cameras])
+    if rig.n == 1:
+        x = rig.camera(1).rotation[0]
+    else:
+        along = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+        x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
+    z = np.sum([camera.rotation[2] for camera in rig.cameras], axis=0)
+    z = z - x * (x @ z)
+    if np.linalg.norm(z) < 0.1:
+        raise RigError("the cameras look along the line they stand on", where="rig")
+    z = z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _window(rig: Rig, view_SO3_rig: Matrix, focal: float) -> tuple[int, int, int, int]:
+    """Left and top against the principal point, width and height, in pixels, of what every camera sees."""
+    reach = int(min(_WIDEST * focal, _FARTHEST_PX) / _CELL_PX)
+    places = np.arange(-reach, reach + 1) * _CELL_PX / focal
+    seen = np.ones((places.size, places.size), dtype=np.bool_)
+    for camera in rig.cameras:
+        u, v = recorded_pixels(camera, view_SO3_rig, places, places)
+        with np.errstate(invalid="ignore"):
+            seen &= (u >= 0) & (u <= camera.width_px - 1) & (v >= 0) & (v <= camera.height_px - 1)
+            for axis in (0, 1):
+                seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > _FINEST * _CELL_PX
+    top, left, rows, columns = largest_rectangle(seen)
+    width, height = (columns - 1) * _CELL_PX + 1, (rows - 1) * _CELL_PX + 1
+    if min(width, height) < _FEWEST_PX:
+        names = ", ".join(camera.name for camera in rig.cameras)
+        raise RigError(f"{names} have no view in common", where="rig", remedy="leave out the one that looks elsewhere")
+    return (left - reach) * _CELL_PX, (top - reach) * _CELL_PX, width, height
+
+
+def recorded_pixels(camera: Camera, view_SO3_rig: Matrix, x: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+    """Where a camera shows the view's rays (x, y, 1): (rows, columns) of recorded pixels, NaN behind its lens."""
+    K, R = camera.intrinsics, camera.rotation @ view_SO3_rig.T
+    across, down = np.meshgrid(x, y)
+    ahead = R[2, 0] * across + R[2, 1] * down + R[2, 2]
+    ahead = np.where(ahead > 0.05, ahead, np.nan)
+    bent_x, bent_y = camera.lens.distort(
+        (R[0, 0] * across + R[0, 1] * down + R[0, 2]) / ahead, (R[1, 0] * across + R[1, 1] * down + R[1, 2]) / ahead
+    )
+    return K[0, 0] * bent_x + K[0, 1] * bent_y + K[0, 2], K[1, 1] * bent_y + K[1, 2]
+
+
+def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Top, left, rows and columns of the largest rectangle that is True all over; all 0 where nothing is."""
+    best = (0, 0, 0, 0)
+    heights = np.zeros(mask.shape[1], dtype=np.intp)
+    for row, line in enumerate(mask):
+        heights = np.where(line, heights + 1, 0)
+        left, height, width = _under(heights.tolist())
+        if height * width > best[2] * best[3]:
+            best = (row - height + 1, left, height, width)
+    return best
+
+
+def _under(heights: list[int]) -> tuple[int, int, int]:
+    """Left, height and width of the largest rectangle under a skyline; each height is put aside and taken up once."""
+    best, rising = (0, 0, 0), [(0, 0)]
+    for place, height in enumerate([*heights, 0]):
+        start = place
+        while rising[-1][1] > height:
+            start, taller = rising.pop()
+            if taller * (place - start) > best[1] * best[2]:
+                best = (start, taller, place - start)
+        if height > rising[-1][1]:
+            rising.append((start, height))
+    return best
