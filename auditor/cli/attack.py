@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from auditor.results import AttackLabel
 
 _SECOND_NS = 10**9
+_KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
+_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned")
+_EITHER = ("delayed", "frozen")
 
 
 class _Sensor(click.ParamType[int]):
@@ -33,6 +36,23 @@ class _Sensor(click.ParamType[int]):
     "--on", "sensors", type=_Sensor(), multiple=True, required=True, help="Sensor to attack; may be repeated."
 )
 @click.option(
+    "--kind",
+    type=click.Choice((*_KINDS, *_LIDAR_KINDS, *_EITHER)),
+    help="What is done, in place of a facula on a camera and a wall in the LiDAR's cloud.",
+)
+@click.option(
+    "--size",
+    type=click.FloatRange(min=0),
+    help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
+    "hidden sector or turned LiDAR (degrees), scattered points, delay (frames), shift (rows), soil (blobs), share of "
+    "light that dims.",
+)
+@click.option(
+    "--pattern",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="Picture of a laser pattern for --kind pattern.",
+)
+@click.option(
     "--strength",
     type=click.Choice(["mild", "strong", "opaque"]),
     default="opaque",
@@ -48,6 +68,9 @@ def command(
     source: Path,
     target: Path,
     sensors: tuple[int, ...],
+    kind: str | None,
+    size: float | None,
+    pattern: Path | None,
     strength: str,
     seed: int,
     from_s: float | None,
@@ -61,10 +84,13 @@ def command(
     \b
     auditor attack clean.mcap attacked.mcap --on S_2
     auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
+    auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
+    auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
 
     The ground truth travels inside the copy and comes into the store with it.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.lab.plans import Attacker, AttackPlan  # noqa: PLC0415 - keeps --help quick
+    from auditor.evaluation.further import read_patterns  # noqa: PLC0415 - keeps --help quick
+    from auditor.lab.plans import Attacker, AttackPlan  # noqa: PLC0415
     from auditor.pipeline import rigs_of  # noqa: PLC0415
     from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
 
@@ -73,7 +99,20 @@ def command(
         known = rigs_of(surveyed, rig)[0]
         start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
         attackers = [
-            Attacker(AttackPlan(sensor, strength, seed, moving, _at(start_ns, from_s), _at(start_ns, to_s)), known)
+            Attacker(
+                AttackPlan(
+                    sensor,
+                    strength,
+                    seed,
+                    moving,
+                    _at(start_ns, from_s),
+                    _at(start_ns, to_s),
+                    kind,
+                    size,
+                    read_patterns([pattern])[0] if pattern else None,
+                ),
+                known,
+            )
             for sensor in dict.fromkeys(sensors)
         ]
         changes = {

@@ -1,11 +1,14 @@
 from dataclasses import replace
 
+import click
 import numpy as np
 import pytest
 
+from auditor.cli.attack import command
 from auditor.errors import SettingError
 from auditor.frames import CameraImage, PointCloud
 from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.kinds import KINDS, ON_CAMERA, ON_LIDAR
 from auditor.lab.plans import Attacker, AttackPlan
 from auditor.rig import Camera, Lidar, Rig
 
@@ -149,3 +152,52 @@ def test_a_plan_that_was_never_on_has_no_label() -> None:
 def test_a_sensor_that_the_rig_lacks_is_refused() -> None:
     with pytest.raises(SettingError, match=r"no S_4; it has S_0, S_1, S_2, S_3"):
         Attacker(AttackPlan(sensor=4), rig())
+
+
+def test_a_plan_of_another_kind_does_it_and_says_so() -> None:
+    dimmed = Attacker(AttackPlan(sensor=1, kind="dimmed", size=0.5), rig())
+    assert np.array_equal(dimmed.change_image(image(100)).pixels, image(50).pixels)
+    label = dimmed.label
+    assert label is not None
+    assert (label.attack, label.parameters["light"]) == ("dimmed", 0.5)
+
+
+@pytest.mark.parametrize("kind", sorted(ON_LIDAR))
+def test_every_kind_for_the_lidar_changes_its_cloud(kind: str) -> None:
+    cloud = road_and_far_wall()
+    assert not np.array_equal(Attacker(AttackPlan(0, kind=kind), rig()).change_cloud(cloud).xyz_m, cloud.xyz_m)
+
+
+@pytest.mark.parametrize("kind", sorted(ON_CAMERA))
+def test_every_kind_for_a_camera_changes_its_image(kind: str) -> None:
+    textured = replace(image(0), pixels=np.random.default_rng(0).integers(60, 190, image(0).pixels.shape, np.uint8))
+    assert not np.array_equal(Attacker(AttackPlan(1, kind=kind), rig()).change_image(textured).pixels, textured.pixels)
+
+
+def test_a_delayed_camera_shows_what_it_saw_so_many_frames_ago() -> None:
+    attacker = Attacker(AttackPlan(1, kind="delayed", size=2), rig())
+    seen = [attacker.change_image(replace(image(level), stamp_ns=level)) for level in range(5)]
+    assert [int(one.pixels.max()) for one in seen] == [0, 1, 0, 1, 2]
+    assert [one.stamp_ns for one in seen] == [0, 1, 2, 3, 4]
+    label = attacker.label
+    assert label is not None
+    assert (label.from_ns, label.to_ns, label.parameters["frames"]) == (2, 4, 2)
+
+
+def test_a_frozen_camera_shows_what_it_saw_when_it_froze() -> None:
+    attacker = Attacker(AttackPlan(1, kind="frozen", from_ns=2, to_ns=3), rig())
+    seen = [attacker.change_image(replace(image(level), stamp_ns=level)) for level in range(5)]
+    assert [int(one.pixels.max()) for one in seen] == [0, 1, 2, 2, 4]
+
+
+def test_a_plan_of_a_kind_that_a_sensor_cannot_suffer_is_refused() -> None:
+    with pytest.raises(SettingError, match="hidden is nothing to do to a camera; use facula"):
+        Attacker(AttackPlan(1, kind="hidden"), rig())
+    with pytest.raises(SettingError, match="name it with --pattern"):
+        Attacker(AttackPlan(1, kind="pattern"), rig())
+
+
+def test_the_command_line_knows_every_kind() -> None:
+    kinds = next(option for option in command.params if option.name == "kind").type
+    assert isinstance(kinds, click.Choice)
+    assert set(kinds.choices) == set(KINDS)
