@@ -2,16 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from auditor.common_view import common_view, is_rectified
 from auditor.errors import RigError
-from auditor.geometry import Matrix, compose, motion
+from auditor.geometry import Matrix, motion
 from auditor.recordings.aligning import MOST_OFF_PX, aligned, off_line_px
+from auditor.recordings.camchain import read_camchain
 from auditor.recordings.frame_tree import FrameTree
 from auditor.recordings.placing import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.rig_file import read_rig
 from auditor.recordings.surveying import CloudTopic, Survey
 from auditor.recordings.views import View, find_views, sensor_name
 from auditor.rig import Camera, Lidar, Rig
@@ -93,9 +96,7 @@ def _mixed_rig(
         return None
     lidar = _lidar(placed, clouds, frames, reasons)
     cameras, turn = aligned([_turned_camera(placed, index) for index in range(len(views))], reasons)
-    if lidar is not None:
-        lidar = Lidar(lidar.name, lidar.topic, compose(motion(turn, np.zeros(3)), lidar.rig_SE3_lidar))
-    return _rig(cameras, lidar, reasons)
+    return _rig(cameras, _turned(lidar, turn), reasons)
 
 
 def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> Rig | None:
@@ -105,6 +106,45 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
         reasons.append(f"{len(cameras)} camera{'s' * (len(cameras) > 1)} looking the same way ({names}) with {beside}")
         return None
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
+
+
+def told_rig(path: Path, survey: Survey) -> Rig:
+    """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
+    rig = rig_of_camchain(path, survey) if path.suffix in {".yaml", ".yml"} else read_rig(path)
+    check_rig(rig, survey)
+    return rig
+
+
+def rig_of_camchain(path: Path, survey: Survey) -> Rig:
+    """The cameras of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of them.
+
+    Raises RigError where it is no camchain, or its cameras are no rig.
+    """
+    reasons: list[str] = []
+    cameras = read_camchain(path)
+    lidar = _lidar_beside(cameras, survey)
+    aside, turn = aligned(cameras, reasons)
+    rig = _rig(aside, _turned(lidar, turn), reasons)
+    if rig is None:
+        raise RigError("no triple possible: " + "; ".join(reasons), where=path)
+    return rig
+
+
+def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
+    frames = FrameTree(survey.transforms)
+    frame_ids = {image.topic.name: image.frame_id for image in survey.images}
+    for camera in cameras:
+        for cloud in sorted(survey.clouds, key=lambda cloud: -cloud.points):
+            camera_SE3_lidar = frames.between(frame_ids.get(camera.topic, ""), cloud.frame_id)
+            if camera_SE3_lidar is not None:
+                rig_SE3_camera = motion(camera.rotation.T, camera.centre_m)
+                name = cloud.topic.name
+                return Lidar(sensor_name(name), name, rig_SE3_camera @ camera_SE3_lidar)
+    return None
+
+
+def _turned(lidar: Lidar | None, turn: Matrix) -> Lidar | None:
+    return replace(lidar, rig_SE3_lidar=motion(turn, np.zeros(3)) @ lidar.rig_SE3_lidar) if lidar else None
 
 
 def check_rig(rig: Rig, survey: Survey) -> None:

@@ -1,0 +1,75 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.errors import RigError
+from auditor.geometry import invert, motion
+from auditor.lab.vehicles import askew
+from auditor.lenses import NO_LENS, Lens
+from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
+from auditor.rig import Rig
+from tests.recordings.drives import make_frames, make_rig
+
+LENSES = (Lens("radtan", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
+
+
+def camchain(rig: Rig) -> str:
+    """As Kalibr writes it: cam0 is the leftmost camera here."""
+    lines, before = [], None
+    for number, camera in enumerate(reversed(rig.cameras)):
+        K, place = camera.intrinsics, motion(camera.rotation.T, camera.centre_m)
+        model = "radtan" if camera.lens.model == "plumb_bob" else camera.lens.model
+        lines += [f"cam{number}:", "  cam_overlaps: []", "  camera_model: pinhole"]
+        lines += [f"  distortion_coeffs: {list(camera.lens.coefficients)}", f"  distortion_model: {model}"]
+        lines += [f"  intrinsics: {[float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]}"]
+        lines += [f"  resolution: [{camera.width_px}, {camera.height_px}]", f"  rostopic: {camera.topic}"]
+        if before is not None:
+            lines += ["  T_cn_cnm1:", *(f"  - {row}" for row in (invert(place) @ before).tolist())]
+        before = place
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return askew(make_rig(), LENSES, seed=3)
+
+
+def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, rig: Rig) -> None:
+    (tmp_path / "camchain.yaml").write_text(camchain(rig))
+    write_mcap(tmp_path / "a.mcap", rig, make_frames(rig, 3))
+    with open_recording(tmp_path / "a.mcap") as recording:
+        surveyed = survey(recording)
+    again = rig_of_camchain(tmp_path / "camchain.yaml", surveyed)
+    assert [camera.topic for camera in again.cameras] == [camera.topic for camera in rig.cameras]
+    assert [camera.lens for camera in again.cameras] == list(LENSES)
+    assert rig.lidar
+    assert again.lidar
+    for a, b in zip(rig.cameras, again.cameras, strict=True):
+        told, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((a, rig), (b, again)))
+        assert np.allclose(told, read, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("cam0:", "camera:", "it describes no cam0"),
+        ("camera_model: pinhole", "camera_model: omni", "cam0: the camera model 'omni' is not known"),
+        ("distortion_model: radtan", "distortion_model: fov", "cam2: the distortion model 'fov' is not known"),
+        ("  rostopic", "  topic", "cam0 lacks 'rostopic'"),
+        ("intrinsics: [", "intrinsics: [[[1]], ", "cam0 is ill-formed"),
+        ("T_cn_cnm1:", "T_cn_cnm1: 3\n  x:", "cam1 is ill-formed"),
+        ("cam0:", "cam0: !!python/object/apply:os.system [true]\ncamX:", "it is no YAML"),
+        ("cam0:", "cam0: &a [*a]\ncamX:", "no YAML|cam0 is ill-formed"),
+        ("cam0:", "{", "it is no YAML"),
+    ],
+)
+def test_a_camchain_that_is_none_says_what_is_wrong(tmp_path: Path, rig: Rig, old: str, new: str, said: str) -> None:
+    path = tmp_path / "camchain.yaml"
+    path.write_text(camchain(rig).replace(old, new))
+    write_mcap(tmp_path / "a.mcap", rig, make_frames(rig, 2))
+    with (
+        open_recording(tmp_path / "a.mcap") as recording,
+        pytest.raises(RigError, match=rf"camchain\.yaml: .*({said})"),
+    ):
+        rig_of_camchain(path, survey(recording))
