@@ -24,12 +24,11 @@ from auditor.recordings import (
     Origin,
     Recording,
     Survey,
-    check_rig,
     find_rigs,
     open_recording,
-    read_rig,
     survey,
     synchronise,
+    told_rig,
 )
 from auditor.results import Calibration, Procedure, Statistic
 from auditor.rig import Rig, RigKind, Triple
@@ -121,12 +120,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
-    """The rigs that a recording is audited with: its own, or the one of a rig.toml. Raises RigError."""
-    if rig_file is None:
-        return find_rigs(surveyed)
-    rig = read_rig(rig_file)
-    check_rig(rig, surveyed)
-    return (rig,)
+    """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
+    return find_rigs(surveyed) if rig_file is None else (told_rig(rig_file, surveyed),)
 
 
 def _measure(

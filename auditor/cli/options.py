@@ -24,7 +24,9 @@ recordings_argument = click.argument(
     "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
 )
 rig_option = click.option(
-    "--rig", type=click.Path(path_type=Path), help="A rig.toml in place of the recording's own calibration."
+    "--rig",
+    type=click.Path(path_type=Path),
+    help="A rig.toml, or Kalibr's camchain.yaml, in place of the recording's own calibration.",
 )
 jobs_option = click.option(
     "--jobs",
