@@ -25,7 +25,7 @@ _CONSTANTS = {
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
 }
-_LARGE = {"frames": "measurements", "verdicts": "judgements", "calibrations": None, "cases": "evaluations"}
+_LARGE = {"frames": "measurements", "verdicts": "judgements", "calibrations": None, "cases": "evaluations", "object_cases": "object_evaluations"}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
 _WORD = re.compile(r"\w+")

@@ -25,6 +25,8 @@ TABLES = (
     "labels",
     "evaluations",
     "cases",
+    "object_evaluations",
+    "object_cases",
 )
 
 _VERSION_KEY = b"schema_version"

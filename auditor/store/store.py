@@ -233,7 +233,7 @@ class Store:
 
         Frames are finished with their measurement, verdicts with their judgement, cases with their evaluation.
         """
-        manifest = {"frames": "measurements", "verdicts": "judgements", "cases": "evaluations"}.get(table, table)
+        manifest = {"frames": "measurements", "verdicts": "judgements", "cases": "evaluations", "object_cases": "object_evaluations"}.get(table, table)
         return finished(self.folder / manifest)
 
     def finished_paths(self, table: str) -> list[Path]:

@@ -5,6 +5,6 @@
 SELECT
     evaluation.*,
     rig.kind,
-    left(md5(concat_ws('|', rig.kind, synthetic, matcher, settings, counting_version)), 8) AS setup
+    setup_of(rig.kind, synthetic, matcher, settings, counting_version) AS setup
 FROM stored_evaluations AS evaluation
 JOIN stored_rigs AS rig USING (rig_id)

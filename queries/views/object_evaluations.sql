@@ -1,0 +1,12 @@
+-- One row a finished part of the object-level baseline: one experiment on one stretch of a recording.
+--
+-- column kind: The rig kind in words.
+-- column setup: What it belongs to: the setup of evaluations that were made alike, on one rig kind, of real or of synthetic drives.
+-- column detector_id: What its objects may be pooled with: the same networks with the same descriptions.
+SELECT
+    evaluation.*,
+    rig.kind,
+    setup_of(rig.kind, synthetic, matcher, settings, counting_version) AS setup,
+    left(md5(detector_settings), 8) AS detector_id
+FROM stored_object_evaluations AS evaluation
+JOIN stored_rigs AS rig USING (rig_id)
