@@ -1,9 +1,9 @@
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -25,12 +25,13 @@ from tests.recordings.foxglove_messages import (
     write_json,
     write_protobuf,
 )
+from tests.recordings.videos import KEY_EVERY, encoded
 
-av = pytest.importorskip("av", reason="the extra `video` is not installed")
+pytest.importorskip("av", reason="the extra `video` is not installed")
 pytest.importorskip("foxglove_schemas_protobuf", reason="the extra `foxglove` is not installed")
 
 RIG = make_rig(3)
-COUNT, KEY_EVERY = 24, 8
+COUNT = 24
 VIDEO = "foxglove.CompressedVideo"
 
 
@@ -38,24 +39,6 @@ def picture(number: int, width: int = 64, height: int = 48) -> NDArray[np.uint8]
     """A smooth picture that moves to the left."""
     x, y = np.meshgrid(np.arange(width) + 2 * number, np.arange(height))
     return (128 + 60 * np.sin(x / 7) + 50 * np.cos(y / 5 + x / 31)).astype(np.uint8)
-
-
-def encoded(pictures: list[NDArray[np.uint8]]) -> list[bytes]:
-    codec = av.CodecContext.create("libx264", "w")
-    height, width = pictures[0].shape
-    codec.width, codec.height, codec.pix_fmt, codec.time_base = width, height, "yuv420p", 1
-    codec.options = {
-        "tune": "zerolatency",
-        "crf": "12",
-        "bf": "0",
-        "x264-params": f"keyint={KEY_EVERY}:min-keyint={KEY_EVERY}:scenecut=0:repeat-headers=1:annexb=1",
-    }
-    packets = []
-    for number, pixels in enumerate(pictures):
-        frame = av.VideoFrame.from_ndarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), format="bgr24")
-        frame.pts = number
-        packets += codec.encode(frame)
-    return [bytes(packet) for packet in (*packets, *codec.encode(None))]
 
 
 PACKETS = encoded([picture(number) for number in range(COUNT)])
@@ -138,6 +121,28 @@ def test_a_damaged_picture_is_never_taken_for_one() -> None:
     cut = [*PACKETS[:3], PACKETS[3][: len(PACKETS[3]) // 2], *PACKETS[4:]]
     found = decoded(cut)
     assert [isinstance(one, str) for one in found] == [number in range(3, KEY_EVERY) for number in range(COUNT)]
+
+
+def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
+    packets = encoded([picture(number, 320, 192) for number in range(3)])
+    starts = [found.start() for found in re.finditer(b"\0\0\1", packets[1])]
+    assert len(starts) > 1
+
+    def states(packets: list[bytes]) -> list[str]:
+        of, found = decoder(), []
+        for message in messages(packets):
+            try:
+                pixels = of.pixels(message, colour=False, size_px=(320, 192))
+                found.append(
+                    "whole" if np.abs(pixels.astype(int) - picture(len(found), 320, 192)).mean() < 3 else "off"
+                )
+            except DecodingError:
+                found.append("damaged")
+        return found
+
+    assert states(packets) == ["whole"] * 3
+    assert states([packets[0], packets[1][: starts[-1]], packets[2]]) == ["whole", "damaged", "damaged"]
+    assert states([packets[0], packets[1][starts[-1] :], packets[2]]) == ["whole", "damaged", "damaged"]
 
 
 def test_sizes_are_told_by_the_parameters_of_key_pictures() -> None:

@@ -52,7 +52,9 @@ def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) ->
     elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(b"\xff\xd9") < 0:
         # Inside the picture an 0xFF is always followed by 0: this pair is the end and nothing else.
         raise DecodingError("the JPEG is cut: it has no end")
-    flag = cv2.IMREAD_COLOR if colour and not picture.grey else cv2.IMREAD_GRAYSCALE
+    # A PNG's grey is worked out as that of every other lossless form; a JPEG holds a grey picture of its own.
+    in_colour = not picture.grey and (colour or picture.form == "png")
+    flag = cv2.IMREAD_COLOR if in_colour else cv2.IMREAD_GRAYSCALE
     try:
         # A camera's own turning mark would turn the picture away from its projection matrix.
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
@@ -60,6 +62,8 @@ def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) ->
         raise DecodingError(f"the image cannot be decoded ({error.err})") from error
     if pixels is None or pixels.shape[1::-1] != picture.size_px:
         raise DecodingError("the image cannot be decoded whole")
+    if in_colour and not colour:
+        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
     return np.asarray(pixels, dtype=np.uint8)
 
 

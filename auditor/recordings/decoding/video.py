@@ -142,7 +142,8 @@ def _new_codec() -> Any:  # noqa: ANN401  # av's class
     av = _av()
     av.logging.set_level(None)
     codec = av.CodecContext.create("h264", "r")
-    # One picture in, one out; and no guessing where bits are damaged: a guess would look like an attack.
+    # One picture in, one out; damaged bits are an error. What FFmpeg guesses in place of slices that are missing is
+    # marked as corrupt; without guessing (ec 0) it marks whole pictures of several slices, too.
     codec.thread_count = 1
-    codec.options = {"flags": "low_delay", "err_detect": "explode", "ec": "0"}
+    codec.options = {"flags": "low_delay", "err_detect": "explode"}
     return codec
