@@ -59,12 +59,13 @@ class Coverage:
     """How much of one sensor could be used in one frame.
 
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as witness; None for the
-    leftmost). LiDAR: `returns`, the points that fall into the leftmost camera's view.
+    leftmost), and their mean grey `level`. LiDAR: `returns`, the points that fall into the leftmost camera's view.
     """
 
     saturated_share: float | None = None
     textureless_share: float | None = None
     unmatched_share: float | None = None
+    level: float | None = None
     returns: int | None = None
 
 

@@ -37,7 +37,8 @@ class Agreement(NamedTuple):
 
     `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
     by `right_px` or `down_px` in the reference's image. `late_gain`: how many more agree with stereo of the frame
-    before, over the points that both frames' stereo is sure of. NaN where it could not be measured.
+    before; `early_gain`: how many more of the frame before agree with stereo of this one than with their own; both
+    over the points that either frame's stereo is sure of. NaN where it could not be measured.
     """
 
     compared: float = nan
@@ -48,6 +49,7 @@ class Agreement(NamedTuple):
     down_px: float = nan
     turned: float = nan
     late_gain: float = nan
+    early_gain: float = nan
 
 
 class PairSymptoms(NamedTuple):

@@ -31,53 +31,64 @@ Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
-class SureMap:
-    """(h, w) disparities at half resolution, in full-resolution pixels; NaN where the pair's pictures are not alike."""
+class Moment:
+    """What the LiDAR and a camera pair saw of the same view at one moment, as far as it can be compared.
 
-    disparity_px: Floats
-    range_px: int
+    `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's pictures are not
+    alike. `row`, `column` and `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
+    """
+
+    sure_px: Floats
+    row: Indices
+    column: Indices
+    d0_px: Floats
 
     @classmethod
-    def of(cls, stereo: StereoMap, alike: Likeness) -> "SureMap":
-        """Keep what the pictures confirm."""
+    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, rig: Rig, witness: int) -> "Moment":
+        """Keep what the pictures confirm, and points within the matcher's range."""
         step = _HALF // stereo.step
         sure = alike.comparable & (alike.alike > _ALIKE)
-        return cls(np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)), stereo.range_px)
+        every = slice(None, None, max(view.row.size // _POINTS, 1))
+        d0 = view.disparity_px(rig, witness)[every]
+        near = d0 < stereo.range_px - _RANGE_MARGIN_PX
+        return cls(
+            np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),
+            view.row[every][near],
+            view.column[every][near],
+            d0[near],
+        )
 
 
-def agreement(view: LidarView, stereo: SureMap, before: SureMap | None, rig: Rig, witness: int) -> Agreement:
-    """Compare about 2,500 points with DM_{j,k}, of this frame and of the one before; all NaN where too few can be."""
-    every = slice(None, None, max(view.row.size // _POINTS, 1))
-    d0 = view.disparity_px(rig, witness)[every]
-    row, column = view.row[every], view.column[every]
-    inside = d0 < stereo.range_px - _RANGE_MARGIN_PX
-    d0, row, column = d0[inside], row[inside], column[inside]
-    now = _differences(stereo, row, column, d0)
-    if np.count_nonzero(~np.isnan(now)) < _FEWEST:
+def agreement(now: Moment, before: Moment | None) -> Agreement:
+    """Compare the LiDAR's points with stereo, of this frame and of the one before; all NaN where too few can be."""
+    difference = _differences(now, now.sure_px)
+    asked = np.count_nonzero(~np.isnan(difference))
+    if asked < _FEWEST:
         return Agreement()
-    bias, biased = _bias(now)
-    moved = [(_agreeing(_differences(stereo, row, column + s, d0)), float(s), 0.0) for s in _SHIFTS_PX]
-    moved += [(_agreeing(_differences(stereo, row + s, column, d0)), 0.0, float(s)) for s in _SHIFTS_PX]
+    bias, biased = _bias(difference)
+    moved = [(_agreeing(_differences(now, now.sure_px, right=s)), float(s), 0.0) for s in _SHIFTS_PX]
+    moved += [(_agreeing(_differences(now, now.sure_px, down=s)), 0.0, float(s)) for s in _SHIFTS_PX]
     turned, right_px, down_px = max(moved)
     return Agreement(
-        compared=float(np.count_nonzero(~np.isnan(now))),
-        agreeing=_agreeing(now),
+        compared=float(asked),
+        agreeing=_agreeing(difference),
         bias_px=bias,
         biased=biased,
         right_px=right_px,
         down_px=down_px,
         turned=turned,
-        late_gain=_gain(now, _differences(before, row, column, d0)) if before else nan,
+        late_gain=_gain(difference, _differences(now, before.sure_px)) if before else nan,
+        early_gain=_gain(_differences(before, before.sure_px), _differences(before, now.sure_px)) if before else nan,
     )
 
 
-def _differences(stereo: SureMap, row: Indices, column: Indices, d0: Floats) -> Floats:
-    """(M,) DM_{j,k} less DM_{0,k} at full-resolution pixels, NaN where stereo is not sure."""
-    height, width = stereo.disparity_px.shape
-    row, column = row // _HALF, column // _HALF
+def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
+    """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
+    height, width = sure_px.shape
+    row, column = (points.row + down) // _HALF, (points.column + right) // _HALF
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    ds = stereo.disparity_px[np.where(inside, row, 0), np.where(inside, column, 0)]
-    return np.asarray(np.where(inside, ds - d0, np.nan), dtype=np.float32)
+    ds = sure_px[np.where(inside, row, 0), np.where(inside, column, 0)]
+    return np.asarray(np.where(inside, ds - points.d0_px, np.nan), dtype=np.float32)
 
 
 def _agreeing(difference: Floats) -> float:
@@ -86,9 +97,10 @@ def _agreeing(difference: Floats) -> float:
     return float(np.count_nonzero(np.abs(difference) <= _AGREE_PX)) / asked if asked >= _FEWEST else 0.0
 
 
-def _gain(now: Floats, before: Floats) -> float:
-    both = ~np.isnan(now) & ~np.isnan(before)
-    return _agreeing(before[both]) - _agreeing(now[both]) if np.count_nonzero(both) >= _FEWEST else nan
+def _gain(these: Floats, others: Floats) -> float:
+    """How much larger the share of agreeing points is by others than by these, where both can be asked."""
+    both = ~np.isnan(these) & ~np.isnan(others)
+    return _agreeing(others[both]) - _agreeing(these[both]) if np.count_nonzero(both) >= _FEWEST else nan
 
 
 def _bias(difference: Floats) -> tuple[float, float]:

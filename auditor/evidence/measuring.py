@@ -31,10 +31,12 @@ Mask = NDArray[np.bool_]
 class Evidence:
     """What lies behind the counts of one frame, for drawing and localising: it is not stored for every frame.
 
-    `views` has the half-resolution (h, w) grey image of each camera present, `maps` the stereo maps by (witness,
-    reference), `lidar` the LiDAR's points by reference.
+    `rig` is the one that was measured, rectified where the recording's is not. `views` has the half-resolution (h, w)
+    grey image of each camera present, `maps` the stereo maps by (witness, reference), `lidar` the LiDAR's points by
+    reference.
     """
 
+    rig: Rig
     views: Mapping[int, NDArray[np.uint8]]
     comparisons: Mapping[Triple, Comparison]
     maps: Mapping[tuple[int, int], StereoMap]
@@ -163,7 +165,7 @@ def _compare(looked: _Looked, maps: _Maps) -> Measured:
         shares=testimony.shares,
         fingerprints=fingerprints(frame),
     )
-    return measurement, Evidence(looked.halves, comparisons, maps, lidar, testimony)
+    return measurement, Evidence(rig, looked.halves, comparisons, maps, lidar, testimony)
 
 
 def _present(triple: Triple, frame: Frame) -> bool:
@@ -182,6 +184,7 @@ def _coverage(
             saturated_share=float(np.mean(pixels >= _SATURATED)),
             textureless_share=1.0 - float(np.mean(texture[number])),
             unmatched_share=_unmatched_share(number, maps),
+            level=float(np.mean(pixels)),
         )
         for number, pixels in greys.items()
     }

@@ -1,0 +1,142 @@
+"""How strongly the symptoms of a frame speak for each cause that is not an attack."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.identification.windows import window_means
+from auditor.results import Cause
+from auditor.rig import LIDAR
+from auditor.symptoms import Pair
+
+_LATE = 0.1  # more of a picture's points on their rows
+_LATE_LIDAR = 0.025  # more of the LiDAR's points agree with the frame before than with their own ...
+_LAGGING = 0.06  # ... and than points of the frame before with this one
+_TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
+_BIASED, _LEAST_BIAS_PX = 0.25, 3.0
+_TURNED = 0.02
+_DARKER = 4.0  # grey levels
+_FEWEST_UNLIKE_PX = 200
+_DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
+_SATURATED_SHARE = 0.25
+_WINDOW_S = 0.5
+_DIRT_WINDOW_S = 2.0  # dirt stays
+
+Floats = NDArray[np.float64]
+Who = tuple[Cause, int | None]
+"""A cause and its sensor, None for all cameras."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What was observed in F frames: `columns` holds (F, P) values by the names of `symptoms.COLUMNS`.
+
+    `pairs` are the P matched pairs (i, k). `level` and `saturated` are (F, C), mean grey level and saturated share of
+    the `cameras`. NaN where not measured.
+    """
+
+    pairs: tuple[Pair, ...]
+    columns: Mapping[str, Floats]
+    cameras: tuple[int, ...]
+    level: Floats
+    saturated: Floats
+
+
+def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int]) -> dict[Who, Floats]:
+    """(F,) strength of each cause over the half second around each frame (dirt: two); 1 is just enough.
+
+    `stamp_ns` (F,) are the frames' stamps. NaN where nothing was measured.
+    """
+    found: dict[Who, Floats] = {}
+    for camera in seen.cameras:
+        found[Cause.LATE, camera] = _late(seen, camera)
+        found[Cause.DISPLACED, camera] = _displaced(seen, camera)
+        found[Cause.SOILED, camera] = _darker(seen, camera) / _DARKER
+    if LIDAR in sensors:
+        found[Cause.LATE, LIDAR] = _late_lidar(seen)
+        found[Cause.DISPLACED, LIDAR] = _turned(seen)
+    begins, enough = _DIM_LEVELS
+    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
+    found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / _SATURATED_SHARE
+    seconds = {who: _DIRT_WINDOW_S if who[0] is Cause.SOILED else _WINDOW_S for who in found}
+    return {who: window_means(values[:, None], stamp_ns, seconds[who])[:, 0] for who, values in found.items()}
+
+
+def _late(seen: Observed, camera: int) -> Floats:
+    """A camera lags where all its pairs find more points on one row once it is taken for a frame earlier."""
+    columns = seen.columns
+    now = np.fmax(columns["in_step"], columns["offset_share"])
+    gains = [(columns["late_i" if camera == i else "late_k"] - now)[:, p] for p, (i, _) in _with(seen, camera)]
+    return _least(gains, seen) / _LATE
+
+
+def _displaced(seen: Observed, camera: int) -> Floats:
+    """A camera has turned where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
+    columns = seen.columns
+    offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
+    tilted = np.where(offset >= _LEAST_OFFSET_PX, columns["offset_share"] - columns["in_step"], 0.0)
+    biased = np.where(bias >= _LEAST_BIAS_PX, columns["biased"] - columns["agreeing"], 0.0)
+    return np.fmax(_alone(seen, camera, tilted) / _TILTED, _alone(seen, camera, biased) / _BIASED)
+
+
+def _late_lidar(seen: Observed) -> Floats:
+    """The LiDAR lags where it agrees better with stereo of the frame before, and not the other way round."""
+    late, early = _mean(seen.columns["late_gain"]), _mean(seen.columns["early_gain"])
+    return np.minimum(late / _LATE_LIDAR, (late - early) / _LAGGING)
+
+
+def _turned(seen: Observed) -> Floats:
+    """The LiDAR has turned where its points agree with stereo of every pair once all are moved alike.
+
+    Where a constant bias of a pair's disparities does as well its cameras have turned instead. Of few points some shift
+    always makes a few more agree by chance.
+    """
+    columns = seen.columns
+    now = np.where(np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX, columns["biased"], columns["agreeing"])
+    gain = columns["turned"] - now - 1 / np.sqrt(columns["compared"])
+    return _least(list(gain.T), seen) / _TURNED
+
+
+def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:
+    return [(p, pair) for p, pair in enumerate(seen.pairs) if camera in pair]
+
+
+def _alone(seen: Observed, camera: int, gain: Floats) -> Floats:
+    """The least gain of the camera's pairs, less the largest of the others: those cannot be its doing."""
+    inside = _least([gain[:, p] for p, _ in _with(seen, camera)], seen)
+    outside = [gain[:, p] for p, pair in enumerate(seen.pairs) if camera not in pair]
+    return inside - np.nan_to_num(np.fmax.reduce(outside)) if outside else inside
+
+
+def _darker(seen: Observed, camera: int) -> Floats:
+    """(F,) by how many grey levels a camera is at least darker than its partners where they are unlike.
+
+    A partner that is as much brighter than others is itself what has changed.
+    """
+    unlike, difference = seen.columns["unlike_px"], seen.columns["difference"]
+    found = []
+    for p, (i, k) in _with(seen, camera):
+        partner = i if camera == k else k
+        darker = difference[:, p] * (1.0 if camera == i else -1.0)
+        others = [
+            np.where(unlike[:, q] > unlike[:, p] / 2, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
+            for q, pair in _with(seen, partner)
+            if q != p
+        ]
+        usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
+        found.append(np.where(unlike[:, p] >= _FEWEST_UNLIKE_PX, darker - usual, np.nan))
+    return _least(found, seen)
+
+
+def _mean(values: Floats) -> Floats:
+    """(F,) the means of what was measured in each row of (F, P), NaN where nothing was."""
+    measured = ~np.isnan(values)
+    count = measured.sum(axis=1)
+    return np.asarray(np.where(count > 0, np.where(measured, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan))
+
+
+def _least(values: Sequence[Floats], seen: Observed) -> Floats:
+    """(F,) the least of those measured, NaN where none was."""
+    return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.level), np.nan)
