@@ -34,7 +34,8 @@ class Camera:
     """One camera S_number.
 
     `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
-    their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis.
+    their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis. `offset_ns`
+    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording.
     """
 
     number: int
@@ -45,6 +46,7 @@ class Camera:
     projection: Matrix
     rectified: bool = True
     lens: Lens = NO_LENS
+    offset_ns: int | None = None
 
     @property
     def focal_px(self) -> float:
@@ -69,11 +71,12 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame."""
+    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera."""
 
     name: str
     topic: str
     rig_SE3_lidar: Matrix
+    offset_ns: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +138,13 @@ class Rig:
             return self.lidar.topic if self.lidar else ""
         return self.camera(sensor).topic
 
+    @property
+    def offsets_ns(self) -> dict[int, int]:
+        """By sensor how far its stamps lie behind the leftmost camera's, in nanoseconds, where that is known."""
+        known = {camera.number: camera.offset_ns for camera in self.cameras}
+        known[LIDAR] = self.lidar.offset_ns if self.lidar else None
+        return {sensor: offset_ns for sensor, offset_ns in sorted(known.items()) if offset_ns is not None}
+
     def baseline_m(self, i: int, k: int) -> float:
         """Distance b_{i,k} in metres, positive, between cameras i < k; of rectified ones that along their rows."""
         right, left = self.camera(i), self.camera(k)
@@ -166,6 +176,7 @@ class Rig:
                 "name": self.lidar.name,
                 "topic": self.lidar.topic,
                 "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
+                **_offset_to_dict(self.lidar.offset_ns),
             }
         return {
             "lidar": lidar,
@@ -179,6 +190,7 @@ class Rig:
                     "rectified": camera.rectified,
                     "projection": camera.projection.tolist(),
                     **_lens_to_dict(camera.lens),
+                    **_offset_to_dict(camera.offset_ns),
                 }
                 for camera in self.cameras
             ],
@@ -194,6 +206,7 @@ class Rig:
                     name=str(lidar["name"]),
                     topic=str(lidar["topic"]),
                     rig_SE3_lidar=_matrix(lidar["rig_SE3_lidar"], (4, 4), "rig_SE3_lidar"),
+                    offset_ns=_offset(lidar),
                 )
                 if lidar
                 else None,
@@ -207,6 +220,7 @@ class Rig:
                         rectified=bool(camera["rectified"]),
                         projection=_matrix(camera["projection"], (3, 4), "projection"),
                         lens=Lens(str(camera.get("distortion_model", PINHOLE)), tuple(camera.get("distortion", ()))),
+                        offset_ns=_offset(camera),
                     )
                     for camera in description["cameras"]
                 ),
@@ -254,6 +268,16 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     return tuple(
         Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
     )
+
+
+def _offset(sensor: dict[str, Any]) -> int | None:
+    given = sensor.get("offset_ns")
+    return None if given is None else int(given)
+
+
+def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
+    """Nothing where it is to be learnt, so that the ids of such rigs do not depend on it."""
+    return {} if offset_ns is None else {"offset_ns": offset_ns}
 
 
 def _lens_to_dict(lens: Lens) -> dict[str, Any]:

@@ -80,6 +80,17 @@ def test_an_incomplete_description_is_refused(spoil) -> None:
         Rig.from_dict(description)
 
 
+def test_offsets_are_told_by_sensor_and_change_the_id_only_where_they_are_given() -> None:
+    plain = rig(0.54, 0.0)
+    cameras = (replace(plain.cameras[0], offset_ns=-8_000_000), plain.cameras[1])
+    given = replace(plain, cameras=cameras, lidar=replace(plain.lidar, offset_ns=0))
+    assert given.offsets_ns == {0: 0, 1: -8_000_000}
+    assert Rig.from_dict(given.to_dict()).offsets_ns == given.offsets_ns
+    assert plain.offsets_ns == {}
+    assert "offset_ns" not in str(plain.to_dict())
+    assert given.rig_id != plain.rig_id
+
+
 def test_rigs_of_one_model_share_their_kind_although_their_calibration_differs() -> None:
     kind = rig(0.54, 0.47, -0.06).kind
     assert kind.matches(rig(0.545, 0.472, -0.061).kind)  # 5 mm, or 2 %

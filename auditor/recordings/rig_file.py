@@ -8,7 +8,7 @@ from pathlib import Path
 from auditor.errors import RigError
 from auditor.geometry import Matrix
 from auditor.lenses import NO_LENS
-from auditor.rig import Rig
+from auditor.rig import Camera, Lidar, Rig
 
 _HEAD = """\
 # The sensors of a vehicle: S_0 is the LiDAR, S_1..S_n are the cameras from right to left.
@@ -16,6 +16,7 @@ _HEAD = """\
 # rectified: whether the images are so, all cameras looking along the rig's z axis without distortion; if not,
 # distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) say what bends them.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
+# offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording shows it.
 """
 
 
@@ -49,6 +50,7 @@ def _lines(rig: Rig) -> Iterator[str]:
         yield "[lidar]"
         yield f"name = {_text(rig.lidar.name)}"
         yield f"topic = {_text(rig.lidar.topic)}"
+        yield from _offset(rig.lidar)
         yield f"rig_SE3_lidar = {_matrix(rig.lidar.rig_SE3_lidar)}"
     for camera in rig.cameras:
         yield f"\n[[cameras]]  # S_{camera.number}, x = {camera.centre_m[0]:+.4f} m"
@@ -61,7 +63,13 @@ def _lines(rig: Rig) -> Iterator[str]:
         if camera.lens != NO_LENS:
             yield f"distortion_model = {_text(camera.lens.model)}"
             yield f"distortion = [{', '.join(repr(value) for value in camera.lens.coefficients)}]"
+        yield from _offset(camera)
         yield f"projection = {_matrix(camera.projection)}"
+
+
+def _offset(sensor: Camera | Lidar) -> Iterator[str]:
+    if sensor.offset_ns is not None:
+        yield f"offset_ns = {sensor.offset_ns}"
 
 
 def _text(text: str) -> str:

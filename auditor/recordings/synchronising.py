@@ -8,7 +8,7 @@ the tolerance belongs to it. What waits stays as recorded; pixels and points are
 from collections.abc import Iterator, Mapping
 from heapq import merge
 
-from auditor.errors import DecodingError, RigError
+from auditor.errors import DecodingError
 from auditor.frames import (
     CameraImage,
     Frame,
@@ -35,14 +35,12 @@ class FrameStream:
     once it is exhausted.
     """
 
-    def __init__(
-        self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool, offsets_ns: Mapping[int, int] | None
-    ) -> None:
+    def __init__(self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool) -> None:
         self._recording = recording
         self._rig = rig
         self._survey = survey
         self._colour = colour
-        self.timing = learn_timing(rig, survey, offsets_ns)
+        self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
         self.clock_jumps = 0
 
@@ -131,24 +129,14 @@ class FrameStream:
         return tuple(balance)
 
 
-def synchronise(
-    recording: Recording,
-    rig: Rig,
-    survey: Survey,
-    *,
-    colour: bool = False,
-    offsets_ns: Mapping[int, int] | None = None,
-) -> FrameStream:
+def synchronise(recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False) -> FrameStream:
     """The frames of a recording, in order; with `colour` images keep their colours as BGR.
 
-    `offsets_ns` gives by sensor how far its stamps lie behind the leftmost camera's, where that is known; the others
-    are learnt. Raises RigError where the rig does not fit the recording or is not rectified, or an offset is of no
-    sensor of it. The window holds at most MAX_WINDOW_BYTES of messages as recorded.
+    Offsets that the rig gives stand in for learnt ones. Raises RigError where the rig does not fit the recording. The
+    window holds at most MAX_WINDOW_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
-    if strangers := sorted(set(offsets_ns or ()) - set(rig.sensors)):
-        raise RigError(f"there is no sensor S_{strangers[0]} to give an offset to", where="rig")
-    return FrameStream(recording, rig, survey, colour=colour, offsets_ns=offsets_ns)
+    return FrameStream(recording, rig, survey, colour=colour)
 
 
 class _FrameMaker:

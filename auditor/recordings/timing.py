@@ -27,11 +27,8 @@ class Timing:
     fast: frozenset[int]
 
 
-def learn_timing(rig: Rig, survey: Survey, given_ns: Mapping[int, int] | None = None) -> Timing:
-    """Learn offsets and periods from a survey's sample stamps (all medians); offsets given stand in for those learnt.
-
-    A given offset is a sensor's stamps less those of the leftmost camera, in nanoseconds.
-    """
+def learn_timing(rig: Rig, survey: Survey) -> Timing:
+    """Learn offsets and periods from a survey's sample stamps (all medians); those that the rig gives are taken."""
     samples = {sensor: survey.samples(rig.topic(sensor)) for sensor in rig.sensors}
     seen = {sensor: sorted({sample.stamp_ns for sample in taken}) for sensor, taken in samples.items() if taken}
     periods = {
@@ -43,7 +40,7 @@ def learn_timing(rig: Rig, survey: Survey, given_ns: Mapping[int, int] | None = 
         offset_ns={
             sensor: _offset_ns(seen.get(sensor, []), seen.get(base, []), period_ns // 2) for sensor in rig.sensors
         }
-        | dict(given_ns or {}),
+        | rig.offsets_ns,
         delay_ns={sensor: _delay_ns(taken) for sensor, taken in samples.items()},
         period_ns=period_ns,
         tolerance_ns=min(period_ns // 4, MAX_TOLERANCE_NS),

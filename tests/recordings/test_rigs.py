@@ -355,6 +355,17 @@ def test_a_rig_file_keeps_every_digit_and_every_name(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
 
 
+def test_offsets_in_a_rig_file_are_kept_and_refused_where_they_are_no_numbers(tmp_path: Path) -> None:
+    rig = make_rig(2)
+    given = replace(rig, lidar=replace(rig.lidar, offset_ns=-12_345_678))
+    write_rig(given, tmp_path / "rig.toml")
+    assert read_rig(tmp_path / "rig.toml").rig_id == given.rig_id
+    text = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(text.replace("-12345678", '"soon"'))
+    with pytest.raises(RigError, match="soon"):
+        read_rig(tmp_path / "rig.toml")
+
+
 @pytest.mark.parametrize("text", ["", "nonsense = ", "[[cameras]]\nnumber = 1\n", "\xff"])
 def test_a_rig_file_that_holds_no_rig_is_a_clear_error(tmp_path: Path, text: str) -> None:
     (tmp_path / "rig.toml").write_text(text, "latin-1")
