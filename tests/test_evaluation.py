@@ -10,12 +10,14 @@ import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
+from auditor.elements import rig_elements
 from auditor.errors import RecordingError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, stretches
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
 from auditor.evidence import measure
 from auditor.evidence.matchers import find_matcher
+from auditor.identification.local_ratio import local_ratios
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.recordings import write_mcap
 from auditor.results import AttackLabel
@@ -51,13 +53,18 @@ def attacked_frame(frame, attacks):
     return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
 
 
-def test_a_bench_gives_the_counts_of_the_attacked_frame():
+def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
     frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
     bench = Bench(frame, RIG, matcher)
+    found = []
     for size in (0, 1, 2, 3):
         for attacked in combinations(RIG.sensors, size):
             attacks = {s: ATTACKS[s] for s in attacked}
-            assert bench.counts(attacks) == measure(attacked_frame(frame, attacks), RIG, matcher)[0].counts
+            measured, _ = measure(attacked_frame(frame, attacks), RIG, matcher)
+            assert bench.counts(attacks) == measured.counts
+            found.append(bench.ratios(attacks))
+            assert found[-1] == local_ratios(rig_elements(RIG), measured.cells, measured.shares)
+    assert len(set(found)) == len(found)
 
 
 def test_only_what_an_attack_changes_is_matched_again():
@@ -81,6 +88,18 @@ def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
     assert bench.sensors == (0, 1, 3, 4)
     counts = dict(zip(RIG.triples, bench.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
+
+
+def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors_are_there():
+    matcher = find_matcher("sgbm")
+    bench = Bench(plane_frame(RIG), RIG, matcher)
+    asked = {e for e, x in zip(bench.elements, bench.ratios({}, [Triple(0, 1, 4)]), strict=True) if x is not None}
+    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4)}
+    for missing in ({0}, {2}, {0, 4}):
+        frame = plane_frame(RIG, without=frozenset(missing))
+        measured, _ = measure(frame, RIG, matcher)
+        everything = local_ratios(rig_elements(RIG), measured.cells, measured.shares)
+        assert Bench(frame, RIG, matcher).ratios({}) == everything
 
 
 def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can_be_identified():

@@ -26,7 +26,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
         write_drive(folder / "three.bag", count=16, seed=1),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
-    for table in ("recordings", "rigs", "triples", "elements", "measurements", "frames", "labels", "pictures"):
+    for table in ("recordings", "rigs", "triples", "elements", "measurements", "frames", "cells", "labels", "pictures"):
         shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
     return folder / "thresholds", drives
 
@@ -51,7 +51,9 @@ def scan(store: Path, drives: list[Path]) -> subprocess.Popen[str]:
 def tables(store: Path) -> dict[str, bytes]:
     """What must be the same whatever happened in between: frames and verdicts, by their ids."""
     return {
-        f"{t}/{p.name}": p.read_bytes() for t in ("frames", "verdicts") for p in sorted((store / t).glob("*.parquet"))
+        f"{t}/{p.name}": p.read_bytes()
+        for t in ("frames", "cells", "verdicts")
+        for p in sorted((store / t).glob("*.parquet"))
     }
 
 
@@ -69,7 +71,7 @@ def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_byt
     with scan(undisturbed, drives) as process:
         process.communicate()
     expected = tables(undisturbed)
-    assert len(expected) == 6
+    assert len(expected) == 9
     points = random.Random(7).sample(range(first + 1, files(undisturbed)), KILLS)
     finished = []
     for kill, point in enumerate(points):

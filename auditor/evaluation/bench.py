@@ -1,19 +1,29 @@
 """One frame under many attacks: only what an attack changes is measured again."""
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from typing import Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.elements import Element, Witness, rig_elements
+from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.comparing import compare_cameras, compare_with_lidar
+from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView, lidar_view
+from auditor.evidence.likeness import Likeness, likeness
 from auditor.evidence.matchers import Matcher
+from auditor.evidence.photometric import coarse, coarse_mask, compare_light
+from auditor.evidence.rectifying import rectification
 from auditor.evidence.reduction import grey, halve
+from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap, stereo_map
 from auditor.evidence.texture import textured
+from auditor.evidence.visibility import too_near
 from auditor.frames import CameraImage, Frame, PointCloud
-from auditor.results import Counts
+from auditor.identification.local_ratio import local_ratios
+from auditor.results import Cells, Counts
 from auditor.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
@@ -49,13 +59,15 @@ Attacks = Mapping[int, Attack]
 class Bench:
     """Measures one clean frame under one set of attacks after the other.
 
-    The counts are those that measuring the attacked frame would give. Images, views, disparity maps and counts of
-    sensors under the same attack (or none) are made once and used again until `forget_attacks`.
+    Counts and local ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
+    counts and ratios of sensors under the same attack (or none) are made once and used again until `forget_attacks`.
     """
 
     def __init__(self, frame: Frame, rig: Rig, matcher: Matcher) -> None:
         self.frame = frame
         self.rig = rig
+        self.elements = rig_elements(rig)
+        self._seen = rectification(rig)
         self._matcher = matcher
         self._made: dict[tuple[object, ...], object] = {}
 
@@ -67,27 +79,90 @@ class Bench:
 
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
         """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not asked for."""
-        present = frozenset(self.sensors)
-        wanted = self.rig.triples if triples is None else triples
+        wanted = self._measurable(triples)
+        return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in self.rig.triples)
+
+    def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
+        """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
+        wanted = self._measurable(triples)
+        pairs = {(sensor, triple.k) for triple in wanted for sensor in triple[:2]}
+        everyone = {sensor for triple in wanted for sensor in triple}
         return tuple(
-            self._counts(triple, attacks) if triple in wanted and present.issuperset(triple) else None
-            for triple in self.rig.triples
+            self._ratio(element, attacks)
+            if everyone.issuperset(element.needed) and (element.witness is Witness.LIGHT or element[1:] in pairs)
+            else None
+            for element in self.elements
         )
 
     def forget_attacks(self) -> None:
         """Keep only what was made of clean data."""
         self._made = {key: made for key, made in self._made.items() if not any(key[2:])}
 
+    def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
+        """Those of the triples asked for whose sensors are all there."""
+        present = frozenset(self.sensors)
+        asked = self.rig.triples if triples is None else triples
+        return tuple(triple for triple in asked if present.issuperset(triple))
+
     def _counts(self, triple: Triple, attacks: Attacks) -> Counts:
         def count() -> Counts:
             i, j, k = triple
+            rig = self._seen.rig
             second = self.stereo_map(j, k, attacks)
             if i == LIDAR:
-                return compare_with_lidar(self.lidar_view(k, attacks), second, self.rig, j).counts
-            baselines = self.rig.baseline_m(i, k), self.rig.baseline_m(j, k)
+                return compare_with_lidar(self.lidar_view(k, attacks), second, rig, j).counts
+            baselines = rig.baseline_m(i, k), rig.baseline_m(j, k)
             return compare_cameras(self.stereo_map(i, k, attacks), second, *baselines).counts
 
         return self.once("counts", triple, attacks, triple, count)
+
+    def _ratio(self, element: Element, attacks: Attacks) -> float | None:
+        witness, i, k = element
+
+        def measure() -> float | None:
+            if witness is Witness.EMPTY:
+                return emptiness(self.lidar_view(k, attacks), self._seen.rig.camera(k).width_px)
+            if witness is Witness.LIGHT:
+                near = self._near(i, k, attacks)
+                mask = None if near is None else coarse_mask(near)
+                light = compare_light(coarse(self._half(i, attacks)), coarse(self._half(k, attacks)), mask)
+                return max(light.brighter_i, light.brighter_k)
+            return local_ratios((element,), {element: self._cells(element, attacks)}, {})[0]
+
+        return self.once("ratio", element, attacks, (LIDAR, *element.needed), measure)
+
+    def _cells(self, element: Element, attacks: Attacks) -> Cells:
+        if element.witness is Witness.UNLIKE:
+            return cells_of_likeness(
+                self.likeness(element.i, element.k, attacks), self._near(element.i, element.k, attacks)
+            )
+        camera = self._seen.rig.camera(element.k)
+        return cells_of_points(self.adjudication(element.i, element.k, attacks), camera.height_px, camera.width_px)
+
+    def _near(self, i: int, k: int, attacks: Attacks) -> NDArray[np.bool_] | None:
+        """What is too near to be matched; None where nothing tells, or the pair is not matched."""
+        if LIDAR not in self.sensors or Element(Witness.UNLIKE, i, k) not in self.elements:
+            return None
+        view, shape = self.lidar_view(k, attacks), self._half(k, attacks).shape
+        return self.once(
+            "near", (i, k), attacks, (LIDAR,), lambda: too_near(view, self._seen.rig, i, self._matcher.range_px, shape)
+        )
+
+    def likeness(self, i: int, k: int, attacks: Attacks) -> Likeness:
+        """How alike the pictures of a witness and a reference are under these attacks."""
+        return self.once(
+            "likeness",
+            (i, k),
+            attacks,
+            (i, k),
+            lambda: likeness(self._half(k, attacks), self._half(i, attacks), self.stereo_map(i, k, attacks)),
+        )
+
+    def adjudication(self, j: int, k: int, attacks: Attacks) -> Adjudication:
+        """E_{0,j,k} point by point, adjudicated, under these attacks."""
+        halves = self._half(k, attacks), self._half(j, attacks)
+        alike, stereo = self.likeness(j, k, attacks), self.stereo_map(j, k, attacks)
+        return adjudicate(self.lidar_view(k, attacks), stereo, alike, self._seen.rig, j, halves)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{i,k} under these attacks."""
@@ -100,7 +175,7 @@ class Bench:
 
     def lidar_view(self, k: int, attacks: Attacks) -> LidarView:
         """The LiDAR's points in the view of camera k under these attacks."""
-        return self.once("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self.rig, k))
+        return self.once("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self._seen.rig, k))
 
     def cloud(self, attacks: Attacks) -> PointCloud:
         """The data of the LiDAR under these attacks."""
@@ -113,13 +188,17 @@ class Bench:
         return self.once("cloud", LIDAR, attacks, (LIDAR,), change)
 
     def _texture(self, camera: int, attacks: Attacks) -> NDArray[np.bool_]:
-        return self.once(
-            "texture", camera, attacks, (camera,), lambda: textured(halve(grey(self._matched(camera, attacks))))
-        )
+        return self.once("texture", camera, attacks, (camera,), lambda: textured(self._half(camera, attacks)))
+
+    def _half(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        return self.once("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
 
     def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The rectified image as the matcher wants it."""
+
         def change() -> NDArray[np.uint8]:
-            pixels = self.pixels(camera, attacks)
+            image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
+            pixels = self._seen.image(image).pixels
             return pixels if self._matcher.colour else grey(pixels)
 
         return self.once("matched", camera, attacks, (camera,), change)

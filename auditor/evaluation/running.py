@@ -181,6 +181,7 @@ class _Run:
                 visible_share=case.visible_share,
                 parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
                 counts=bench.counts(case.attacks, triples),
+                ratios=bench.ratios(case.attacks, triples),
             )
         bench.forget_attacks()
 

@@ -12,7 +12,8 @@ from auditor.results import MIN_VALID_PX
 from auditor.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
-from auditor.store.store import Store
+from auditor.store.store import MANIFESTS, Store
+from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN
 
 _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
@@ -24,8 +25,10 @@ _CONSTANTS = {
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
+    "lowest_margin": LOWEST_MARGIN,
+    "highest_margin": HIGHEST_MARGIN,
 }
-_LARGE = {"frames": "measurements", "verdicts": "judgements", "calibrations": None, "cases": "evaluations", "object_cases": "object_evaluations"}
+_LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
 _WORD = re.compile(r"\w+")

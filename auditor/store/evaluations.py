@@ -42,7 +42,10 @@ class EvaluationPart:
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """The counts of one case, in the order of the rig's triples; the other fields as in the table `cases`."""
+    """The counts of one case in the order of the rig's triples, its local ratios in that of its elements.
+
+    The other fields are as in the table `cases`.
+    """
 
     frame: int
     stamp_ns: int
@@ -54,6 +57,7 @@ class MeasuredCase:
     visible_share: float | None
     parameters: Mapping[str, object]
     counts: Sequence[Counts | None]
+    ratios: Sequence[float | None]
 
 
 class CasesWriter:
@@ -72,6 +76,7 @@ class CasesWriter:
                 **vars(case),
                 "evaluation_id": self.part.evaluation_id,
                 "attacked": list(case.attacked),
+                "ratios": list(case.ratios),
                 "parameters": json.dumps(case.parameters, sort_keys=True),
                 **{name: [c and getattr(c, name) for c in case.counts] for name in _PIXELS},
             }

@@ -8,6 +8,7 @@ from auditor.errors import StoreError
 from auditor.frames import Skipped
 from auditor.results import Measurement
 from auditor.rig import Rig
+from auditor.store.cell_rows import cell_rows
 from auditor.store.frame_rows import measured_row, skipped_row
 from auditor.store.records import MeasurementRecord
 from auditor.store.rows import measurement_row
@@ -17,11 +18,12 @@ from auditor.store.tables import TableWriter, write_rows
 class FramesWriter:
     """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
 
-    def __init__(self, measurement_id: str, rig: Rig, table: TableWriter, manifest: Path) -> None:
+    def __init__(self, measurement_id: str, rig: Rig, table: TableWriter, cells: TableWriter, manifest: Path) -> None:
         self._manifest = manifest
         self._measurement_id = measurement_id
         self._rig = rig
         self._table = table
+        self._cells = cells
         self._measured = 0
         self._skipped: Counter[str] = Counter()
         self._first_stamp_ns: int | None = None
@@ -33,11 +35,13 @@ class FramesWriter:
         return self._measured
 
     def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
-        """Take a measured frame with its local ratios, in the order of `rig_elements(rig)`.
+        """Take a measured frame, its cells too, with its local ratios, in the order of `rig_elements(rig)`.
 
         Raises StoreError where they do not fit the rig.
         """
         self._table.add(measured_row(self._measurement_id, frame, ratios, self._rig))
+        for row in cell_rows(self._measurement_id, frame.number, frame.cells, self._rig):
+            self._cells.add(row)
         self._measured += 1
         self._note(frame.stamp_ns)
 
@@ -48,7 +52,7 @@ class FramesWriter:
         self._note(tick.stamp_ns)
 
     def commit(self, measurement: MeasurementRecord) -> None:
-        """Put the frames in their place, then write the row that makes the measurement finished.
+        """Put the frames and cells in their place, then write the row that makes the measurement finished.
 
         Raises StoreError where the record is of another measurement.
         """
@@ -57,6 +61,7 @@ class FramesWriter:
                 f"the record is of measurement {measurement.measurement_id}",
                 where=f"measurement {self._measurement_id}",
             )
+        self._cells.commit()
         self._table.commit()
         row = {
             **measurement_row(measurement),

@@ -19,6 +19,7 @@ TABLES = (
     "elements",
     "measurements",
     "frames",
+    "cells",
     "calibrations",
     "judgements",
     "verdicts",
@@ -62,6 +63,11 @@ class TableSchema:
     def dictionary_columns(self) -> list[str]:
         """Parquet paths of the columns that repeat few values: ids and words."""
         return [_leaf(column) for column in self.columns if column.dictionary]
+
+    @property
+    def holds_grids(self) -> bool:
+        """True where a single row may be large."""
+        return any(column.type == "BLOB" for column in self.columns)
 
     @cached_property
     def encodings(self) -> dict[str, str]:

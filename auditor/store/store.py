@@ -3,14 +3,15 @@
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
 from auditor.errors import StoreError
-from auditor.results import AttackLabel, Calibration, Statistic, Verdict, VerdictKind
+from auditor.results import FINDINGS, AttackLabel, Method, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
-from auditor.store.calibrations import read_calibration, write_calibration
+from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
+from auditor.store.cell_rows import FrameCells, read_cells
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
 from auditor.store.frame_rows import read_errors, read_ratios
 from auditor.store.frames_writer import FramesWriter
@@ -34,9 +35,18 @@ from auditor.store.rows import (
 )
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.tables import newer_version, read_rows, write_rows, writing
+from auditor.thresholds import Calibration
 
 MARKER = "store.json"
 _FORMAT = "auditor store"
+MANIFESTS = {
+    "frames": "measurements",
+    "cells": "measurements",
+    "verdicts": "judgements",
+    "cases": "evaluations",
+    "object_cases": "object_evaluations",
+}
+"""The table whose rows say which files of another are finished."""
 
 
 class Store:
@@ -148,8 +158,11 @@ class Store:
     @contextmanager
     def frames_writer(self, measurement_id: str, rig: Rig) -> Iterator[FramesWriter]:
         """Write the frames of a measurement; without a `commit` inside the block, nothing of them stays."""
-        with writing("frames", self.path("frames", measurement_id)) as table:
-            yield FramesWriter(measurement_id, rig, table, self.path("measurements", measurement_id))
+        with (
+            writing("frames", self.path("frames", measurement_id)) as frames,
+            writing("cells", self.path("cells", measurement_id)) as cells,
+        ):
+            yield FramesWriter(measurement_id, rig, frames, cells, self.path("measurements", measurement_id))
 
     def has_measurement(self, measurement_id: str) -> bool:
         """True where a measurement was finished."""
@@ -173,6 +186,11 @@ class Store:
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_ratios(self.path("frames", measurement_id), rig)
 
+    def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
+        """The counts of a finished measurement on their grids, frame by frame: enough to work out local ratios anew."""
+        rig = self.rig(self.measurement(measurement_id).rig_id)
+        return read_cells(self.path("cells", measurement_id), rig)
+
     # Calibrations and judgements
 
     def write_calibration(self, calibration: Calibration) -> None:
@@ -184,8 +202,12 @@ class Store:
         return read_calibration(self.path("calibrations", calibration_id))
 
     def calibrations(self) -> list[Calibration]:
-        """All calibrations, by id."""
-        return [self.calibration(calibration_id) for calibration_id in self.ids("calibrations")]
+        """All calibrations, by id; those of older versions that nothing can be judged by any more are left out."""
+        found = []
+        for calibration_id in self.ids("calibrations"):
+            with suppress(OutdatedCalibrationError):
+                found.append(self.calibration(calibration_id))
+        return found
 
     def write_judgement(self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]) -> None:
         """Keep a judgement and its verdicts, each with its frame number and stamp.
@@ -194,13 +216,18 @@ class Store:
         """
         rig = self.rig(self.measurement(judgement.measurement_id).rig_id)
         judgement_id = judgement.judgement_id
+        robust = judgement.method == Method.ROBUST
+        in_incidents = 0
         counts: Counter[VerdictKind] = Counter()
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             for frame, stamp_ns, verdict in verdicts:
                 counts[verdict.kind] += 1
+                in_incidents += verdict.finding is not None if robust else verdict.kind in FINDINGS
                 table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
             table.commit()
-        write_rows("judgements", self.path("judgements", judgement_id), [judgement_row(judgement, rig, counts)])
+        write_rows(
+            "judgements", self.path("judgements", judgement_id), [judgement_row(judgement, rig, counts, in_incidents)]
+        )
 
     def judgements(self, measurement_id: str | None = None) -> list[StoredJudgement]:
         """All finished judgements, or those of one measurement, oldest first."""
@@ -231,14 +258,19 @@ class Store:
     def ids(self, table: str) -> list[str]:
         """The ids of the finished files of a table, sorted.
 
-        Frames are finished with their measurement, verdicts with their judgement, cases with their evaluation.
+        Frames and their cells are finished with their measurement, verdicts with their judgement, cases with their
+        evaluation.
         """
-        manifest = {"frames": "measurements", "verdicts": "judgements", "cases": "evaluations", "object_cases": "object_evaluations"}.get(table, table)
-        return finished(self.folder / manifest)
+        return finished(self.folder / MANIFESTS.get(table, table))
 
     def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
+        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names.
+
+        Measurements of older versions have no cells.
+        """
         paths = [self.path(table, row_id) for row_id in self.ids(table)]
+        if table == "cells":
+            return [path for path in paths if path.is_file()]
         for path in paths:
             if not path.is_file():
                 raise StoreError(

@@ -16,13 +16,15 @@ Row = Mapping[str, object]
 
 BATCH_ROWS = 256
 ROW_GROUP_BATCHES = 32
+"""Batches in a row group; of tables whose rows hold whole grids it is one."""
 
 
 class TableWriter:
-    """Rows leave in row groups of BATCH_ROWS x ROW_GROUP_BATCHES, so memory stays bounded however many come."""
+    """Rows leave in row groups of so many batches of BATCH_ROWS, so memory stays bounded however many come."""
 
     def __init__(self, schema: TableSchema, part: PartFile) -> None:
         self._schema = schema.arrow
+        self._group_batches = 1 if schema.holds_grids else ROW_GROUP_BATCHES
         self._part = part
         self._rows: list[Row] = []
         self._batches: list[pa.RecordBatch] = []
@@ -59,7 +61,7 @@ class TableWriter:
         if self._rows:
             self._batches.append(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
             self._rows = []
-        if len(self._batches) == ROW_GROUP_BATCHES:
+        if len(self._batches) == self._group_batches:
             self._write_group()
 
     def _write_group(self) -> None:
@@ -96,15 +98,9 @@ def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> 
     """
     schema = table_schema(table).arrow
     wanted = schema if columns is None else pa.schema([schema.field(name) for name in columns])
-    try:
-        with pq.ParquetFile(path) as file:
-            _check_version(file.schema_arrow, path)
-            present = [name for name in wanted.names if name in file.schema_arrow.names]
-            stored = file.read(columns=present)
-    except FileNotFoundError as error:
-        raise StoreError("it does not exist", where=path) from error
-    except (OSError, pa.ArrowException) as error:
-        raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error
+    with _opened(path) as file:
+        present = [name for name in wanted.names if name in file.schema_arrow.names]
+        stored = file.read(columns=present)
     arrays = [
         stored.column(field.name).cast(field.type) if field.name in present else pa.nulls(len(stored), field.type)
         for field in wanted
@@ -112,10 +108,33 @@ def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> 
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
+def stream_rows(table: str, path: Path) -> Iterator[dict[str, Any]]:
+    """The rows of a file of a table, some row groups at a time; its columns are those it was written with.
+
+    Raises StoreError.
+    """
+    with _opened(path) as file:
+        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=table_schema(table).arrow.names):
+            yield from batch.to_pylist()
+
+
 def read_rows(table: str, path: Path) -> list[dict[str, Any]]:
     """The rows of a file of a table as dictionaries. Raises StoreError."""
     rows: list[dict[str, Any]] = read_table(table, path).to_pylist(maps_as_pydicts="strict")
     return rows
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """A file of a table, open for reading. Raises StoreError where it is missing, torn, or of a newer version."""
+    try:
+        with pq.ParquetFile(path) as file:
+            _check_version(file.schema_arrow, path)
+            yield file
+    except FileNotFoundError as error:
+        raise StoreError("it does not exist", where=path) from error
+    except (OSError, pa.ArrowException) as error:
+        raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error
 
 
 def _check_version(schema: pa.Schema, path: Path) -> None:

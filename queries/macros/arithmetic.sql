@@ -50,3 +50,7 @@ CREATE MACRO names_of(numbers, sensors) AS
         list_filter(sensors, lambda s: list_contains(numbers, s['sensor'])),
         lambda s: 'S_' || s['sensor'] || ' ' || s['name']
     );
+
+-- The bytes of a grid as numbers, row by row.
+CREATE MACRO counts_of(grid) AS
+    list_transform(regexp_extract_all(hex(grid), '..'), lambda byte: CAST('0x' || byte AS UTINYINT));

@@ -11,11 +11,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from auditor.evaluation.bench import Bench
 from auditor.evidence import use_one_thread
 from auditor.frames import CameraImage, Frame, PointCloud
 from auditor.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
-from tests.benchmarks.robust_measuring import Bench, Sample
+from tests.benchmarks.robust_measuring import MATCHER, Sample, measured
 from tests.benchmarks.robust_rates import robust
 
 Pixels = np.ndarray
@@ -82,15 +83,17 @@ def main() -> None:
     """Measure and print."""
     use_one_thread()
     rig, stream = frames("0001")
-    clean = [Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *Bench(rig, f).measure({})) for f in stream]
+    clean = [
+        Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(Bench(f, rig, MATCHER), {})) for f in stream
+    ]
     tested: list[Sample] = []
     rig, stream = frames("0009")
     before: Frame | None = None
     for frame in stream:
         if frame.number % 2 == 0:
             for name, whom, changed in conditions(frame, before, rig):
-                measured = Bench(rig, changed).measure({})
-                tested.append(Sample("0009", frame.number, frame.stamp_ns, name, whom, 0, *measured))
+                found = measured(Bench(changed, rig, MATCHER), {})
+                tested.append(Sample("0009", frame.number, frame.stamp_ns, name, whom, 0, *found))
         before = frame
     said: dict[tuple[str, tuple[int, ...]], Counter[str]] = {}
     for sample, verdict in zip(tested, robust(None)(rig, clean, tested), strict=True):

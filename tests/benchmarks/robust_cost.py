@@ -14,7 +14,7 @@ from typing import Any
 
 import cv2
 
-from auditor.elements import Witness
+from auditor.elements import rig_elements
 from auditor.evidence import measure, use_one_thread
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import adjudicate
@@ -28,7 +28,7 @@ from auditor.evidence.testimony import testify
 from auditor.evidence.texture import textured
 from auditor.evidence.visibility import visible_to_witness
 from auditor.frames import Frame
-from auditor.identification.local_ratio import WINDOWS, local_ratio
+from auditor.identification.local_ratio import local_ratios
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.rig import Rig
 from tests.benchmarks.real_drives import frames
@@ -58,7 +58,7 @@ def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
 
 
 def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig) -> None:
-    """Time measuring as it is, all witnesses together, and each of their pieces for one pair."""
+    """Time measuring, which hears all witnesses; these together; and each of their pieces for one pair."""
     timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
     halves = {n: halve(image.pixels) for n, image in frame.images.items()}
     texture = {n: textured(half) for n, half in halves.items()}
@@ -70,12 +70,8 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig) -> None:
     assert frame.cloud is not None
     view = lidar_view(frame.cloud, rig, k)
     heard = timed(seconds, f"{kind}: all witnesses", lambda: testify(halves, maps, {k: view}, rig))
-    both = ((Witness.CONTRADICTED, heard.contradicted), (Witness.UNLIKE, heard.unlike))
-    timed(
-        seconds,
-        f"{kind}: local ratios",
-        lambda: [local_ratio(c.valid, c.against, WINDOWS[w]) for w, cells in both for c in cells.values()],
-    )
+    elements = rig_elements(rig)
+    timed(seconds, f"{kind}: local ratios", lambda: local_ratios(elements, heard.cells, heard.shares))
     pair = timed(seconds, f"{kind}: likeness, a pair", lambda: likeness(halves[k], halves[1], maps[1, k]))
     d0 = view.disparity_px(rig, 1)
     timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_witness(view, rig, 1, d0))
@@ -110,7 +106,7 @@ def main() -> None:
     for piece, values in seconds.items():
         print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / yardstick:.3f}")
     for kind in ("clean", "facula", "wall"):
-        total = sum(median(seconds[f"{kind}: {piece}"]) for piece in ("measure", "all witnesses", "local ratios"))
+        total = sum(median(seconds[f"{kind}: {piece}"]) for piece in ("measure", "local ratios"))
         print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / yardstick:.3f}")
 
 

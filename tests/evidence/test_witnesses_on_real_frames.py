@@ -5,10 +5,14 @@ from itertools import islice
 
 import pytest
 
+from auditor.elements import Witness
+from auditor.evaluation.bench import Bench
+from auditor.evidence.cells import cells_of_points
+from auditor.evidence.matchers import find_matcher
+from auditor.identification.local_ratio import WINDOWS, fitted
 from auditor.identification.margins import FLOORS
 from auditor.lab.attacks import BogusWall, Facula
 from tests.benchmarks.real_drives import frames
-from tests.benchmarks.robust_measuring import Bench
 
 pytestmark = pytest.mark.skipif(
     "AUDITOR_TEST_DATA" not in os.environ, reason="AUDITOR_TEST_DATA is not set: no real recorded data"
@@ -20,7 +24,7 @@ FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
 @pytest.fixture(scope="module")
 def bench():
     rig, stream = frames("0009")
-    return Bench(rig, next(islice(stream, 20, None)))
+    return Bench(next(islice(stream, 20, None)), rig, find_matcher("sgbm"))
 
 
 @pytest.mark.parametrize(
@@ -35,8 +39,12 @@ def bench():
     ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
 def test_exactly_the_elements_of_the_attacked_sensor_are_raised(bench, attacks, raised):
-    ratios, _ = bench.measure(attacks)
-    above = {
-        f"{e.witness} {e.i} {e.k}" for e, ratio in zip(bench.elements, ratios, strict=True) if ratio > FLOORS[e.witness]
-    }
-    assert above == raised
+    ratios = zip(bench.elements, bench.ratios(attacks), strict=True)
+    assert {f"{e.witness} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.witness]} == raised
+
+
+def test_sixty_four_beams_need_what_the_window_says(bench):
+    window = WINDOWS[Witness.CONTRADICTED]
+    for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
+        points = bench.adjudication(1, 3, attacks)
+        assert fitted(window, cells_of_points(points, 375, 1242).valid) == window
