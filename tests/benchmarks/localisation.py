@@ -1,0 +1,175 @@
+"""How well damaged portions are found: `OPENBLAS_NUM_THREADS=1 python -m tests.benchmarks.localisation [--every 1]`.
+
+Every so many-th frame of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, reference cam2) under faculas
+of each strength on each camera and walls of each width, each drawn anew for every frame; with --synthetic SCENES
+also streets of each style. Intersection over union with the truth, 0 where no region was made of the attacked sensor:
+pixels that the facula changed by more than 45 grey levels; pixels of the LiDAR's view with a point of the wall.
+Judged by thresholds of drive 0001 (streets: of the other styles) the frame must name the sensor, else it is 0 too.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+
+import cv2
+import numpy as np
+
+from auditor.elements import rig_elements
+from auditor.evidence import measure, use_one_thread
+from auditor.evidence.localising import localise
+from auditor.evidence.matchers import find_matcher
+from auditor.frames import Frame
+from auditor.identification.accusing import System, accuse
+from auditor.identification.local_ratio import local_ratios
+from auditor.identification.margins import margins, yardsticks
+from auditor.identification.raisable import raisable
+from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.drives import make_drive
+from auditor.lab.streets import STYLES
+from auditor.regions import REGION_STEP, Region
+from auditor.rig import LIDAR, Rig
+from tests.benchmarks.real_drives import frames
+from tests.benchmarks.robust_measuring import WALLS_M
+
+MATCHER = find_matcher("sgbm")
+CHANGED = 45
+FRAMES_A_SCENE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """One attacked frame: its ratios, and the intersection over union of the region of the attacked sensor."""
+
+    kind: str
+    sensor: int
+    ratios: tuple[float, ...]
+    iou: float
+    solid_error_m: float
+
+
+def attacks(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Facula | BogusWall]]:
+    """One draw of each attack."""
+    rng = np.random.default_rng([seed, frame.number])
+    for camera in rig.cameras:
+        for strength in STRENGTHS:
+            yield strength, camera.number, draw_facula(rng, camera.width_px, camera.height_px, strength)
+    wall = draw_wall(rng)
+    for width in WALLS_M:
+        yield f"wall {width} m", LIDAR, replace(wall, width_m=width)
+
+
+def attacked(frame: Frame, rig: Rig, sensor: int, attack: Facula | BogusWall) -> Frame:
+    """The frame with the attack on one sensor."""
+    if isinstance(attack, BogusWall):
+        assert frame.cloud is not None
+        return replace(frame, cloud=attack.apply(frame.cloud, rig))
+    return replace(frame, images={**frame.images, sensor: attack.apply(frame.images[sensor])})
+
+
+def ratios_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Region, ...], object]:
+    """Local ratios, NaN where not measured, the regions, and the evidence."""
+    elements = rig_elements(rig)
+    measurement, evidence = measure(frame, rig, MATCHER)
+    found = local_ratios(elements, measurement.cells, measurement.shares)
+    regions = localise(evidence, raisable(elements, found))
+    return tuple(np.nan if ratio is None else ratio for ratio in found), regions, evidence
+
+
+def measured(stream: Iterable[Frame], rig: Rig, seed: int) -> Iterator[Found]:
+    """Every frame under every attack."""
+    for frame in stream:
+        for kind, sensor, attack in attacks(frame, rig, seed):
+            changed = attacked(frame, rig, sensor, attack)
+            ratios, regions, evidence = ratios_of(changed, rig)
+            region = next((r for r in regions if r.sensor == sensor), None)
+            iou, error = 0.0, np.nan
+            if region is not None and sensor == LIDAR:
+                iou, error = lidar_iou(region, evidence, frame), solid_error_m(region, attack, rig)
+            elif region is not None:
+                iou = image_iou(region, changed, frame)
+            yield Found(kind, sensor, ratios, iou, error)
+
+
+def unpacked(region: Region, height: int, width: int) -> np.ndarray:
+    """The mask at full resolution."""
+    mask = cv2.imdecode(np.frombuffer(region.mask, np.uint8), cv2.IMREAD_GRAYSCALE) > 0
+    return mask.repeat(REGION_STEP, axis=0).repeat(REGION_STEP, axis=1)[:height, :width]
+
+
+def image_iou(region: Region, changed: Frame, clean: Frame) -> float:
+    """Against the pixels that changed by more than 45 grey levels in any channel."""
+    before, after = (f.images[region.sensor].pixels.astype(np.int16) for f in (clean, changed))
+    truth = np.abs(after - before)
+    truth = (truth.max(axis=2) if truth.ndim == 3 else truth) > CHANGED
+    found = unpacked(region, *truth.shape)
+    return float(np.count_nonzero(truth & found) / max(np.count_nonzero(truth | found), 1))
+
+
+def lidar_iou(region: Region, evidence: object, clean: Frame) -> float:
+    """Over the LiDAR pixels of the view: those whose point the clean cloud does not hold are the wall's."""
+    view = evidence.lidar[region.view]
+    points, known = (
+        np.ascontiguousarray(xyz, np.float32).view("f4,f4,f4").ravel() for xyz in (view.point_m, clean.cloud.xyz_m)
+    )
+    truth = ~np.isin(points, known)
+    camera = evidence.rig.camera(region.view)
+    found = unpacked(region, camera.height_px, camera.width_px)[view.row, view.column]
+    return float(np.count_nonzero(truth & found) / max(np.count_nonzero(truth | found), 1))
+
+
+def solid_error_m(region: Region, wall: BogusWall, rig: Rig) -> float:
+    """How far the middle of the 3-D box lies from the wall's, ahead and to the side."""
+    right, _, forward = rig.lidar.rig_SE3_lidar[:3, :3] @ np.array(region.solid.centre_m)
+    return float(np.hypot(right - wall.lateral_m, forward - wall.range_m))
+
+
+def report(title: str, rig: Rig, parts: Sequence[tuple[Sequence[tuple[float, ...]], Sequence[Found]]]) -> None:
+    """Print the means of each attack, over all frames and over those whose verdict names the sensor."""
+    print(title)
+    elements = rig_elements(rig)
+    rows: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
+    for clean, part in parts:
+        scales = yardsticks(np.array(clean), elements, Decimal("0.01"))
+        z = margins(np.array([found.ratios for found in part]), scales)
+        verdicts = accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(part))
+        for found, verdict in zip(part, verdicts, strict=True):
+            named = found.iou if found.sensor in verdict.attacked else 0.0
+            for row in {found.kind, "all faculas" if found.sensor else "all walls", f"{found.kind} S_{found.sensor}"}:
+                rows[row].append((found.iou, named, found.solid_error_m))
+    for row, values in sorted(rows.items()):
+        iou, named, error = np.array(values).T
+        spread = 1.96 * named.std() / np.sqrt(len(named))
+        text = f"  {row:16} n {len(named):4}  named {named.mean():.3f} +-{spread:.3f}  any {iou.mean():.3f}"
+        text += f"  worst tenth below {np.quantile(named, 0.1):.2f}, zero in {np.count_nonzero(named == 0)}"
+        print(text + (f", box off by {np.nanmedian(error):.2f} m" if not np.isnan(error).all() else ""))
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
+    options = parser.parse_args()
+    use_one_thread()
+    rig, stream = frames("0001")
+    clean = [ratios_of(frame, rig)[0] for frame in stream]
+    rig, stream = frames("0009")
+    kept = [frame for frame in stream if frame.number % options.every == 0]
+    report("drive 0009, thresholds of 0001", rig, [(clean, list(measured(kept, rig, 0)))])
+    if options.synthetic:
+        quiet: dict[str, list[tuple[float, ...]]] = defaultdict(list)
+        told: dict[str, list[Found]] = defaultdict(list)
+        for s, style in enumerate(STYLES):
+            for scene in range(options.synthetic):
+                drive = make_drive(1000 * (s + 1) + scene, FRAMES_A_SCENE, style=style, vehicle=1000 * (s + 1) + scene)
+                for frame in drive.frames():
+                    quiet[style].append(ratios_of(frame, drive.rig)[0])
+                    told[style].extend(measured([frame], drive.rig, scene))
+        parts = [([r for other in STYLES if other != style for r in quiet[other]], told[style]) for style in STYLES]
+        report("synthetic streets, thresholds of the other styles", drive.rig, parts)
+
+
+if __name__ == "__main__":
+    main()
