@@ -165,6 +165,8 @@ def _measure(
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
+                offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
+                clock_jumps=stream.clock_jumps,
             )
         )
 

@@ -9,6 +9,10 @@
 -- column present: Frames with the sensor's data.
 -- column missing: Frames without it.
 -- column damaged: Frames in which it could not be decoded whole.
+-- column first_frame: Number of the first frame with its data: a sensor may start late.
+-- column last_frame: Number of the last frame with its data.
+-- column offset_ms: How far its stamps lie behind those of the leftmost camera that was seen, learnt or given.
+-- column clock_jumps: How often the recording's stamps jumped back.
 -- column saturated_share: Mean share of saturated pixels of a camera.
 -- column textureless_share: Mean share of pixels of a camera without texture.
 -- column unmatched_share: Mean share of pixels of a witness camera without a disparity.
@@ -25,6 +29,10 @@ SELECT
     count(*) FILTER (sensor.state = 'present') AS present,
     count(*) FILTER (sensor.state = 'missing') AS missing,
     count(*) FILTER (sensor.state = 'damaged') AS damaged,
+    min(sensor.frame) FILTER (sensor.state = 'present') AS first_frame,
+    max(sensor.frame) FILTER (sensor.state = 'present') AS last_frame,
+    any_value(measurement.offsets_ns[sensor.position]) / 1e6 AS offset_ms,
+    any_value(measurement.clock_jumps) AS clock_jumps,
     avg(sensor.saturated_share) AS saturated_share,
     avg(sensor.textureless_share) AS textureless_share,
     avg(sensor.unmatched_share) AS unmatched_share,

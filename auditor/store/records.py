@@ -37,7 +37,10 @@ class RecordingRecord:
 
 @dataclass(frozen=True)
 class MeasurementRecord:
-    """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece."""
+    """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
+
+    `offsets_ns` follow the rig's sensors: how far their stamps lie behind the leftmost camera's.
+    """
 
     recording_id: str
     rig_id: str
@@ -47,6 +50,8 @@ class MeasurementRecord:
     measured_at: datetime.datetime
     seconds: float
     damage: tuple[str, ...] = ()
+    offsets_ns: tuple[int, ...] | None = None
+    clock_jumps: int | None = None
 
     @property
     def measurement_id(self) -> str:

@@ -66,6 +66,8 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "counting_version": measurement.procedure.counting_version,
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
         "damage": list(measurement.damage),
+        "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),
+        "clock_jumps": measurement.clock_jumps,
         "versions": dict(sorted(measurement.versions.items())),
         "measured_at": to_utc(measurement.measured_at),
         "seconds": measurement.seconds,

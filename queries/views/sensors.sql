@@ -3,6 +3,7 @@
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column sensor: Number of the sensor: 0 the LiDAR, 1..n the cameras from right to left.
+-- column position: Place of the sensor in lists that follow the rig's sensors, counted from 1.
 -- column name: The recording's own name of the sensor.
 -- column topic: The topic that carries its data.
 -- column state: present, missing or damaged.
@@ -11,12 +12,14 @@
 -- column saturated_share: Share of saturated pixels of a camera.
 -- column textureless_share: Share of pixels of a camera without texture.
 -- column unmatched_share: Share of pixels of a witness camera without a disparity.
+-- column level: Mean of a camera's pixels in grey levels.
 -- column returns: LiDAR points that fall into the leftmost camera's view.
 SELECT
     frame.measurement_id,
     frame.frame,
     frame.stamp_ns,
     sensor.entry.sensor,
+    sensor.position,
     sensor.entry.name,
     sensor.entry.topic,
     frame.state[sensor.position] AS state,
@@ -25,6 +28,7 @@ SELECT
     frame.saturated_share[sensor.position] AS saturated_share,
     frame.textureless_share[sensor.position] AS textureless_share,
     frame.unmatched_share[sensor.position] AS unmatched_share,
+    frame.level[sensor.position] AS level,
     frame.returns[sensor.position] AS returns
 FROM stored_frames AS frame
 JOIN stored_measurements AS measurement USING (measurement_id)
