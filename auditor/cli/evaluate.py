@@ -1,7 +1,7 @@
 """`auditor evaluate`: the paper's experiments on one's own clean recordings."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
@@ -10,7 +10,12 @@ from auditor.cli.output import emit, format_option, progress, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.evaluation import EvaluateTask, Source
+    from collections.abc import Callable, Sequence
+
+    from auditor.engines import Progress
+    from auditor.evaluation import Evaluated, Source
+
+Task = TypeVar("Task")
 
 _STREET_FRAMES = 50
 _FIRST_STREET = 1000
@@ -30,6 +35,18 @@ _FIRST_STREET = 1000
     type=click.Path(path_type=Path),
     help="A picture of a laser pattern to lay over the images; may be given again.",
 )
+@click.option(
+    "--detector",
+    "detectors",
+    multiple=True,
+    help="Compare objects too, as the paper's baseline does: geometric, or onnx:FILE for images or for point clouds; "
+    "may be given again.",
+)
+@click.option(
+    "--labels",
+    type=click.Path(path_type=Path),
+    help="Folder of KITTI's object labels, to score the detectors of --detector by.",
+)
 @options.store_option
 @options.matcher_option
 @options.rig_option
@@ -41,6 +58,8 @@ def command(
     seed: int,
     draws: int,
     patterns: tuple[Path, ...],
+    detectors: tuple[str, ...],
+    labels: Path | None,
     store: Path,
     matcher: str,
     rig: Path | None,
@@ -53,12 +72,15 @@ def command(
     auditor evaluate clean_logs/*.mcap
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
     auditor evaluate --synthetic 40
+    auditor evaluate clean_logs/*.mcap --detector geometric
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
     and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
-    evaluation writes the page, the evaluation queries answer the rest.
+    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects tells how often objects that
+    sensors see do not match.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation import EvaluateTask, Recorded, Street, experiments_of  # noqa: PLC0415 - heavy
+    from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of  # noqa: PLC0415 - heavy
+    from auditor.evaluation.objects import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store, run_query  # noqa: PLC0415
@@ -67,6 +89,7 @@ def command(
         raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
     experiments_of(patterns)  # patterns that cannot be read, too, are the command's error
     find_matcher(matcher)  # an unknown one is the command's error, not each recording's
+    check_detectors(detectors, labels)
     found = find_recordings(recordings)
     for error in found.errors:
         say(f"auditor: {error}")
@@ -81,21 +104,26 @@ def command(
         for source in sources
         for share in range(shares)
     ]
-    done = _evaluate_all(tasks, jobs)
+    done = _evaluate_all(evaluate_source, tasks, jobs)
+    if detectors:
+        found_by = [
+            ObjectTask(task.source, store, detectors, labels, matcher, seed, draws, task.share, task.of)
+            for task in tasks
+        ]
+        done &= _evaluate_all(evaluate_objects, found_by, jobs)
     kept = Store.open(store)
     if kept.ids("evaluations"):
         emit(run_query(kept, "evaluation_summary"), form)
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 
 
-def _evaluate_all(tasks: "list[EvaluateTask]", jobs: int) -> bool:
+def _evaluate_all(evaluate: "Callable[[Task, Progress], Evaluated]", tasks: "Sequence[Task]", jobs: int) -> bool:
     """Measure all; False where something could not be."""
     from auditor.engines import run_all  # noqa: PLC0415
-    from auditor.evaluation import evaluate_source  # noqa: PLC0415
 
     done = True
     with progress(len(tasks), "evaluating") as (advanced, finished):
-        for outcome in run_all(evaluate_source, tasks, jobs, advanced):
+        for outcome in run_all(evaluate, tasks, jobs, advanced):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
                 done = False
