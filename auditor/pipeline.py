@@ -1,26 +1,24 @@
-"""The chain for one recording, and the judging of what a store holds: above the rooms, it knows them all."""
+"""The chain for one recording, from its messages to a finished measurement: above the rooms, it knows them all."""
 
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from decimal import Decimal
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
-
 from auditor import __version__
 from auditor.elements import rig_elements
-from auditor.errors import RecordingError, ThresholdsError
-from auditor.evidence import PictureBook, measure, use_one_thread
-from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher
-from auditor.frames import Frame, SensorState
+from auditor.errors import RecordingError
+from auditor.evidence import PictureBook, measure_stream, use_one_thread
+from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher, foretell, libraries
+from auditor.frames import Frame, Skipped
 from auditor.identification.local_ratio import local_ratios
-from auditor.identification.thresholds import check_calibration, thresholds_at
-from auditor.identification.verdicts import judge_frames
 from auditor.recordings import (
+    FrameStream,
     Origin,
     Recording,
     Survey,
@@ -30,23 +28,18 @@ from auditor.recordings import (
     synchronise,
     told_rig,
 )
-from auditor.results import Calibration, Procedure, Statistic
-from auditor.rig import Rig, RigKind, Triple
+from auditor.results import Procedure
+from auditor.rig import Rig
 from auditor.store import (
-    JudgementRecord,
     MeasurementRecord,
     Picture,
     RecordingRecord,
     Store,
-    StoredJudgement,
     StoredMeasurement,
-    make_calibration,
     measurement_id,
 )
 
-METHOD = "paper"
-"""How verdicts are reached: disparity errors against thresholds, Algorithm 2."""
-
+_CHECKED_FRAMES = 3
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
 
 
@@ -138,14 +131,16 @@ def _measure(
     elements = rig_elements(rig)
     pictures = PictureBook()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
-    with store.frames_writer(known, rig) as writer:
-        for done, frame in enumerate(stream, start=1):
-            if isinstance(frame, Frame):
-                measurement, evidence = measure(frame, rig, matcher)
+    if libraries(matcher):
+        _foretell(recording, rig, matcher, stream, progress)
+    with store.frames_writer(known, rig) as writer, closing(measure_stream(stream, rig, matcher)) as measured:
+        for done, item in enumerate(measured, start=1):
+            if isinstance(item, Skipped):
+                writer.skip(item)
+            else:
+                measurement, evidence = item
                 writer.add(measurement, local_ratios(elements, measurement.cells, measurement.shares))
                 pictures.offer(measurement, evidence)
-            else:
-                writer.skip(frame)
             progress(recording.path.name, done)
         if writer.measured == 0:
             raise RecordingError(
@@ -161,7 +156,7 @@ def _measure(
                 rig_id=rig.rig_id,
                 procedure=procedure,
                 balance=stream.balance,
-                versions=_versions(),
+                versions=_versions(matcher),
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
@@ -197,100 +192,16 @@ def _recording_record(
     )
 
 
-def _versions() -> dict[str, str]:
-    return {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
+def _foretell(
+    recording: Recording, rig: Rig, matcher: Matcher, frames: FrameStream, progress: Callable[[str, int], None]
+) -> None:
+    """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
+    count = sum(1 for _ in recording.messages({rig.topic(rig.n)}))
+    first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _CHECKED_FRAMES))
+    for remark in foretell(matcher, rig, first, count):
+        progress(remark, 0)
 
 
-def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = None) -> Calibration:
-    """Collect the disparity errors of clean measurements, of one rig kind and procedure.
-
-    `frames` restricts it to these frame numbers of each measurement. Raises ThresholdsError where kinds or procedures
-    differ or nothing was measured.
-    """
-    samples: dict[tuple[Statistic, Triple], list[float]] = {}
-    kinds: list[RigKind] = []
-    procedures: list[Procedure] = []
-    recordings: set[str] = set()
-    for store, known in measurements:
-        measurement = store.measurement(known)
-        rig = store.rig(measurement.rig_id)
-        kinds.append(rig.kind)
-        procedures.append(measurement.procedure)
-        _refuse_mixture(kinds, procedures)
-        recordings.add(measurement.recording_id)
-        for statistic in Statistic:
-            errors = store.load_errors(known, statistic)
-            chosen = [frames is None or int(number) in frames for number in errors.frames]
-            for triple, E in zip(rig.triples, errors.E[chosen].T, strict=True):
-                samples.setdefault((statistic, triple), []).extend(E[~np.isnan(E)].tolist())
-    if not any(samples.values()):
-        raise ThresholdsError(
-            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
-        )
-    return make_calibration(kinds[0], procedures[0], recordings, samples)
-
-
-def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
-    """Compare the last with the first."""
-    remedy = "calibrate each of them on its own"
-    if not kinds[0].matches(kinds[-1]):
-        raise ThresholdsError(f"two rig kinds in one calibration: {kinds[0]}, and {kinds[-1]}", remedy=remedy)
-    if procedures[0] != procedures[-1]:
-        matchers = f"{procedures[0].matcher}, and {procedures[-1].matcher}"
-        raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
-
-
-def latest_calibration(store: Store, measurement: str) -> Calibration | None:
-    """The newest calibration in the store that holds for a measurement's rig kind and procedure."""
-    stored = store.measurement(measurement)
-    kind = store.rig(stored.rig_id).kind
-    fitting = [c for c in store.calibrations() if c.procedure == stored.procedure and c.rig_kind.matches(kind)]
-    return max(fitting, key=_made_at, default=None)
-
-
-def _made_at(calibration: Calibration) -> tuple[datetime, str]:
-    return calibration.calibrated_at or datetime.min.replace(tzinfo=UTC), calibration.calibration_id
-
-
-def judge_measurement(
-    store: Store,
-    measurement: str,
-    calibration: Calibration,
-    r: Decimal,
-    statistic: Statistic = Statistic.GATED,
-    *,
-    transfer: bool = False,
-    strict: bool = False,
-) -> StoredJudgement:
-    """Judge every frame of a measurement and keep the verdicts.
-
-    `strict` refuses an r that the samples cannot resolve. Raises ThresholdsError where the thresholds do not fit.
-    """
-    stored = store.measurement(measurement)
-    rig = store.rig(stored.rig_id)
-    transferred = check_calibration(calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=transfer)
-    thresholds = thresholds_at(calibration, statistic, r, transferred=transferred)
-    if strict and not thresholds.resolvable:
-        fewest = min(thresholds.samples.values())
-        raise ThresholdsError(
-            f"r = {r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
-            where=f"calibration {calibration.calibration_id}",
-            remedy=f"take r = 0 or at least {1 / fewest:.2g}, or calibrate on more clean frames",
-        )
-    errors = store.load_errors(measurement, statistic)
-    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, _missing(rig, errors.states.tolist()))
-    record = JudgementRecord(measurement, METHOD, thresholds, judged_at=datetime.now(UTC))
-    rows = zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True)
-    if calibration.calibration_id not in store.ids("calibrations"):
-        store.write_calibration(calibration)
-    store.write_judgement(record, rows)
-    current = store.current_judgement(measurement)
-    assert current is not None
-    return current
-
-
-def _missing(rig: Rig, states: Iterable[Sequence[str]]) -> list[frozenset[int]]:
-    return [
-        frozenset(s for s, state in zip(rig.sensors, row, strict=True) if state != SensorState.PRESENT)
-        for row in states
-    ]
+def _versions(matcher: Matcher) -> dict[str, str]:
+    ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
+    return ours | dict(libraries(matcher))

@@ -4,7 +4,7 @@
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
--- column about: What the fact is about: the frame, its verdict, a sensor, or the disparity error of a triple.
+-- column about: What the fact is about: the frame, its verdict, a sensor, the disparity error of a triple, or the local ratio of an element.
 -- column fact: Which fact.
 -- column value: The fact as text; NULL where it was not measured or not judged.
 WITH wanted AS (
@@ -32,6 +32,12 @@ fact AS (
         {fact: 'named', value: CAST(named AS VARCHAR)},
         {fact: 'out_of_system', value: CAST(out_of_system AS VARCHAR)},
         {fact: 'margin', value: CAST(margin AS VARCHAR)},
+        {fact: 'evidence', value: evidence_in_words(evidence)},
+        {fact: 'alternatives', value: alternatives_in_words(alternatives)},
+        {fact: 'causes', value: causes_in_words(causes)},
+        {fact: 'finding', value: finding},
+        {fact: 'finding_attacked', value: CAST(finding_attacked AS VARCHAR)},
+        {fact: 'method', value: method},
         {fact: 'reason', value: reason}
     ])
     FROM verdicts WHERE frame = $frame
@@ -59,6 +65,13 @@ fact AS (
         {fact: 'out_of_range_px', value: CAST(out_of_range_px AS VARCHAR)}
     ])
     FROM errors WHERE frame = $frame
+    UNION ALL
+    SELECT measurement_id, 5, position, witness || ' S_' || i || ' S_' || k, unnest([
+        {fact: 'ratio', value: CAST(ratio AS VARCHAR)},
+        {fact: 'theta', value: CAST(theta AS VARCHAR)},
+        {fact: 'z', value: CAST(z AS VARCHAR)}
+    ])
+    FROM ratios WHERE frame = $frame
 ),
 numbered AS (
     SELECT *, row_number() OVER (PARTITION BY measurement_id, part, place) AS line FROM fact

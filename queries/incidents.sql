@@ -16,6 +16,9 @@
 -- column last_frame: Number of the last frame.
 -- column strongest_frame: Number of the frame with the largest margin.
 -- column strongest_margin: The largest margin of its frames.
+-- column evidence: What carried it, in words: in how many of its frames, and its mean margin there.
+-- column alternatives: The next-best explanations of its strongest frame, in words.
+-- column causes: What else than an attack may lie behind it, in words.
 WITH finding AS (
     SELECT
         *,
@@ -29,6 +32,31 @@ numbered AS (
         sum(CASE WHEN stamp_ns - previous_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END)
             OVER (PARTITION BY measurement_id, kind, attacked ORDER BY stamp_ns, frame) AS run
     FROM finding
+),
+testimony AS (
+    SELECT
+        measurement_id,
+        kind,
+        attacked,
+        run,
+        witness_in_words(piece.witness, piece.i, piece.j, piece.k) AS witness,
+        count(*) AS frames,
+        avg(piece.margin) AS margin
+    FROM (SELECT measurement_id, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
+    GROUP BY ALL
+),
+carried AS (
+    SELECT
+        measurement_id,
+        kind,
+        attacked,
+        run,
+        string_agg(
+            format('{} in {} frame{} ({:+.2f})', witness, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, margin),
+            ', ' ORDER BY frames * margin DESC, witness
+        ) AS evidence
+    FROM testimony
+    GROUP BY ALL
 )
 SELECT
     any_value(incident.recording_id) AS recording_id,
@@ -46,8 +74,12 @@ SELECT
     min(frame) AS first_frame,
     max(frame) AS last_frame,
     arg_max(frame, margin) AS strongest_frame,
-    max(margin) AS strongest_margin
+    max(margin) AS strongest_margin,
+    any_value(carried.evidence) AS evidence,
+    alternatives_in_words(arg_max(incident.alternatives, margin)) AS alternatives,
+    causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
+LEFT JOIN carried USING (measurement_id, kind, attacked, run)
 LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
 GROUP BY incident.measurement_id, incident.kind, incident.attacked, run

@@ -6,6 +6,9 @@
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column kind: clean, attacked, unidentified, suspect or not_auditable.
 -- column attacked: The sensors that the verdict names; empty unless kind is attacked.
+-- column evidence: What carried the verdict, in words.
+-- column alternatives: The next-best explanations, in words.
+-- column causes: What else than an attack may lie behind it, in words.
 -- column truth: The sensors that labels say were attacked, ascending; empty where no label covers the frame.
 -- column labelled: TRUE where the recording has labels at all.
 SELECT
@@ -15,6 +18,11 @@ SELECT
     verdict.attacked,
     verdict.e,
     verdict.reason,
+    verdict.finding,
+    verdict.finding_attacked,
+    evidence_in_words(verdict.evidence) AS evidence,
+    alternatives_in_words(verdict.alternatives) AS alternatives,
+    causes_in_words(verdict.causes) AS causes,
     truth.truth,
     truth.labelled
 FROM verdicts AS verdict

@@ -3,12 +3,12 @@
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from auditor.cli import Exit, options
-from auditor.cli.output import emit, format_option, print_rows, say
+from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from auditor.evidence.matchers import MatcherOptions
     from auditor.recordings import Origin
     from auditor.store import Store
-    from auditor.thresholds import Calibration
 
 
 class _Frames(click.ParamType[range]):
@@ -41,6 +40,7 @@ class _Frames(click.ParamType[range]):
 @click.argument("sources", nargs=-1, required=True, metavar="RECORDING|STORE...", type=click.Path(path_type=Path))
 @options.store_option
 @click.option("-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")
+@options.method_option
 @click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N).")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
@@ -54,6 +54,7 @@ def command(
     sources: tuple[Path, ...],
     store: Path,
     r: Decimal,
+    method: str,
     frames: range | None,
     out: Path | None,
     matcher: str,
@@ -72,14 +73,16 @@ def command(
     auditor calibrate clean_logs/*.mcap
     auditor calibrate drive.mcap --frames 0:200 -r 0
 
-    The artefact keeps every clean disparity error, so that thresholds at any r follow from it. It holds for one rig
-    kind, matcher and setting, and is refused for others.
+    The artefact keeps what was measured of every clean frame, so that thresholds at any r and by both methods follow
+    from it. It holds for one rig kind, matcher and setting, and is refused for others. Each recording is also judged by
+    the others: how often they raise it is what the thresholds will do on roads that they have not seen.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.calibrating import show_held_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.judging import Tally  # noqa: PLC0415
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
     from auditor.errors import ThresholdsError  # noqa: PLC0415
-    from auditor.pipeline import calibrate  # noqa: PLC0415
-    from auditor.store import Store, run_query, write_calibration  # noqa: PLC0415
+    from auditor.judging import calibrate, system_of  # noqa: PLC0415
+    from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     tally = Tally()
     stores = [path for path in sources if Store.is_at(path)]
@@ -110,20 +113,20 @@ def command(
     kept.write_calibration(calibration)
     if out:
         write_calibration(calibration, out)
-    thresholds = run_query(kept, "thresholds", {"calibration": calibration.calibration_id, "r": r})
-    if form == "table":
-        _show(calibration, thresholds.to_pylist())
+    one, known = clean[0]
+    system = system_of(one.rig(one.measurement(known).rig_id))
+    if method == "robust":
+        show_robust(calibration, system, r, form)
     else:
-        emit(thresholds, form)
+        show_paper(calibration, kept, r, form)
+    show_held_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean))
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
 
-def _show(calibration: "Calibration", thresholds: list[dict[str, Any]]) -> None:
-    """The thresholds with the columns that a person wants."""
-    rows = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in thresholds]
-    click.echo(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
-    click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
-    print_rows(rows, ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable"))
+def _name(store: "Store", measurement: str) -> tuple[str, str]:
+    """The id of a measurement's recording, and what the user calls it."""
+    recording_id = store.measurement(measurement).recording_id
+    return recording_id, store.recording(recording_id).name
 
 
 def _is_clean(store: "Store", measurement: str) -> bool:

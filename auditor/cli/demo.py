@@ -20,8 +20,9 @@ _MARKER = ".auditor-demo"
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
+@options.method_option
 @options.jobs_option
-def command(folder: Path, jobs: int) -> int:
+def command(folder: Path, method: str, jobs: int) -> int:
     """Make a small fleet, attack three of its drives, audit them all, and write the incident page.
 
     \b
@@ -37,7 +38,7 @@ def command(folder: Path, jobs: int) -> int:
     from auditor.demo import fleet  # noqa: PLC0415
     from auditor.engines import Limits  # noqa: PLC0415
     from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415
-    from auditor.pipeline import calibrate  # noqa: PLC0415
+    from auditor.judging import calibrate  # noqa: PLC0415
     from auditor.recordings import Origin  # noqa: PLC0415
     from auditor.store import Store, render_incident_report  # noqa: PLC0415
 
@@ -62,7 +63,7 @@ def command(folder: Path, jobs: int) -> int:
     calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
     kept.write_calibration(calibration)
     audited = measured([take.file for take in suspected])
-    judging = Judging(Decimal(0), "gated", calibration.calibration_id, transfer=False, strict=True, min_coverage=1)
+    judging = Judging(Decimal(0), calibration.calibration_id, method, strict=True, min_coverage=1)
     judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
     show_audit(kept, "table", {one.recording_id for one in audited})
     exact = _compare(kept, suspected)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from auditor.cli import Exit
 from auditor.cli.output import say
-from auditor.errors import AuditorError, ThresholdsError
+from auditor.errors import AuditorError, SettingError, ThresholdsError
 
 if TYPE_CHECKING:
-    from auditor.results import Calibration
+    from auditor.judging import Criteria
     from auditor.store import Store, StoredJudgement
+    from auditor.thresholds import Calibration
 
 
 @dataclass(frozen=True)
@@ -20,11 +21,35 @@ class Judging:
     """How verdicts are to be reached: the options of the command line."""
 
     r: Decimal
-    statistic: str
-    calibration: str | None
-    transfer: bool
-    strict: bool
-    min_coverage: float
+    calibration: str | None = None
+    method: str = "robust"
+    statistic: str = "gated"
+    incidents_per_hour: float | None = None
+    transfer: bool = False
+    strict: bool = False
+    min_coverage: float = 0.99
+
+    @property
+    def criteria(self) -> "Criteria":
+        """The same, as judging takes it. Raises SettingError for options that do not go together."""
+        from auditor.judging import Criteria  # noqa: PLC0415 - keeps --help quick
+        from auditor.results import Method, Statistic  # noqa: PLC0415
+
+        method = Method(self.method)
+        if method is Method.PAPER and self.incidents_per_hour is not None:
+            raise SettingError(
+                "the paper's method has no score that incidents per hour could set",
+                where="--incidents-per-hour",
+                remedy="leave it away, or judge with --method robust",
+            )
+        return Criteria(
+            self.r,
+            method,
+            Statistic(self.statistic),
+            self.incidents_per_hour,
+            transfer=self.transfer,
+            strict=self.strict,
+        )
 
 
 @dataclass
@@ -62,13 +87,14 @@ def named_calibration(store: "Store", name: str | None) -> "Calibration | None":
 
 def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tally: Tally) -> None:
     """Judge measurements, say what cannot be judged and why, and add to the tally."""
-    from auditor.pipeline import judge_measurement, latest_calibration  # noqa: PLC0415
-    from auditor.results import Statistic  # noqa: PLC0415
+    from auditor.judging import fitting_calibration, judge_measurement, tells_incidents  # noqa: PLC0415
 
+    criteria = judging.criteria
     chosen = named_calibration(store, judging.calibration)
+    calibrations = [] if chosen else store.calibrations()
     for measurement in measurements:
         name = recording_name(store, measurement)
-        calibration = chosen or latest_calibration(store, measurement)
+        calibration = chosen or fitting_calibration(store, measurement, calibrations)
         if calibration is None:
             say(
                 f"{name}: measured, but not judged: the store has no thresholds for its rig kind and matcher; "
@@ -77,20 +103,14 @@ def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tal
             tally.incomplete = True
             continue
         try:
-            judgement = judge_measurement(
-                store,
-                measurement,
-                calibration,
-                judging.r,
-                Statistic(judging.statistic),
-                transfer=judging.transfer,
-                strict=judging.strict,
-            )
+            judgement = judge_measurement(store, measurement, calibration, criteria)
         except AuditorError as error:
             say(f"{name}: {error}")
             tally.failed = True
             continue
         _weigh(store, name, judgement, judging, tally)
+        if not tells_incidents(calibration, criteria):
+            say(f"{name}: the clean frames are too few to tell so many incidents an hour from none: judged as at 0")
 
 
 def recording_name(store: "Store", measurement: str) -> str:
@@ -99,13 +119,13 @@ def recording_name(store: "Store", measurement: str) -> str:
 
 
 def _weigh(store: "Store", name: str, judgement: "StoredJudgement", judging: Judging, tally: Tally) -> None:
-    from auditor.results import FINDINGS, VerdictKind  # noqa: PLC0415
+    from auditor.results import VerdictKind  # noqa: PLC0415
 
     measurement = store.measurement(judgement.measurement_id)
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
     due = measurement.frames - measurement.skipped.get("edge", 0)
     tally.audited = True
-    tally.found |= any(judgement.counts.get(kind, 0) for kind in FINDINGS)
+    tally.found |= judgement.in_incidents > 0
     if not judgement.resolvable:
         say(f"{name}: r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0")
     if audited < judging.min_coverage * due:

@@ -171,8 +171,17 @@ RATE = _Rate()
 """A designated false-alarm rate r, as a Decimal in [0, 1]."""
 
 
+method_option = click.option(
+    "--method",
+    type=click.Choice(["robust", "paper"]),
+    default="robust",
+    show_default=True,
+    help="Four witnesses and joint identification, or disparity errors and Algorithm 2.",
+)
+
+
 def judging_options(command: Decorated) -> Decorated:
-    """The designated false-alarm rate, the statistic and the thresholds that verdicts are reached with."""
+    """The method, the designated false-alarm rate and the thresholds that verdicts are reached with."""
     for option in (
         click.option(
             "--min-coverage",
@@ -195,7 +204,13 @@ def judging_options(command: Decorated) -> Decorated:
             type=click.Choice(["gated", "plain"]),
             default="gated",
             show_default=True,
-            help="Count pixels with texture only, or all (the paper's E).",
+            help="With --method paper: count pixels with texture only, or all (the paper's E).",
+        ),
+        click.option(
+            "--incidents-per-hour",
+            type=click.FloatRange(min=0),
+            metavar="NUMBER",
+            help="With --method robust: at most so many on clean drives; sets the threshold of its score.",
         ),
         click.option(
             "-r",
@@ -203,8 +218,9 @@ def judging_options(command: Decorated) -> Decorated:
             type=RATE,
             default="0.01",
             show_default=True,
-            help="Designated false-alarm rate: 0.01 or 1%.",
+            help="Designated false-alarm rate of each statistic: 0.01 or 1%.",
         ),
+        method_option,
     ):
         command = option(command)
     return command

@@ -1,7 +1,7 @@
 """Verdicts of the robust method: the attack that explains all witnesses at once, and what carried it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +12,7 @@ from auditor.identification.algorithm2 import FEWEST_SENSORS, identify
 from auditor.identification.explaining import explains, triple_states
 from auditor.identification.joint import PRICE, Explanations, attack_sets, explain
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
-from auditor.results import Verdict, VerdictKind
+from auditor.results import Alternative, Evidence, Verdict, VerdictKind
 from auditor.rig import Triple
 
 _UNEXPLAINED = 1.0
@@ -31,22 +31,51 @@ class System:
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
 
+    @property
+    def attack_sets(self) -> tuple[tuple[int, ...], ...]:
+        """The attacks that its sensors can tell apart while all are there."""
+        return attack_sets(self.sensors, max(len(self.sensors) - 3, 0))
+
+
+def heard(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+    """A copy of (F, M) margins with NaN for the elements that need a sensor missing in their frame."""
+    masked = np.array(z, dtype=np.float64)
+    gone = {
+        absent: [not absent.isdisjoint(element.needed) for element in system.elements]
+        for absent in set(missing)
+        if absent
+    }
+    for frame, absent in enumerate(missing):
+        if absent:
+            masked[frame, gone[absent]] = np.nan
+    return masked
+
+
+def raising_score(z: Floats, explanations: Explanations) -> Floats:
+    """(F,) how far each frame is raised, from its margins (F, M) and their explanations.
+
+    How much better the best attack explains it than none does; with three sensors, which tell no attacks apart, the
+    largest margin; -inf where nothing was measured.
+    """
+    if len(explanations.sets) > 1:
+        return explanations.score
+    return np.asarray(np.nanmax(z, axis=1, initial=-np.inf))
+
 
 def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], threshold: float = 0.0) -> list[Verdict]:
     """The verdicts on F frames from (F, M) margins z, NaN where not measured, and the sensors missing in each.
 
     A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's
-    `margin` is the lead of the best explanation over the second best, `named` Algorithm 2's answer on the same states,
-    `reason` the elements that carried it and the next-best explanations.
+    `margin` is the lead of the best explanation over the second best, or the largest z where three sensors tell none
+    apart; `evidence` are the raised elements, the strongest first, `named` is Algorithm 2's answer on the same states.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     groups: dict[frozenset[int], list[int]] = {}
     for frame, absent in enumerate(missing):
         groups.setdefault(absent, []).append(frame)
+    z = heard(z, system, missing)
     for absent, frames in groups.items():
-        gone = [not absent.isdisjoint(element.needed) for element in system.elements]
-        part = np.where(gone, np.nan, z[frames])
-        for frame, verdict in zip(frames, _accuse_alike(part, system, absent, threshold), strict=True):
+        for frame, verdict in zip(frames, _accuse_alike(z[frames], system, absent, threshold), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
 
@@ -57,25 +86,41 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
     sets = attack_sets(present, max(len(present) - 3, 0))
     explanations = explain(z, system.elements, sets)
-    best, lead = explanations.best, explanations.lead
-    raised = explanations.score > threshold if len(sets) > 1 else np.nanmax(z, axis=1, initial=-np.inf) > threshold
-    states = _states(z, system)
+    score = raising_score(z, explanations)
+    lead = explanations.lead if len(sets) > 1 else score
+    ranked = np.argsort(explanations.cost, axis=1, kind="stable")[:, : 1 + _ALTERNATIVES]
+    measured = np.count_nonzero(~np.isnan(z), axis=1)
     named = cache(lambda e: _algorithm_2(e, system, present))
     verdicts = []
-    for f in range(len(z)):
-        if np.isnan(z[f]).all():
-            kind, attacked, reason = VerdictKind.NOT_AUDITABLE, (), "no witness could be heard"
-        elif not raised[f]:
-            kind, attacked, reason = VerdictKind.CLEAN, (), ""
-        else:
-            attacked = explanations.sets[best[f]]
-            doubt = _doubt(z[f], attacked, float(lead[f]), system.elements, len(present))
-            kind = VerdictKind.UNIDENTIFIED if doubt else VerdictKind.ATTACKED
-            reason = "; ".join(part for part in (doubt, _evidence(z[f], system), _others(explanations, f)) if part)
-            attacked = () if doubt else attacked
-        margin = float(lead[f]) if np.isfinite(lead[f]) else None
-        verdicts.append(Verdict(kind, states[f], attacked, named(states[f]), outside, margin, reason))
+    for f, e in enumerate(_states(z, system)):
+        if not measured[f]:
+            reason = "no witness could be heard"
+            verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=reason))
+            continue
+        verdict = Verdict(
+            kind=VerdictKind.CLEAN,
+            e=e,
+            named=named(e),
+            out_of_system=outside,
+            margin=float(lead[f]),
+            evidence=_evidence(z[f], system),
+            alternatives=_alternatives(explanations, f, ranked[f]),
+        )
+        if score[f] > threshold:
+            verdict = _raised(verdict, explanations.sets[ranked[f, 0]], z[f], system.elements, len(present))
+        verdicts.append(verdict)
     return verdicts
+
+
+def _raised(verdict: Verdict, attacked: tuple[int, ...], z: Floats, elements: Sequence[Element], N: int) -> Verdict:
+    """The verdict on a frame that is raised: with the attacked sensors, or why none can be named."""
+    doubt = _doubt(z, attacked, verdict.margin or 0.0, elements, N)
+    if not doubt:
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
+    likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()
+    return replace(
+        verdict, kind=VerdictKind.UNIDENTIFIED, reason=doubt, alternatives=(*likeliest, *verdict.alternatives)
+    )
 
 
 def _states(z: Floats, system: System) -> list[str]:
@@ -103,17 +148,14 @@ def _doubt(z: Floats, attacked: tuple[int, ...], lead: float, elements: Sequence
     return ""
 
 
-def _evidence(z: Floats, system: System) -> str:
-    raised = sorted((-float(v), e) for v, e in zip(z, system.elements, strict=True) if v > 0)
-    return ", ".join(f"{e.witness} S_{e.i} S_{e.k} {-v:+.1f}" for v, e in raised)
+def _evidence(z: Floats, system: System) -> tuple[Evidence, ...]:
+    """The raised elements, the strongest first."""
+    raised = [(float(z[place]), system.elements[place]) for place in np.flatnonzero(z > 0)]
+    return tuple(Evidence(e.witness.value, e.i, None, e.k, v) for v, e in sorted(raised, key=lambda one: -one[0]))
 
 
-def _others(explanations: Explanations, frame: int) -> str:
-    ranked = explanations.ranked(frame)
-    first = ranked[0][1]
-    others = [f"{_names(s)} {cost - first:+.2f}" for s, cost in ranked[1 : 1 + _ALTERNATIVES]]
-    return f"next: {', '.join(others)}" if others else ""
-
-
-def _names(attacked: tuple[int, ...]) -> str:
-    return "+".join(f"S_{sensor}" for sensor in attacked) if attacked else "none"
+def _alternatives(explanations: Explanations, frame: int, ranked: NDArray[np.intp]) -> tuple[Alternative, ...]:
+    """All explanations but the best of those ranked, with how much worse they are."""
+    cost = explanations.cost[frame]
+    best = cost[ranked[0]]
+    return tuple(Alternative(explanations.sets[s], float(cost[s] - best)) for s in ranked[1:].tolist())

@@ -1,7 +1,6 @@
 """Margins z: how far a local ratio lies above its threshold, in units that all witnesses share."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 
 import numpy as np
@@ -9,12 +8,11 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
 from auditor.identification.thresholds import threshold
-
-LOWEST, HIGHEST = -2.0, 3.0
+from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: 0.7,
-    Witness.UNLIKE: 0.55,
+    Witness.CONTRADICTED: 0.6,
+    Witness.UNLIKE: 0.5,
     Witness.LIGHT: 0.5,
     Witness.EMPTY: 1.0,
 }
@@ -24,8 +22,8 @@ Only a LiDAR that never fills the view may silence its own.
 """
 
 FLOORS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: 0.5,
-    Witness.UNLIKE: 0.3,
+    Witness.CONTRADICTED: 0.48,
+    Witness.UNLIKE: 0.25,
     Witness.LIGHT: 0.3,
     Witness.EMPTY: 0.85,
 }
@@ -35,15 +33,6 @@ _MARGIN = 0.1
 _SPREAD_QUANTILE = 0.95
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Yardstick:
-    """theta of one element and the scale of its margins, from N clean samples."""
-
-    theta: float
-    scale: float
-    samples: int
 
 
 def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardstick:
@@ -74,4 +63,4 @@ def margins(ratios: Floats, scales: Sequence[Yardstick | None]) -> Floats:
     """
     theta = np.array([np.nan if y is None else y.theta for y in scales], dtype=np.float64)
     scale = np.array([np.nan if y is None else y.scale for y in scales], dtype=np.float64)
-    return np.asarray(np.clip((ratios - theta) / scale, LOWEST, HIGHEST))
+    return np.asarray(np.clip((ratios - theta) / scale, LOWEST_MARGIN, HIGHEST_MARGIN))

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from auditor.results import Thresholds
 from auditor.rig import Triple
+from auditor.thresholds import Thresholds
 
 ABOVE = "1"
 NOT_ABOVE = "0"

@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 from decimal import ROUND_FLOOR, Decimal, InvalidOperation, localcontext
 
 from auditor.errors import SettingError, ThresholdsError
-from auditor.results import Calibration, Procedure, Statistic, Thresholds
+from auditor.results import Procedure, Statistic
 from auditor.rig import RigKind
+from auditor.thresholds import Calibration, Thresholds
 
 BELOW_EVERY_ERROR = -1.0
 """theta at r = 1, where every sample has to lie above it; disparity errors are never negative."""

@@ -1,8 +1,9 @@
 """Verdicts: what is said of a frame, given its e vector."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,11 @@ from auditor.errors import ThresholdsError
 from auditor.identification.algorithm2 import FEWEST_SENSORS, Identification, identify
 from auditor.identification.codewords import disagreements
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED, without
-from auditor.results import Thresholds, Verdict, VerdictKind
+from auditor.results import Alternative, Evidence, Verdict, VerdictKind
 from auditor.rig import Triple
+from auditor.thresholds import Thresholds
+
+_ALTERNATIVES = 2
 
 
 def judge(
@@ -36,7 +40,11 @@ def judge(
         return replace(verdict, reason=_why_nothing_was_measured(sensors, missing))
     N = len(system)
     found = identify(e, triples, system) if N >= FEWEST_SENSORS else None
-    verdict = replace(verdict, named=None if found is None or found.undetermined else found.attacked)
+    verdict = replace(
+        verdict,
+        named=None if found is None or found.undetermined else found.attacked,
+        alternatives=_alternatives(found, e, triples, system),
+    )
     without_them = f"judged without {_names(outside)}" if outside else ""
     if ABOVE not in e:
         return replace(verdict, kind=VerdictKind.CLEAN, reason=without_them)
@@ -67,10 +75,23 @@ def judge_frames(
         )
     distances = _mask(errors, triples, missing) - theta
     judged = cache(lambda e, absent: judge(e, triples, sensors, absent))
+    evidence = [partial(Evidence, thresholds.statistic.value, *triple) for triple in triples]
     return [
         # Made in full, not by replace(): a night's frames are judged in one go.
-        Verdict(v.kind, v.e, v.attacked, v.named, v.out_of_system, margin, v.reason)
-        for e, absent, margin in zip(_state_vectors(distances), missing, _margins(distances), strict=True)
+        Verdict(
+            v.kind,
+            v.e,
+            v.attacked,
+            v.named,
+            v.out_of_system,
+            margin,
+            v.reason,
+            _evidence(row, evidence) if ABOVE in v.e else (),
+            v.alternatives,
+        )
+        for e, absent, margin, row in zip(
+            _state_vectors(distances), missing, _margins(distances), distances, strict=True
+        )
         for v in (judged(e, absent),)
     ]
 
@@ -100,6 +121,32 @@ def _margins(distances: NDArray[np.float64]) -> list[float | None]:
     """The smallest measured |E - theta| of each row, None where nothing was measured."""
     smallest = np.where(np.isnan(distances), np.inf, np.abs(distances)).min(axis=1, initial=np.inf)
     return [margin if margin < np.inf else None for margin in smallest.tolist()]
+
+
+def _evidence(row: NDArray[np.float64], of: Sequence[Callable[[float], Evidence]]) -> tuple[Evidence, ...]:
+    """The raised disparity errors of a frame from its E - theta, the furthest above first."""
+    above = sorted(np.flatnonzero(row > 0).tolist(), key=lambda place: -row[place])
+    return tuple(of[place](float(row[place])) for place in above)
+
+
+def _alternatives(
+    found: Identification | None, e: str, triples: Sequence[Triple], system: Collection[int]
+) -> tuple[Alternative, ...]:
+    """Of the attacks with one sensor more, less or another than Algorithm 2's, those nearest to e."""
+    if found is None:
+        return ()
+    accused = frozenset(found.attacked)
+    changes = [
+        {a, b}
+        for a, b in combinations_with_replacement(sorted(system), 2)
+        if a == b or (a in accused) != (b in accused)
+    ]
+    others = [tuple(sorted(accused ^ change)) for change in changes]
+    allowed = [attacked for attacked in others if len(attacked) <= len(system) - 3]
+    least = disagreements(e, found.attacked, triples)
+    distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
+    nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
+    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[:_ALTERNATIVES])
 
 
 def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:

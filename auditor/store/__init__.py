@@ -5,6 +5,7 @@ import pyarrow
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.describing import Description, describe, list_views
 from auditor.store.evaluation_report import render_evaluation_report
+from auditor.store.export import table_of
 from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
@@ -47,5 +48,6 @@ __all__ = [
     "render_incident_report",
     "run_query",
     "run_sql",
+    "table_of",
     "write_calibration",
 ]

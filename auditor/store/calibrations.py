@@ -1,49 +1,53 @@
 """Calibrations: the thresholds artefact, inside a store or as a single file anywhere."""
 
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.elements import Element, Witness
 from auditor.errors import StoreError, ThresholdsError
-from auditor.results import Calibration, Procedure, Statistic
+from auditor.results import Procedure, Statistic
 from auditor.rig import RigKind, Triple
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
+from auditor.thresholds import Calibration, CleanFrames
+
+_AGAIN = "make one with auditor calibrate"
+_NO_J = -1
+
+
+class OutdatedCalibrationError(ThresholdsError):
+    """A calibration that an older auditor has made and that can no longer be judged by."""
 
 
 def calibration_id(calibration: Calibration) -> str:
     """Hash of everything in a calibration but its id: equal content has equal ids."""
-    samples = [
-        [statistic.value, *triple, [value.hex() for value in values]]
-        for (statistic, triple), values in sorted(calibration.samples.items())
-    ]
     procedure = calibration.procedure
     return content_id(
         "calibration",
         rig_kind_fields(calibration.rig_kind),
         [procedure.matcher, procedure.settings, procedure.counting_version],
-        sorted(calibration.recordings),
-        samples,
+        sorted(
+            [
+                one.recording_id,
+                _digest(one.stamps_ns),
+                *(sorted([*key, _digest(column)] for key, column in _columns(one))),
+            ]
+            for one in calibration.clean
+        ),
     )
 
 
-def make_calibration(
-    rig_kind: RigKind,
-    procedure: Procedure,
-    recordings: Iterable[str],
-    samples: Mapping[tuple[Statistic, Triple], Iterable[float]],
-) -> Calibration:
-    """A calibration made now, under the id of its content, its samples in ascending order."""
-    unnamed = Calibration(
-        calibration_id="",
-        rig_kind=rig_kind,
-        procedure=procedure,
-        recordings=tuple(sorted(recordings)),
-        samples={key: tuple(sorted(values)) for key, values in samples.items()},
-        calibrated_at=datetime.now(UTC),
-    )
+def make_calibration(rig_kind: RigKind, procedure: Procedure, clean: Iterable[CleanFrames]) -> Calibration:
+    """A calibration made now, under the id of its content."""
+    unnamed = Calibration("", rig_kind, procedure, tuple(clean), datetime.now(UTC))
     return replace(unnamed, calibration_id=calibration_id(unnamed))
 
 
@@ -55,21 +59,27 @@ def write_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration from its file. Raises ThresholdsError where it is none, or one of a newer version."""
+    """Read a calibration from its file.
+
+    Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an older
+    one that did not keep clean recordings apart.
+    """
     try:
         rows = read_rows("calibrations", path)
     except StoreError as error:
         raise ThresholdsError(
-            f"it is no calibration: {error.what}", where=path, remedy=error.remedy or "make one with auditor calibrate"
+            f"it is no calibration: {error.what}", where=path, remedy=error.remedy or _AGAIN
         ) from error
     if not rows:
-        raise ThresholdsError("the calibration has no samples", where=path, remedy="make one with auditor calibrate")
+        raise ThresholdsError("the calibration has no samples", where=path, remedy=_AGAIN)
+    if any(row["recording_id"] is None for row in rows):
+        raise OutdatedCalibrationError(
+            "it was made by an older auditor, which did not keep clean recordings apart", where=path, remedy=_AGAIN
+        )
     try:
         calibration = _calibration(rows)
     except (TypeError, ValueError) as error:
-        raise ThresholdsError(
-            f"it is no calibration ({error})", where=path, remedy="make one with auditor calibrate"
-        ) from error
+        raise ThresholdsError(f"it is no calibration ({error})", where=path, remedy=_AGAIN) from error
     if calibration.calibration_id != calibration_id(calibration):
         raise ThresholdsError(
             "the calibration was changed after it was made", where=path, remedy="make it again with auditor calibrate"
@@ -88,29 +98,47 @@ def rig_kind_fields(kind: RigKind) -> dict[str, object]:
     }
 
 
+def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
+    """The columns of a recording with what they are of: a statistic's triple, or an element, whose j is -1."""
+    for (statistic, triple), errors in clean.errors.items():
+        yield (statistic.value, *triple), errors
+    for element, ratios in clean.ratios.items():
+        yield (element.witness.value, element.i, _NO_J, element.k), ratios
+
+
+def _digest(column: NDArray[Any]) -> str:
+    """Hash of the numbers of a column, in which every NaN is the same."""
+    values = np.where(np.isnan(column), np.nan, column) if column.dtype.kind == "f" else column
+    return hashlib.sha256(values.astype(values.dtype.newbyteorder("<")).tobytes()).hexdigest()
+
+
 def _rows(calibration: Calibration) -> Iterator[Row]:
-    for (statistic, triple), samples in sorted(calibration.samples.items(), key=_order):
-        yield {
-            "calibration_id": calibration.calibration_id,
-            "kind": str(calibration.rig_kind),
-            "rig_kind": rig_kind_fields(calibration.rig_kind),
-            "matcher": calibration.procedure.matcher,
-            "settings": calibration.procedure.settings,
-            "counting_version": calibration.procedure.counting_version,
-            "recordings": list(calibration.recordings),
-            "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
-            "statistic": statistic.value,
-            "i": triple.i,
-            "j": triple.j,
-            "k": triple.k,
-            "samples": list(samples),
-        }
+    for number, clean in enumerate(calibration.clean):
+        for (statistic, i, j, k), column in sorted(_columns(clean), key=_order):
+            yield {
+                "calibration_id": calibration.calibration_id,
+                "kind": str(calibration.rig_kind),
+                "rig_kind": rig_kind_fields(calibration.rig_kind),
+                "matcher": calibration.procedure.matcher,
+                "settings": calibration.procedure.settings,
+                "counting_version": calibration.procedure.counting_version,
+                "recordings": list(calibration.recordings),
+                "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
+                "statistic": statistic,
+                "i": i,
+                "j": None if j == _NO_J else j,
+                "k": k,
+                "part": number,
+                "recording_id": clean.recording_id,
+                "stamps_ns": clean.stamps_ns.tolist(),
+                "clean": [None if np.isnan(value) else value for value in column.tolist()],
+            }
 
 
-def _order(item: tuple[tuple[Statistic, Triple], object]) -> tuple[str, int, int, int]:
+def _order(item: tuple[tuple[str, int, int, int], object]) -> tuple[str, int, int, int]:
     """The order of every list: by statistic, then k downwards, then i, then j."""
-    (statistic, triple), _ = item
-    return statistic.value, -triple.k, triple.i, triple.j
+    (statistic, i, j, k), _ = item
+    return statistic, -k, i, j
 
 
 def _calibration(rows: list[dict[str, Any]]) -> Calibration:
@@ -125,9 +153,26 @@ def _calibration(rows: list[dict[str, Any]]) -> Calibration:
             baselines_m=tuple(kind["baselines_m"]),
         ),
         procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
-        recordings=tuple(first["recordings"]),
-        samples={
-            (Statistic(row["statistic"]), Triple(row["i"], row["j"], row["k"])): tuple(row["samples"]) for row in rows
-        },
+        clean=tuple(_clean(list(part)) for _, part in groupby(rows, key=lambda row: row["part"])),
         calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),
     )
+
+
+def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
+    statistics = {statistic.value for statistic in Statistic}
+    errors = {
+        (Statistic(row["statistic"]), Triple(row["i"], row["j"], row["k"])): _column(row)
+        for row in rows
+        if row["statistic"] in statistics
+    }
+    ratios = {
+        Element(Witness(row["statistic"]), row["i"], row["k"]): _column(row)
+        for row in rows
+        if row["statistic"] not in statistics
+    }
+    stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
+    return CleanFrames(rows[0]["recording_id"], stamps_ns, errors, ratios)
+
+
+def _column(row: Mapping[str, Any]) -> NDArray[np.float64]:
+    return np.array([np.nan if value is None else value for value in row["clean"]], dtype=np.float64)

@@ -12,6 +12,11 @@ Table = pa.Table
 """The form of every answer: an Arrow table."""
 
 
+def table_of(rows: list[dict[str, object]]) -> Table:
+    """Rows of equal columns as a table."""
+    return pa.Table.from_pylist(rows)
+
+
 def encode(table: pa.Table, form: str) -> bytes:
     """The bytes of a table in the form 'json' (a list of objects), 'csv' or 'parquet'."""
     if form == "json":

@@ -213,7 +213,7 @@ def _provenance(store: Store, audit: _Audit) -> Provenance:
 
 def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
     """The part with its coverage, its drawings and its pictures."""
-    statistic = audit.judgement.statistic if audit.judgement else Statistic.GATED
+    statistic = (audit.judgement and audit.judgement.statistic) or Statistic.GATED
     errors = store.load_errors(audit.measurement.measurement_id, statistic)
     truths = _truths(store, audit)
     part = replace(part, sensors=_coverage(store, audit, errors, part.sensors), truths=truths)

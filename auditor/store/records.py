@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.frames import TopicBalance
-from auditor.results import Procedure, Statistic, Thresholds, VerdictKind
+from auditor.results import Procedure, Statistic, VerdictKind
+from auditor.thresholds import RobustThresholds, Thresholds
 
 _ID_DIGITS = 32
 
@@ -115,19 +116,22 @@ class JudgementRecord:
 
     measurement_id: str
     method: str
-    thresholds: Thresholds
+    thresholds: Thresholds | RobustThresholds
     judged_at: datetime.datetime
 
     @property
     def judgement_id(self) -> str:
         """The id that follows from the measurement and how it was judged."""
         thresholds = self.thresholds
+        special = (
+            thresholds.statistic.value if isinstance(thresholds, Thresholds) else repr(thresholds.incidents_per_hour)
+        )
         return content_id(
             "judgement",
             self.measurement_id,
             thresholds.calibration_id,
             self.method,
-            thresholds.statistic.value,
+            special,
             str(thresholds.r.normalize()),
             thresholds.transferred,
         )
@@ -135,18 +139,23 @@ class JudgementRecord:
 
 @dataclass(frozen=True)
 class StoredJudgement:
-    """A finished judgement, as the store knows it; `counts` are its frames by kind of verdict."""
+    """A finished judgement, as the store knows it.
+
+    `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
+    belong to an incident.
+    """
 
     judgement_id: str
     measurement_id: str
     calibration_id: str
     method: str
-    statistic: Statistic
+    statistic: Statistic | None
     r: Decimal
     resolvable: bool
     transferred: bool
     judged_at: datetime.datetime
     counts: Mapping[VerdictKind, int]
+    in_incidents: int
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

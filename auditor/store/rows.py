@@ -8,12 +8,13 @@ from typing import Any
 from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import TopicBalance
-from auditor.results import Procedure, Statistic, Verdict, VerdictKind
+from auditor.results import FINDINGS, Procedure, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
+from auditor.thresholds import RobustThresholds, Thresholds
 
 _DIGITS_OF_R = 17
 
@@ -95,7 +96,7 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
     )
 
 
-def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictKind, int]) -> Row:
+def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictKind, int], in_incidents: int) -> Row:
     """The row of a judgement. Raises StoreError where r has more digits than the table keeps."""
     thresholds = judgement.thresholds
     if thresholds.r != round(thresholds.r, _DIGITS_OF_R):
@@ -105,27 +106,45 @@ def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictK
         "measurement_id": judgement.measurement_id,
         "calibration_id": thresholds.calibration_id,
         "method": judgement.method,
-        "statistic": thresholds.statistic.value,
         "r": round(thresholds.r, _DIGITS_OF_R),
         "resolvable": thresholds.resolvable,
         "transferred": thresholds.transferred,
-        "theta": [thresholds.theta.get(triple) for triple in rig.triples],
-        "samples": [thresholds.samples.get(triple) for triple in rig.triples],
         "judged_at": to_utc(judgement.judged_at),
         **{kind.value: counts.get(kind, 0) for kind in VerdictKind},
         "schema_version": SCHEMA_VERSION,
+        "in_incidents": in_incidents,
+        **_threshold_columns(thresholds, rig),
+    }
+
+
+def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> Row:
+    if isinstance(thresholds, Thresholds):
+        return {
+            "statistic": thresholds.statistic.value,
+            "theta": [thresholds.theta.get(triple) for triple in rig.triples],
+            "samples": [thresholds.samples.get(triple) for triple in rig.triples],
+        }
+    yardsticks = [thresholds.yardsticks.get(element) for element in rig_elements(rig)]
+    return {
+        "element_theta": [y and y.theta for y in yardsticks],
+        "element_scale": [y and y.scale for y in yardsticks],
+        "element_samples": [y and y.samples for y in yardsticks],
+        "score_threshold": thresholds.score,
+        "incidents_per_hour": thresholds.incidents_per_hour,
     }
 
 
 def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
     """The judgement of a row."""
     same = ("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred")
+    counts = {kind: row[kind.value] for kind in VerdictKind}
     return StoredJudgement(
         **{name: row[name] for name in same},
-        statistic=Statistic(row["statistic"]),
+        statistic=row["statistic"] and Statistic(row["statistic"]),
         r=row["r"].normalize(),
         judged_at=row["judged_at"].replace(tzinfo=UTC),
-        counts={kind: row[kind.value] for kind in VerdictKind},
+        counts=counts,
+        in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
     )
 
 
@@ -143,4 +162,9 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "out_of_system": list(verdict.out_of_system),
         "margin": verdict.margin,
         "reason": verdict.reason or None,
+        "evidence": [evidence._asdict() for evidence in verdict.evidence],
+        "alternatives": [{"attacked": list(a.attacked), "worse_by": a.worse_by} for a in verdict.alternatives],
+        "causes": [{"cause": one.cause.value, "sensor": one.sensor} for one in verdict.causes],
+        "finding": verdict.finding and verdict.finding.kind.value,
+        "finding_attacked": verdict.finding and list(verdict.finding.attacked),
     }

@@ -93,3 +93,10 @@ FROM pattern
 LEFT JOIN systems USING (id)
 LEFT JOIN last_reference USING (id)
 LEFT JOIN answer USING (id);
+
+-- The margin z of a local ratio; NULL where any of the three is.
+CREATE MACRO margin(ratio, theta, scale) AS
+    CASE
+        WHEN (ratio - theta) / scale IS NOT NULL
+            THEN least(greatest((ratio - theta) / scale, lowest_margin()), highest_margin())
+    END;

@@ -1,4 +1,23 @@
--- One row a statistic and triple of a calibration.
+-- One row a statistic and triple, or element, of a calibration, over all of its clean recordings.
 --
+-- column samples: What was measured of its clean frames, ascending: disparity errors E, or local ratios.
 -- column N: Number of its samples.
-SELECT *, len(samples) AS N FROM stored_calibrations
+-- column statistic: What is counted: plain or gated, a disparity error E of a triple; or the witness of an element.
+SELECT
+    calibration_id,
+    any_value(kind) AS kind,
+    any_value(rig_kind) AS rig_kind,
+    any_value(matcher) AS matcher,
+    any_value(settings) AS settings,
+    any_value(counting_version) AS counting_version,
+    any_value(recordings) AS recordings,
+    any_value(calibrated_at) AS calibrated_at,
+    statistic,
+    i,
+    j,
+    k,
+    list_sort(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS samples,
+    len(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS N
+FROM stored_calibrations
+WHERE recording_id IS NOT NULL
+GROUP BY calibration_id, statistic, i, j, k

@@ -1,9 +1,18 @@
--- One row a frame whose verdict is a finding: attacked, unidentified or suspect. Incidents are runs of these.
+-- One row a frame that belongs to an incident: attacked, unidentified or suspect. Incidents are runs of these.
+--
+-- By the paper's method these are the frames whose verdict is a finding; by the robust method those of them which the half
+-- second around them confirms, with what that says.
 --
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
--- column kind: attacked, unidentified or suspect.
+-- column kind: attacked, unidentified or suspect: of the half second around the frame by the robust method.
 -- column attacked: The sensors that the verdict names; empty unless kind is attacked.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
-SELECT * FROM verdicts WHERE kind IN ('attacked', 'unidentified', 'suspect')
+SELECT
+    * REPLACE (
+        CASE WHEN method = 'robust' THEN finding ELSE kind END AS kind,
+        CASE WHEN method = 'robust' THEN finding_attacked ELSE attacked END AS attacked
+    )
+FROM verdicts
+WHERE CASE WHEN method = 'robust' THEN finding ELSE kind END IN ('attacked', 'unidentified', 'suspect')

@@ -7,6 +7,8 @@
 -- column i: First camera of the pair; of empty the LiDAR, 0.
 -- column k: Second camera of the pair; of empty the one whose view it is.
 -- column ratio: The local ratio; NULL where it was not measured.
+-- column theta: Its threshold by the current judgement; NULL where that is not of the robust method.
+-- column z: Its margin (ratio - theta) / scale, kept between -2 and 3.
 SELECT
     frame.measurement_id,
     frame.frame,
@@ -15,8 +17,15 @@ SELECT
     element.witness,
     element.i,
     element.k,
-    frame.ratios[element.position] AS ratio
+    frame.ratios[element.position] AS ratio,
+    judgement.element_theta[element.position] AS theta,
+    margin(
+        frame.ratios[element.position],
+        judgement.element_theta[element.position],
+        judgement.element_scale[element.position]
+    ) AS z
 FROM stored_frames AS frame
 JOIN stored_measurements AS measurement USING (measurement_id)
 JOIN stored_elements AS element USING (rig_id)
+LEFT JOIN judgements AS judgement ON judgement.measurement_id = frame.measurement_id AND judgement.current
 WHERE frame.skipped IS NULL

@@ -7,7 +7,8 @@ SELECT
     measurement.recording_id,
     measurement.rig_id,
     recording.name,
-    recording.vehicle
+    recording.vehicle,
+    judgement.method
 FROM stored_verdicts AS verdict
 JOIN judgements AS judgement ON judgement.judgement_id = verdict.judgement_id AND judgement.current
 JOIN stored_measurements AS measurement ON measurement.measurement_id = verdict.measurement_id

@@ -13,6 +13,7 @@ from time import perf_counter
 from auditor.results import AttackLabel, Statistic
 from auditor.store import make_calibration, run_query
 from auditor.store.store import Store
+from tests.clean_frames import clean_frames
 from tests.store.making import (
     PERIOD_NS,
     PROCEDURE,
@@ -46,7 +47,7 @@ def main() -> None:
 def fill(folder: Path, frames: int, cameras: int) -> Store:
     store, rig, draw = new_store(folder), make_rig(cameras), random.Random(1)
     samples = {(s, t): [draw.gauss(0.08, 0.02) for _ in range(400)] for t in rig.triples for s in Statistic}
-    calibration = make_calibration(rig.kind, PROCEDURE, [], samples)
+    calibration = make_calibration(rig.kind, PROCEDURE, clean_frames(samples))
     store.write_calibration(calibration)
     template = [make_measurement(rig, 0, [int(draw.gauss(80, 20)) for _ in rig.triples]) for _ in range(200)]
     for number, recording in enumerate(RECORDINGS):

@@ -42,10 +42,24 @@ def test_what_the_witnesses_say_together_names_the_sensor(raised, attacked, e):
 
 
 def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
-    verdict = one({X13: 2.0, X23: 1.0})
-    assert verdict.reason.startswith("contradicted S_1 S_3 +2.0, contradicted S_2 S_3 +1.0; next: ")
-    assert "S_3 +" in verdict.reason
-    assert verdict.margin == pytest.approx(1.0)  # {S_3} would explain both, but for two silent pairs at half price
+    verdict = one({X23: 1.0, X13: 2.0})
+    assert verdict.evidence == (("contradicted", 1, None, 3, 2.0), ("contradicted", 2, None, 3, 1.0))
+    # {S_3} would explain both, but for two silent pairs at half price
+    assert verdict.margin == pytest.approx(1.0)
+    assert verdict.alternatives[0] == ((3,), pytest.approx(1.0))
+    assert verdict.reason == ""
+
+
+def test_a_clean_verdict_says_how_far_the_nearest_attack_is():
+    verdict = one({})
+    assert verdict.evidence == ()
+    assert verdict.margin == verdict.alternatives[0].worse_by == pytest.approx(0.52)  # a silent pair, and the price
+    assert [len(other.attacked) for other in verdict.alternatives] == [1, 1]
+
+
+def test_what_cannot_be_named_says_what_is_likeliest():
+    verdict = one({U13: 3.0, U23: 3.0, L12: 3.0})
+    assert [other.worse_by for other in verdict.alternatives] == [0, 0, 0]  # any one of the three cameras
 
 
 def test_below_the_score_s_threshold_a_frame_is_clean():

@@ -1,28 +1,81 @@
 from decimal import Decimal
 
 import numpy as np
+import pytest
 
-from auditor.elements import elements_of
-from auditor.identification.false_alarms import HeldOut, leave_one_recording_out, score_threshold
-from auditor.identification.joint import attack_sets
+from auditor.elements import Witness, elements_of
+from auditor.identification.accusing import System
+from auditor.identification.false_alarms import (
+    held_out_scores,
+    hold_out_paper,
+    hold_out_robust,
+    hours_of,
+    score_threshold,
+    wilson,
+)
+from auditor.identification.robust_thresholds import robust_thresholds
+from auditor.results import Procedure, Statistic
+from auditor.rig import RigKind, triples_of
+from auditor.thresholds import Calibration, CleanFrames
 
 PAIRS = ((1, 3), (2, 3))
 ELEMENTS = elements_of(3, PAIRS, PAIRS, (3,))
-SETS = attack_sets(range(4), 1)
+SYSTEM = System(ELEMENTS, triples_of(3, lidar=True), (0, 1, 2, 3))
+THREE = System(elements_of(2, ((1, 2),), ((1, 2),), (2,)), triples_of(2, lidar=True), (0, 1, 2))
+KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))
 R = Decimal("0.01")
+PERIOD_NS = 100_000_000
+
+
+def recording(name, frames=20, contradicted=(), E=0.1, system=SYSTEM):
+    """Quiet frames, in some of which every pair contradicts the LiDAR and E is 0.3."""
+    hit = np.isin(np.arange(frames), contradicted)
+    return CleanFrames(
+        name,
+        np.arange(frames, dtype=np.int64) * PERIOD_NS,
+        {(Statistic.GATED, t): np.where(hit, 0.3, E) for t in system.triples},
+        {e: np.where(hit & (e.witness is Witness.CONTRADICTED), 0.9, 0.0) for e in system.elements},
+    )
+
+
+def calibration(*clean):
+    return Calibration("c" * 32, KIND, Procedure("sgbm", "{}"), clean)
+
+
+def counts(results):
+    return [(one.recording, one.frames, one.raised, one.incidents) for one in results]
 
 
 def test_each_recording_is_judged_by_the_others_alone():
-    easy, hard = np.zeros((20, len(ELEMENTS))), np.zeros((10, len(ELEMENTS)))
-    hard[:4, :2] = 0.65  # both pairs contradict the LiDAR in four frames
-    found = leave_one_recording_out({"easy": easy, "hard": hard}, ELEMENTS, SETS, R)
-    assert found == [HeldOut("easy", 20, 0), HeldOut("hard", 10, 4)]
-    twice = leave_one_recording_out({"hard": hard, "like it": hard}, ELEMENTS, SETS, R)
-    assert [held.raised for held in twice] == [0, 0]
+    both = calibration(recording("easy"), recording("hard", 30, contradicted=(3, 4, 5, 6, 20)))
+    assert counts(hold_out_robust(both, SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 1)]
+    assert counts(hold_out_paper(both, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 2)]
+    # A ceiling keeps attacked frames among the clean ones from silencing a witness; nothing does for E.
+    twice = calibration(recording("hard", 30, contradicted=range(15)), recording("like it", 30, contradicted=range(15)))
+    assert [one.raised for one in hold_out_robust(twice, SYSTEM, R)] == [15, 15]
+    assert [one.raised for one in hold_out_paper(twice, Statistic.GATED, R)] == [0, 0]
+
+
+def test_three_sensors_raise_false_alarms_too():
+    both = calibration(recording("easy", system=THREE), recording("hard", contradicted=range(4, 10), system=THREE))
+    assert [one.raised for one in hold_out_robust(both, THREE, R)] == [0, 6]
 
 
 def test_one_recording_alone_can_hold_nothing_out():
-    assert leave_one_recording_out({"only": np.zeros((5, len(ELEMENTS)))}, ELEMENTS, SETS, R) == []
+    assert hold_out_robust(calibration(recording("only")), SYSTEM, R) == []
+    twice = calibration(recording("only"), recording("only"))
+    assert hold_out_paper(twice, Statistic.GATED, R) == []
+
+
+def test_allowed_incidents_set_the_score_s_threshold():
+    hard = recording("hard", 36_000, contradicted=range(100, 110))
+    clean = calibration(recording("easy", 36_000), hard)
+    assert robust_thresholds(clean, SYSTEM, R).score == 0.0
+    assert robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0.5).score == 0.0
+    strict = robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0)
+    assert strict.score == pytest.approx(held_out_scores(clean, SYSTEM, R).max())
+    assert strict.score > 1
+    assert strict.incidents_per_hour == 0
 
 
 def test_the_score_s_threshold_allows_so_many_incidents_and_no_more():
@@ -40,3 +93,15 @@ def test_a_longer_incident_counts_once_even_where_a_higher_threshold_splits_it()
 
 def test_silent_frames_need_no_threshold():
     assert score_threshold(np.full(5, -0.02), hours=1.0, incidents_per_hour=0) == 0.0
+
+
+def test_frames_stand_for_their_number_times_the_usual_step():
+    stamps = np.array([0, 1, 2, 3, 50], dtype=np.int64) * 3600 * 10**9
+    assert hours_of(stamps) == 5.0
+    assert hours_of(stamps[:1]) == 0.0
+
+
+def test_wilsons_interval():
+    assert wilson(3, 8) == pytest.approx((0.136844, 0.694257), abs=1e-6)
+    assert wilson(0, 10) == pytest.approx((0, 0.277533), abs=1e-6)
+    assert wilson(0, 0) == (0, 1)

@@ -12,8 +12,8 @@ def by_hand(valid, against, window):
         for c in range(valid.shape[1] - window.columns + 1):
             part = np.s_[r : r + window.rows, c : c + window.columns]
             N, B = int(valid[part].sum()), int(against[part].sum())
-            if window.fewest_valid <= N and (best is None or best[0] < B / N):
-                best = (B / N, r, c)
+            if best is None or best[0] < B / (N + window.prior):
+                best = (B / (N + window.prior), r, c)
     return best
 
 
@@ -22,21 +22,22 @@ def test_the_summed_area_table_finds_the_window_that_trying_all_of_them_finds(se
     rng = np.random.default_rng(seed)
     valid = rng.integers(0, 17, (11, 17)).astype(np.uint8)
     against = np.minimum(valid, rng.integers(0, 17, (11, 17))).astype(np.uint8)
-    window = Window(rows=int(rng.integers(1, 12)), columns=int(rng.integers(1, 18)), fewest_valid=20)
+    window = Window(rows=int(rng.integers(1, 12)), columns=int(rng.integers(1, 18)), prior=20)
     found, expected = local_ratio(valid, against, window), by_hand(valid, against, window)
     assert (found and (found.ratio, found.row, found.column)) == expected
 
 
 def test_a_full_window_does_not_overflow_the_counts_own_type():
     full = np.full((20, 20), 64, dtype=np.uint8)
-    assert local_ratio(full, full, Window(10, 10, 6400)).ratio == 1.0
+    assert local_ratio(full, full, Window(10, 10, 6400)).ratio == 0.5
 
 
-def test_windows_with_too_few_valid_pixels_do_not_count():
+def test_few_pixels_prove_little_and_fewer_than_the_prior_nothing():
     valid = np.zeros((10, 10), np.uint8)
     valid[0, 0] = 9
     assert local_ratio(valid, valid, Window(2, 2, 10)) is None
-    assert local_ratio(valid, valid, Window(2, 2, 9)).ratio == 1.0
+    assert local_ratio(valid, valid, Window(2, 2, 9)).ratio == 0.5
+    assert local_ratio(valid, valid, Window(2, 2, 3)).ratio == 0.75
 
 
 def test_a_grid_smaller_than_the_window_has_no_local_ratio():
@@ -45,17 +46,17 @@ def test_a_grid_smaller_than_the_window_has_no_local_ratio():
     assert local_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
 
 
-@pytest.mark.parametrize(("points", "fewest"), [(5, 120), (3, 120), (2, 80), (1, 40), (0, 30)])
-def test_fewer_beams_need_fewer_points_in_a_window_but_never_more_than_sixty_four_do(points, fewest):
+@pytest.mark.parametrize(("points", "prior"), [(5, 40), (2, 36), (1, 18), (0, 15)])
+def test_fewer_beams_have_a_smaller_prior_but_never_a_larger_one_than_sixty_four(points, prior):
     grid = np.full((12, 12), points, dtype=np.uint8)
-    assert fitted(Window(10, 10, 120), grid) == Window(10, 10, fewest)
+    assert fitted(Window(6, 6, 40), grid) == Window(6, 6, prior)
 
 
 def test_windows_that_hold_no_points_do_not_make_it_easier():
     grid = np.zeros((30, 10), dtype=np.uint8)
     grid[:10] = 2
     # Windows of 200, 180, ... 20 points: the 90th percentile is 182.
-    assert fitted(Window(10, 10, 120), grid).fewest_valid == 73
+    assert fitted(Window(10, 10, 120), grid).prior == 91
 
 
 def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_ready():
@@ -65,4 +66,4 @@ def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_rea
         Element(witness, 1, 3) for witness in (Witness.UNLIKE, Witness.CONTRADICTED, Witness.LIGHT, Witness.EMPTY)
     )
     found = local_ratios((seen, blind, light, absent), {seen: Cells(full, half), blind: Cells(few, few)}, {light: 0.25})
-    assert found == (0.5, None, 0.25, None)
+    assert found == (pytest.approx(48 * 8 / (48 * 16 + 200)), None, 0.25, None)

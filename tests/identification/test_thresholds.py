@@ -8,19 +8,16 @@ from hypothesis import strategies as st
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.states import state_vector
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
-from auditor.results import COUNTING_VERSION, Calibration, Procedure, Statistic
+from auditor.results import COUNTING_VERSION, Procedure, Statistic
 from auditor.rig import RigKind, Triple, triples_of
+from auditor.thresholds import Calibration
+from tests.clean_frames import clean_frames
 
 TRIPLES = triples_of(3, lidar=True)
 KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))
 PROCEDURE = Procedure(matcher="sgbm", settings='{"range":128,"scale":0.5}')
-CALIBRATION = Calibration(
-    calibration_id="ab12",
-    rig_kind=KIND,
-    procedure=PROCEDURE,
-    recordings=("r1",),
-    samples={(Statistic.GATED, triple): tuple(number / 100 for number in range(1, 101)) for triple in TRIPLES},
-)
+SAMPLES = {(Statistic.GATED, triple): [number / 100 for number in range(1, 101)] for triple in TRIPLES}
+CALIBRATION = Calibration("ab12", KIND, PROCEDURE, clean_frames(SAMPLES))
 
 rates = st.one_of(
     st.decimals(min_value=0, max_value=1, places=4),
@@ -106,13 +103,13 @@ def test_thresholds_at_an_unresolvable_rate_are_the_maximum_and_say_so():
 
 
 def test_one_triple_with_too_few_samples_makes_a_rate_unresolvable():
-    samples = {**CALIBRATION.samples, (Statistic.GATED, TRIPLES[1]): (0.1, 0.2)}
-    assert not thresholds_at(replace(CALIBRATION, samples=samples), Statistic.GATED, Decimal("0.01")).resolvable
+    clean = clean_frames({**SAMPLES, (Statistic.GATED, TRIPLES[1]): [0.1, 0.2]})
+    assert not thresholds_at(replace(CALIBRATION, clean=clean), Statistic.GATED, Decimal("0.01")).resolvable
 
 
 def test_a_triple_without_samples_has_no_theta():
-    samples = {**CALIBRATION.samples, (Statistic.GATED, TRIPLES[1]): ()}
-    thresholds = thresholds_at(replace(CALIBRATION, samples=samples), Statistic.GATED, Decimal(0))
+    clean = clean_frames({**SAMPLES, (Statistic.GATED, TRIPLES[1]): []})
+    thresholds = thresholds_at(replace(CALIBRATION, clean=clean), Statistic.GATED, Decimal(0))
     assert set(thresholds.theta) == {TRIPLES[0], TRIPLES[2]}
 
 

@@ -1,4 +1,5 @@
 import time
+from dataclasses import replace
 from decimal import Decimal
 from itertools import product
 
@@ -9,8 +10,9 @@ from auditor.errors import ThresholdsError
 from auditor.identification.codewords import allowed_attack_sets, codeword, explaining_sets
 from auditor.identification.states import state_vector, without
 from auditor.identification.verdicts import judge, judge_frames
-from auditor.results import Statistic, Thresholds, VerdictKind
+from auditor.results import Statistic, VerdictKind
 from auditor.rig import Triple, triples_of
+from auditor.thresholds import Thresholds
 
 N3 = triples_of(3, lidar=True)
 N4 = triples_of(4, lidar=True)
@@ -165,7 +167,20 @@ def test_frames_are_judged_as_one_by_one():
     for row, absent, verdict in zip(errors, missing, judge_frames(errors, thresholds, N4, FIVE, missing), strict=True):
         e = without(state_vector(row.tolist(), thresholds, N4), N4, absent)
         measured = [abs(E - 0.2) for E, state in zip(row, e, strict=True) if state != "-"]
-        assert verdict == judge(e, N4, FIVE, absent, min(measured) if measured else None)
+        alone = judge(e, N4, FIVE, absent, min(measured) if measured else None)
+        assert replace(verdict, evidence=()) == alone
+        above = sorted((row[place] - 0.2, N4[place]) for place, state in enumerate(e) if state == "1")
+        assert [(x.witness, x.i, x.j, x.k, pytest.approx(x.margin)) for x in verdict.evidence] == [
+            ("gated", *triple, margin) for margin, triple in reversed(above)
+        ]
+
+
+def test_a_verdict_names_the_next_best_explanations():
+    verdict = judge("110000000", N4, FIVE)  # S_0 would raise two elements more, S_1 another one
+    assert verdict.kind is VerdictKind.UNIDENTIFIED
+    assert [other.worse_by for other in verdict.alternatives] == sorted(o.worse_by for o in verdict.alternatives)
+    assert judge("101", N3, FOUR).alternatives == (((3,), 1.0), ((), 2.0))
+    assert judge("1", triples_of(3, lidar=False), (1, 2, 3)).alternatives == ()
 
 
 def test_the_margin_is_the_smallest_distance_from_theta():

@@ -47,3 +47,9 @@ def test_five_frames_at_ten_hertz_make_half_a_second():
 def test_one_frame_alone_and_none_at_all_are_their_own_means():
     assert window_means(np.array([[1.5]]), np.array([7], dtype=np.int64), 0.5).tolist() == [[1.5]]
     assert window_means(np.zeros((0, 2)), np.zeros(0, dtype=np.int64), 0.5).shape == (0, 2)
+
+
+def test_a_clock_that_is_set_back_ends_a_window():
+    stamps = np.array([1000, 1100, 1200, 1000, 1100], dtype=np.int64) * MS
+    z = np.array([[3.0], [3.0], [3.0], [-2.0], [-2.0]])
+    assert window_means(z, stamps, 0.5)[:, 0].tolist() == [3, 3, 3, -2, -2]

@@ -7,10 +7,11 @@ import numpy as np
 
 from auditor.elements import rig_elements
 from auditor.frames import Presence, SensorState, Skipped
-from auditor.results import Counts, Coverage, Measurement, Procedure, Statistic, Thresholds, Verdict, VerdictKind
+from auditor.results import Counts, Coverage, Measurement, Procedure, Statistic, Verdict, VerdictKind
 from auditor.rig import Camera, Lidar, Rig
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
+from auditor.thresholds import Thresholds
 
 PERIOD_NS = 100_000_000
 PROCEDURE = Procedure("sgbm", '{"half":true}')

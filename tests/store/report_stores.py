@@ -17,6 +17,7 @@ from auditor.store.calibrations import make_calibration
 from auditor.store.pictures import Picture
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
+from tests.clean_frames import clean_frames
 
 START_NS = 1_317_042_145_904_000_000
 PERIOD_NS = 100_000_000
@@ -144,7 +145,7 @@ def _ratios(rig, frame, attacks, measured):
 
 def _judge(store, rig, measurement_id, r):
     samples = {(Statistic.GATED, triple): [0.01 + 0.001 * rank for rank in range(50)] for triple in rig.triples}
-    calibration = make_calibration(rig.kind, PROCEDURE, ["ab" * 32], samples)
+    calibration = make_calibration(rig.kind, PROCEDURE, clean_frames(samples, ["ab" * 32]))
     store.write_calibration(calibration)
     thresholds = thresholds_at(calibration, Statistic.GATED, Decimal(r))
     errors = store.load_errors(measurement_id, Statistic.GATED)

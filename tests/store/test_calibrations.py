@@ -3,26 +3,47 @@ from dataclasses import replace
 import pyarrow.parquet as pq
 import pytest
 
+from auditor.elements import rig_elements
 from auditor.errors import StoreError, ThresholdsError
 from auditor.results import Statistic
-from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
+from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
+from auditor.store.queries import run_query
 from auditor.store.schema import table_schema
 from auditor.store.tables import write_rows
+from tests.clean_frames import clean_frames
 from tests.store.making import PROCEDURE, make_rig, new_store
 
 RIG = make_rig(4)
 SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.triples for s in Statistic}
 
 
-def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind):
-    return make_calibration(kind, PROCEDURE, recordings, samples)
+RATIOS = {element: [0.3, 0.2, 0.1] for element in rig_elements(RIG)}
+
+
+def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind, ratios=RATIOS):
+    return make_calibration(kind, PROCEDURE, clean_frames(samples, recordings, ratios))
+
+
+def columns(calibration):
+    """Everything in it, comparable: NaN is like NaN."""
+    return [
+        (
+            one.recording_id,
+            one.stamps_ns.tolist(),
+            {k: repr(v.tolist()) for k, v in {**one.errors, **one.ratios}.items()},
+        )
+        for one in calibration.clean
+    ]
 
 
 def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
     calibration = make()
     write_calibration(calibration, tmp_path / "fleet.thresholds")
     again = read_calibration(tmp_path / "fleet.thresholds")
-    assert again == calibration
+    assert columns(again) == columns(calibration)
+    assert (again.rig_kind, again.procedure) == (calibration.rig_kind, calibration.procedure)
+    assert again.calibrated_at == calibration.calibrated_at
+    assert again.recordings == ("a" * 64, "b" * 64)
     assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
 
 
@@ -30,7 +51,7 @@ def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
     store, one, two = new_store(tmp_path), make(), make(recordings=("c" * 64,))
     store.write_calibration(one)
     store.write_calibration(two)
-    assert store.calibration(one.calibration_id) == one
+    assert columns(store.calibration(one.calibration_id)) == columns(one)
     assert {calibration.calibration_id for calibration in store.calibrations()} == {
         one.calibration_id,
         two.calibration_id,
@@ -38,11 +59,19 @@ def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
 
 
 def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
-    assert make().calibration_id == make(recordings=("a" * 64, "b" * 64)).calibration_id
+    clean = clean_frames(SAMPLES, ("b" * 64, "a" * 64), RATIOS)
+    assert make().calibration_id == make_calibration(RIG.kind, PROCEDURE, reversed(clean)).calibration_id
     first = next(iter(SAMPLES))
     changed = {**SAMPLES, first: [*SAMPLES[first][:-1], SAMPLES[first][-1] + 2**-50]}
-    others = [make(changed), make(recordings=()), make(kind=make_rig(4, focal_px=701.0).kind)]
-    assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 4
+    louder = {element: [*values[:-1], 0.2] for element, values in RATIOS.items()}
+    others = [
+        make(changed),
+        make(recordings=("a" * 64,)),
+        make(kind=make_rig(4, focal_px=701.0).kind),
+        make(ratios=louder),
+        make(ratios={}),
+    ]
+    assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 6
 
 
 def test_a_triple_without_samples_is_kept_as_one(tmp_path):
@@ -60,7 +89,7 @@ def test_an_id_that_is_not_its_contents_is_not_written(tmp_path):
 def test_a_calibration_that_was_changed_is_refused(tmp_path):
     write_calibration(make(), tmp_path / "c")
     rows = pq.read_table(tmp_path / "c").to_pylist()
-    rows[3]["samples"] = [*rows[3]["samples"][:-1], 0.9]
+    rows[3]["clean"] = [*rows[3]["clean"][:-1], 0.9]
     write_rows("calibrations", tmp_path / "c", rows)
     with pytest.raises(ThresholdsError, match="was changed"):
         read_calibration(tmp_path / "c")
@@ -85,7 +114,20 @@ def test_a_calibration_of_a_newer_version_is_refused(tmp_path):
 
 
 def test_an_older_file_without_a_column_reads_as_null(tmp_path):
-    calibration = make()
-    write_calibration(calibration, tmp_path / "c")
+    write_calibration(make(), tmp_path / "c")
     pq.write_table(pq.read_table(tmp_path / "c").drop_columns(["calibrated_at"]), tmp_path / "old")
-    assert read_calibration(tmp_path / "old") == replace(calibration, calibrated_at=None)
+    again = read_calibration(tmp_path / "old")
+    assert again.calibrated_at is None
+    assert columns(again) == columns(make())
+
+
+def test_an_older_file_that_did_not_keep_recordings_apart_is_refused_and_does_not_bar_the_store(tmp_path):
+    store, new = new_store(tmp_path), make()
+    store.write_calibration(new)
+    path = store.path("calibrations", new.calibration_id)
+    old = store.path("calibrations", "0" * 32)
+    pq.write_table(pq.read_table(path).drop_columns(["recording_id", "clean", "stamps_ns", "part"]), old)
+    with pytest.raises(OutdatedCalibrationError, match="older auditor"):
+        read_calibration(old)
+    assert [one.calibration_id for one in store.calibrations()] == [new.calibration_id]
+    assert {row["calibration_id"] for row in run_query(store, "thresholds").to_pylist()} == {new.calibration_id}

@@ -6,6 +6,7 @@ from auditor.errors import QueryError
 from auditor.results import AttackLabel, Statistic
 from auditor.store.calibrations import make_calibration
 from auditor.store.queries import list_queries, query, run_query, run_sql
+from tests.clean_frames import clean_frames
 from tests.store.making import (
     PERIOD_NS,
     PROCEDURE,
@@ -266,7 +267,7 @@ def rates(store, **parameters):
 def attacked_store(store):
     """Ten clean frames, then eight with S_1 attacked; N = 10 clean samples of 0.01 to 0.10 a triple."""
     samples = {(Statistic.GATED, t): [n / 100 for n in range(1, 11)] for t in RIG.triples}
-    calibration = make_calibration(RIG.kind, PROCEDURE, ["b" * 64], samples)
+    calibration = make_calibration(RIG.kind, PROCEDURE, clean_frames(samples, ["b" * 64]))
     store.write_calibration(calibration)
     clean = [[10 * f + 10] * 3 for f in range(10)]  # E = 0.01 .. 0.10: at r = 0.2 theta = 0.08, two are above
     attack = [
@@ -322,16 +323,15 @@ def test_without_a_calibration_there_is_no_rate(store):
 
 
 def test_another_calibration_can_be_named_and_says_that_it_was_transferred(attacked_store):
-    other = make_calibration(
-        make_rig(3, focal_px=900.0).kind, PROCEDURE, ["a" * 64], {(Statistic.GATED, t): [0.2] for t in RIG.triples}
-    )
+    samples = {(Statistic.GATED, t): [0.2] for t in RIG.triples}
+    other = make_calibration(make_rig(3, focal_px=900.0).kind, PROCEDURE, clean_frames(samples, ["a" * 64]))
     attacked_store.write_calibration(other)
     row = rates(attacked_store, calibration=other.calibration_id[:12], r=[Decimal(0)])[0.0, (1,)]
     assert (row["transferred"], row["in_sample"], row["calibration_id"]) == (True, True, other.calibration_id)
 
 
 def test_a_triple_without_samples_is_not_measured(attacked_store):
-    partly = make_calibration(RIG.kind, PROCEDURE, [], {(Statistic.GATED, RIG.triples[0]): [0.1]})
+    partly = make_calibration(RIG.kind, PROCEDURE, clean_frames({(Statistic.GATED, RIG.triples[0]): [0.1]}))
     attacked_store.write_calibration(partly)
     row = rates(attacked_store, calibration=partly.calibration_id, r="0")[0.0, (1,)]
     assert (row["detected"], row["named"], row["not_auditable"]) == (6, 0, 1)

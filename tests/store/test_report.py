@@ -8,6 +8,7 @@ from auditor.results import Statistic, VerdictKind
 from auditor.store.calibrations import make_calibration
 from auditor.store.page_loading import load_page
 from auditor.store.report import render, render_incident_report
+from tests.clean_frames import clean_frames
 from tests.store.report_stores import PERIOD_NS, START_NS, add_recording, make_rig, new_store
 
 HOSTILE = "<script>alert(1)</script>\"' onload=x {{ 7 * 7 }} \u202e"
@@ -309,7 +310,9 @@ def test_a_recording_that_was_only_calibrated_on_is_not_part_of_the_audit(store,
     rig = store.rig(store.measurements()[0].rig_id)
     samples = {(Statistic.GATED, triple): [0.1] for triple in rig.triples}
     [learnt_on] = [one.recording_id for one in store.recordings() if one.name == "b.mcap"]
-    store.write_calibration(make_calibration(rig.kind, store.measurements()[0].procedure, [learnt_on], samples))
+    store.write_calibration(
+        make_calibration(rig.kind, store.measurements()[0].procedure, clean_frames(samples, [learnt_on]))
+    )
     words = page_of(store, tmp_path).words
     assert "b.mcap" not in words
     assert "could be audited" not in words

@@ -1,0 +1,190 @@
+"""Calibrations from what stores hold, and the judging of it: no recording is needed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from decimal import Decimal
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.elements import rig_elements
+from auditor.errors import ThresholdsError
+from auditor.frames import SensorState
+from auditor.identification.accusing import System
+from auditor.identification.robust import Heard, judge_heard
+from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
+from auditor.identification.thresholds import check_calibration, thresholds_at
+from auditor.identification.verdicts import judge_frames
+from auditor.results import Method, Procedure, Statistic, Verdict
+from auditor.rig import Rig, RigKind
+from auditor.store import JudgementRecord, Store, StoredJudgement, make_calibration
+from auditor.thresholds import Calibration, CleanFrames, RobustThresholds, Thresholds
+
+Rows = list[tuple[int, int, Verdict]]
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """How verdicts are to be reached.
+
+    `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve.
+    """
+
+    r: Decimal
+    method: Method = Method.ROBUST
+    statistic: Statistic = Statistic.GATED
+    incidents_per_hour: float | None = None
+    transfer: bool = False
+    strict: bool = False
+
+
+def system_of(rig: Rig) -> System:
+    """What the frames of a rig are judged by."""
+    return System(rig_elements(rig), rig.triples, rig.sensors)
+
+
+def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = None) -> Calibration:
+    """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
+
+    `frames` restricts it to these frame numbers of each measurement. Raises ThresholdsError where kinds or procedures
+    differ or nothing was measured.
+    """
+    clean: list[CleanFrames] = []
+    kinds: list[RigKind] = []
+    procedures: list[Procedure] = []
+    for known, store in {known: store for store, known in measurements}.items():
+        measurement = store.measurement(known)
+        rig = store.rig(measurement.rig_id)
+        kinds.append(rig.kind)
+        procedures.append(measurement.procedure)
+        _refuse_mixture(kinds, procedures)
+        clean.append(_clean_frames(store, known, measurement.recording_id, rig, frames))
+    if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
+        raise ThresholdsError(
+            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
+        )
+    return make_calibration(kinds[0], procedures[0], clean)
+
+
+def _clean_frames(store: Store, known: str, recording_id: str, rig: Rig, frames: range | None) -> CleanFrames:
+    ratios = store.load_ratios(known)
+    chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
+    return CleanFrames(
+        recording_id,
+        ratios.stamps_ns[chosen],
+        {
+            (statistic, triple): column
+            for statistic in Statistic
+            for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
+        },
+        dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
+    )
+
+
+def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
+    """Compare the last with the first."""
+    remedy = "calibrate each of them on its own"
+    if not kinds[0].matches(kinds[-1]):
+        raise ThresholdsError(f"two rig kinds in one calibration: {kinds[0]}, and {kinds[-1]}", remedy=remedy)
+    if procedures[0] != procedures[-1]:
+        matchers = f"{procedures[0].matcher}, and {procedures[-1].matcher}"
+        raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
+
+
+def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:
+    """The newest of some calibrations that holds for a measurement's rig kind and procedure."""
+    stored = store.measurement(measurement)
+    kind = store.rig(stored.rig_id).kind
+    fitting = [c for c in calibrations if c.procedure == stored.procedure and c.rig_kind.matches(kind)]
+    return max(fitting, key=_made_at, default=None)
+
+
+def _made_at(calibration: Calibration) -> tuple[datetime, str]:
+    return calibration.calibrated_at or datetime.min.replace(tzinfo=UTC), calibration.calibration_id
+
+
+def judge_measurement(store: Store, measurement: str, calibration: Calibration, criteria: Criteria) -> StoredJudgement:
+    """Judge every frame of a measurement and keep the verdicts.
+
+    Raises ThresholdsError where the thresholds do not fit.
+    """
+    stored = store.measurement(measurement)
+    rig = store.rig(stored.rig_id)
+    transferred = check_calibration(
+        calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
+    )
+    thresholds: Thresholds | RobustThresholds
+    if criteria.method is Method.ROBUST:
+        rate = criteria.incidents_per_hour
+        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        rows = _judge_robust(store, measurement, rig, thresholds)
+        fewest = min(yardstick.samples for yardstick in thresholds.yardsticks.values())
+    else:
+        thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
+        rows = _judge_paper(store, measurement, rig, thresholds)
+        fewest = min(thresholds.samples.values())
+    if criteria.strict:
+        _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
+    if calibration.calibration_id not in store.ids("calibrations"):
+        store.write_calibration(calibration)
+    store.write_judgement(JudgementRecord(measurement, criteria.method, thresholds, datetime.now(UTC)), rows)
+    current = store.current_judgement(measurement)
+    assert current is not None
+    return current
+
+
+@lru_cache(maxsize=4)
+def _robust(
+    calibration: Calibration, system: System, r: Decimal, incidents_per_hour: float | None, *, transferred: bool
+) -> RobustThresholds:
+    """The same for all measurements of one rig, and dear where every recording is judged by the others."""
+    return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
+
+
+def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds) -> Rows:
+    frames, system = store.load_ratios(measurement), system_of(rig)
+    heard = Heard(frames.stamps_ns, frames.ratios, frames.states == SensorState.PRESENT, frames.fingerprints)
+    scales = [thresholds.yardsticks.get(element) for element in system.elements]
+    verdicts = judge_heard(heard, system, scales, thresholds.score)
+    return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
+
+
+def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
+    errors = store.load_errors(measurement, thresholds.statistic)
+    missing = _missing(rig, errors.states)
+    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
+
+
+def _missing(rig: Rig, states: NDArray[np.str_]) -> list[frozenset[int]]:
+    return [
+        frozenset(s for s, state in zip(rig.sensors, row, strict=True) if state != SensorState.PRESENT)
+        for row in states.tolist()
+    ]
+
+
+def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: int, *, resolvable: bool) -> None:
+    where = f"calibration {calibration.calibration_id}"
+    if not resolvable:
+        raise ThresholdsError(
+            f"r = {criteria.r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
+            where=where,
+            remedy=f"take r = 0 or at least {1 / fewest:.2g}, or calibrate on more clean frames",
+        )
+    if not tells_incidents(calibration, criteria):
+        hours = clean_hours(calibration)
+        raise ThresholdsError(
+            f"{criteria.incidents_per_hour:g} incidents an hour cannot be told from none with {hours:.2g} hours of "
+            "clean frames",
+            where=where,
+            remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
+        )
+
+
+def tells_incidents(calibration: Calibration, criteria: Criteria) -> bool:
+    """False where the clean frames are too few to tell the allowed incidents an hour from none."""
+    allowed = criteria.incidents_per_hour
+    return not allowed or allowed * clean_hours(calibration) >= 1

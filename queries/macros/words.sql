@@ -1,0 +1,36 @@
+-- Structured columns of verdicts in words.
+
+-- What one piece of evidence says, without how much.
+CREATE MACRO witness_in_words(witness, i, j, k) AS
+    CASE witness
+        WHEN 'contradicted' THEN 'S_' || i || ' and S_' || k || ' contradict the LiDAR'
+        WHEN 'unlike' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
+        WHEN 'light' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
+        WHEN 'empty' THEN 'the LiDAR lacks points in the view of S_' || k
+        ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
+    END;
+
+-- The evidence of a verdict, the strongest first; NULL where there is none.
+CREATE MACRO evidence_in_words(evidence) AS
+    nullif(array_to_string(list_transform(
+        evidence,
+        lambda x: witness_in_words(x['witness'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['margin'])
+    ), ', '), '');
+
+-- Sensors as 'S_1 and S_2', or what their absence means.
+CREATE MACRO sensors_in_words(sensors, none) AS
+    CASE WHEN len(sensors) = 0 THEN none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;
+
+-- The next-best explanations, the next best first; NULL where there is none.
+CREATE MACRO alternatives_in_words(alternatives) AS
+    nullif(array_to_string(list_transform(
+        alternatives,
+        lambda x: sensors_in_words(x['attacked'], 'no attack') || format(' (worse by {:.2f})', x['worse_by'])
+    ), ', '), '');
+
+-- What else than an attack may lie behind a verdict; NULL where nothing is known.
+CREATE MACRO causes_in_words(causes) AS
+    nullif(array_to_string(list_transform(
+        causes,
+        lambda x: CASE x['cause'] WHEN 'frozen' THEN 'S_' || x['sensor'] || ' stands still while others go on' END
+    ), ', '), '');

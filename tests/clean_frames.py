@@ -1,0 +1,37 @@
+"""Calibrations from samples that a test writes down."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from auditor.elements import Element
+from auditor.results import Statistic
+from auditor.rig import Triple
+from auditor.thresholds import CleanFrames
+
+PERIOD_NS = 100_000_000
+
+
+def clean_frames(
+    samples: Mapping[tuple[Statistic, Triple], Sequence[float]],
+    recordings: Sequence[str] = ("r1",),
+    ratios: Mapping[Element, Sequence[float]] | None = None,
+) -> tuple[CleanFrames, ...]:
+    """Clean recordings whose frames have these samples, dealt out in turn; short columns end with unmeasured frames."""
+    ratios = ratios or {}
+    F = max((len(values) for values in (*samples.values(), *ratios.values())), default=0)
+
+    def column(values: Sequence[float], first: int) -> np.ndarray:
+        padded = np.full(F, np.nan)
+        padded[: len(values)] = values
+        return padded[first :: len(recordings)]
+
+    return tuple(
+        CleanFrames(
+            recording,
+            np.arange(F, dtype=np.int64)[first :: len(recordings)] * PERIOD_NS,
+            {key: column(values, first) for key, values in samples.items()},
+            {element: column(values, first) for element, values in ratios.items()},
+        )
+        for first, recording in enumerate(recordings)
+    )
