@@ -2,28 +2,24 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from itertools import combinations
 from typing import Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import Element, Witness, rig_elements
-from auditor.evidence.cells import cells_of_likeness, cells_of_points
+from auditor.elements import rig_elements
 from auditor.evidence.comparing import compare_cameras, compare_with_lidar
-from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView, lidar_view
-from auditor.evidence.likeness import Likeness, likeness
 from auditor.evidence.matchers import Matcher
-from auditor.evidence.photometric import coarse, coarse_mask, compare_light
 from auditor.evidence.rectifying import rectification
 from auditor.evidence.reduction import grey, halve
-from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap, stereo_map
+from auditor.evidence.testimony import Testimony, testify
 from auditor.evidence.texture import textured
-from auditor.evidence.visibility import too_near
 from auditor.frames import CameraImage, Frame, PointCloud
 from auditor.identification.local_ratio import local_ratios
-from auditor.results import Cells, Counts
+from auditor.results import Counts
 from auditor.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
@@ -85,14 +81,12 @@ class Bench:
     def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
         """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
         wanted = self._measurable(triples)
-        pairs = {(sensor, triple.k) for triple in wanted for sensor in triple[:2]}
-        everyone = {sensor for triple in wanted for sensor in triple}
-        return tuple(
-            self._ratio(element, attacks)
-            if everyone.issuperset(element.needed) and (element.witness is Witness.LIGHT or element[1:] in pairs)
-            else None
-            for element in self.elements
-        )
+        matched = {(witness, t.k) for t in wanted for witness in t[:2] if witness != LIDAR}
+        cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
+        heard = [self.testimony(i, k, attacks, matched=(i, k) in matched) for i, k in combinations(cameras, 2)]
+        cells = {element: of_it for one in heard for element, of_it in one.cells.items()}
+        shares = {element: share for one in heard for element, share in one.shares.items()}
+        return local_ratios(self.elements, cells, shares)
 
     def forget_attacks(self) -> None:
         """Keep only what was made of clean data."""
@@ -116,53 +110,19 @@ class Bench:
 
         return self.once("counts", triple, attacks, triple, count)
 
-    def _ratio(self, element: Element, attacks: Attacks) -> float | None:
-        witness, i, k = element
+    def testimony(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> Testimony:
+        """What the witnesses say of two cameras i < k under these attacks, and the LiDAR in k's view if it is there.
 
-        def measure() -> float | None:
-            if witness is Witness.EMPTY:
-                return emptiness(self.lidar_view(k, attacks), self._seen.rig.camera(k).width_px)
-            if witness is Witness.LIGHT:
-                near = self._near(i, k, attacks)
-                mask = None if near is None else coarse_mask(near)
-                light = compare_light(coarse(self._half(i, attacks)), coarse(self._half(k, attacks)), mask)
-                return max(light.brighter_i, light.brighter_k)
-            return local_ratios((element,), {element: self._cells(element, attacks)}, {})[0]
+        Without having `matched` them that is only what needs no disparities.
+        """
 
-        return self.once("ratio", element, attacks, (LIDAR, *element.needed), measure)
+        def hear() -> Testimony:
+            halves = {camera: self._half(camera, attacks) for camera in (i, k)}
+            maps = {(i, k): self.stereo_map(i, k, attacks)} if matched else {}
+            views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
+            return testify(halves, maps, views, self._seen.rig)
 
-    def _cells(self, element: Element, attacks: Attacks) -> Cells:
-        if element.witness is Witness.UNLIKE:
-            return cells_of_likeness(
-                self.likeness(element.i, element.k, attacks), self._near(element.i, element.k, attacks)
-            )
-        camera = self._seen.rig.camera(element.k)
-        return cells_of_points(self.adjudication(element.i, element.k, attacks), camera.height_px, camera.width_px)
-
-    def _near(self, i: int, k: int, attacks: Attacks) -> NDArray[np.bool_] | None:
-        """What is too near to be matched; None where nothing tells, or the pair is not matched."""
-        if LIDAR not in self.sensors or Element(Witness.UNLIKE, i, k) not in self.elements:
-            return None
-        view, shape = self.lidar_view(k, attacks), self._half(k, attacks).shape
-        return self.once(
-            "near", (i, k), attacks, (LIDAR,), lambda: too_near(view, self._seen.rig, i, self._matcher.range_px, shape)
-        )
-
-    def likeness(self, i: int, k: int, attacks: Attacks) -> Likeness:
-        """How alike the pictures of a witness and a reference are under these attacks."""
-        return self.once(
-            "likeness",
-            (i, k),
-            attacks,
-            (i, k),
-            lambda: likeness(self._half(k, attacks), self._half(i, attacks), self.stereo_map(i, k, attacks)),
-        )
-
-    def adjudication(self, j: int, k: int, attacks: Attacks) -> Adjudication:
-        """E_{0,j,k} point by point, adjudicated, under these attacks."""
-        halves = self._half(k, attacks), self._half(j, attacks)
-        alike, stereo = self.likeness(j, k, attacks), self.stereo_map(j, k, attacks)
-        return adjudicate(self.lidar_view(k, attacks), stereo, alike, self._seen.rig, j, halves)
+        return self.once("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), hear)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{i,k} under these attacks."""

@@ -7,7 +7,6 @@ import pytest
 
 from auditor.elements import Witness
 from auditor.evaluation.bench import Bench
-from auditor.evidence.cells import cells_of_points
 from auditor.evidence.matchers import find_matcher
 from auditor.identification.local_ratio import WINDOWS, fitted
 from auditor.identification.margins import FLOORS
@@ -46,5 +45,4 @@ def test_exactly_the_elements_of_the_attacked_sensor_are_raised(bench, attacks, 
 def test_sixty_four_beams_need_what_the_window_says(bench):
     window = WINDOWS[Witness.CONTRADICTED]
     for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
-        points = bench.adjudication(1, 3, attacks)
-        assert fitted(window, cells_of_points(points, 375, 1242).valid) == window
+        assert fitted(window, bench.testimony(1, 3, attacks).contradicted[1, 3].valid) == window
