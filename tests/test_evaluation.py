@@ -56,6 +56,7 @@ def attacked_frame(frame, attacks):
 def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
     frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
     bench = Bench(frame, RIG, matcher)
+    found = []
     for size in (0, 1, 2, 3):
         for attacked in combinations(RIG.sensors, size):
             attacks = {s: ATTACKS[s] for s in attacked}
