@@ -25,9 +25,15 @@ def cells_of_points(adjudication: Adjudication, height_px: int, width_px: int) -
     return Cells(valid, against)
 
 
-def cells_of_likeness(pair: Likeness) -> Cells:
-    """Count half-resolution pixels, comparable and unlike: at most 16 a cell."""
-    return Cells(_count(pair.comparable), _count(pair.unlike))
+def cells_of_likeness(pair: Likeness, near: NDArray[np.bool_] | None = None) -> Cells:
+    """Count half-resolution pixels, comparable and unlike: at most 16 a cell.
+
+    Those of `near` (h, w) are left out: there something is too near for the matcher, or hides what the reference sees
+    (`visibility.too_near`).
+    """
+    if near is None:
+        return Cells(_count(pair.comparable), _count(pair.unlike))
+    return Cells(_count(pair.comparable & ~near), _count(pair.unlike & ~near))
 
 
 def _count(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:

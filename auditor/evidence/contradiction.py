@@ -35,7 +35,8 @@ class Adjudication:
     """E_{0,j,k} adjudicated, point by point.
 
     `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): seen by both cameras, with
-    texture, inside the matcher's range. `contradicted` (M,): of those, what the pictures say of the LiDAR is no.
+    texture, and pictures alike enough at stereo's disparity to say yes or no. `contradicted` (M,): of those, what they
+    say of the LiDAR is no.
     """
 
     row: NDArray[np.int32]
@@ -63,7 +64,9 @@ def adjudicate(
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - _RANGE_MARGIN_PX)
     valid &= visible_to_witness(view, rig, witness, d0)
     confident = alike.alike[view.row // 2, view.column // 2]
-    flagged = np.flatnonzero(valid & (confident > _ALIKE) & inconsistent(d0, ds))
+    valid &= confident > _ALIKE
+    over = inconsistent(d0, ds)
+    flagged = np.flatnonzero(valid & over)
     stride = max(-(-flagged.size // MOST_ADJUDICATED), 1)
     sample = flagged[::stride]
     n0 = likeness_at(*halves, view.row[sample] // 2, view.column[sample] // 2, d0[sample] / np.float32(2))
@@ -72,7 +75,7 @@ def adjudicate(
     contradicted = np.zeros(valid.size, dtype=np.bool_)
     # Points lie in row-major order: those left out are neighbours of the one that stands for them.
     contradicted[flagged] = guilty.repeat(stride)[: flagged.size]
-    return Adjudication(view.row, view.column, valid, contradicted)
+    return Adjudication(view.row, view.column, valid & (contradicted | ~over), contradicted)
 
 
 def _merely_hidden(view: LidarView, stereo: StereoMap, rig: Rig, witness: int, sample: NDArray[np.intp]) -> Mask:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.gain import SATURATED, fit_gain
 from auditor.evidence.stereo import StereoMap
 
 _REACH = 3  # patches of 7 x 7
@@ -15,7 +16,12 @@ _AREA = _SIDE * _SIDE
 _PATCH_FLOOR = 9.0  # grey levels, added to each patch's norm: a patch without texture is like nothing
 _TEXTURED = 40.0  # norm of a patch in grey levels: 5.7 a pixel
 _UNLIKE = 0.2
-_NEARBY = (5, 5)
+_BRIGHTER = 40.0  # grey levels, either way
+_NEARBY = np.ones((5, 5), dtype=np.uint8)
+_AROUND_HIDDEN = np.ones((3, 3), dtype=np.uint8)
+_LANDS_LEFT = 2.0  # half-resolution pixels
+_BESIDE = 25  # half-resolution pixels
+_SPARSE = 4
 _OVERSAMPLING = 2
 _HALF = 2
 
@@ -27,9 +33,10 @@ Mask = NDArray[np.bool_]
 class Likeness:
     """A pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
-    `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: there is texture in
-    either picture and the match lies inside the witness's. `unlike`: comparable, and alike nowhere within 5 x 5 pixels:
-    whatever stereo chose there, the two cameras do not see the same thing.
+    `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: both cameras can see
+    what is there, and there is texture in either picture or light that does not saturate. `unlike`: comparable, and
+    whatever stereo chose there, the two cameras do not see the same thing: textures alike nowhere within 5 x 5
+    pixels, or, gain and offset fitted, brightness that nothing within 5 x 5 pixels has.
     """
 
     alike: Floats
@@ -41,7 +48,7 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
     """Warp the witness by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
     height, width = reference.shape
     step = _HALF // stereo.step
-    disparity = stereo.disparity_px[::step, ::step] / np.float32(_HALF)
+    disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(_HALF), stereo.valid[::step, ::step]
     column = np.arange(width, dtype=np.float32) - disparity
     row = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], column.shape)
     warped = cv2.remap(
@@ -52,9 +59,34 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
     norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
     norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
     alike = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _PATCH_FLOOR) * (norm_w + _PATCH_FLOOR))
-    comparable = (np.maximum(norm_r, norm_w) > _TEXTURED) & stereo.valid[::step, ::step]
-    nearby = cv2.dilate(alike, np.ones(_NEARBY, dtype=np.uint8))
-    return Likeness(np.asarray(alike, np.float32), np.asarray(comparable), np.asarray(comparable & (nearby < _UNLIKE)))
+    seen = _inside(valid) & ~_hidden(column)
+    structured = np.maximum(norm_r, norm_w) > _TEXTURED
+    lit, differs = _brightness(mean_r, mean_w)
+    unlike = (structured & (cv2.dilate(alike, _NEARBY) < _UNLIKE)) | (lit & differs)
+    return Likeness(np.asarray(alike, np.float32), np.asarray(seen & (structured | lit)), np.asarray(seen & unlike))
+
+
+def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple[Mask, Mask]:
+    """Where the darker of two pictures is not saturated, and where the reference's brightness is nowhere near."""
+    target, source = (np.asarray(mean[::_SPARSE, ::_SPARSE], dtype=np.float32) for mean in (mean_r, mean_w))
+    gain, offset = fit_gain(target, source)
+    fitted = gain * mean_w + offset
+    beyond = np.maximum(mean_r - cv2.dilate(fitted, _NEARBY), cv2.erode(fitted, _NEARBY) - mean_r)
+    return np.asarray(np.minimum(mean_r, fitted) < SATURATED), np.asarray(beyond > _BRIGHTER)
+
+
+def _inside(valid: Mask) -> Mask:
+    """The valid pixels with no invalid one beside them: there the true match lies outside, and a wrong one is taken."""
+    kernel = np.ones((1, _BESIDE), dtype=np.uint8)
+    eroded = cv2.erode(valid.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(1,))
+    return np.asarray(eroded, dtype=np.bool_)
+
+
+def _hidden(column: Floats) -> Mask:
+    """The pixels that a nearer surface to their right hides from the witness: it lands left of their match."""
+    leftmost = np.minimum.accumulate(np.nan_to_num(column, nan=np.inf)[:, ::-1], axis=1)[:, ::-1]
+    hidden = (column - leftmost > _LANDS_LEFT).astype(np.uint8)
+    return np.asarray(cv2.dilate(hidden, _AROUND_HIDDEN), dtype=np.bool_)
 
 
 def likeness_at(

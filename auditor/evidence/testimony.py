@@ -12,9 +12,10 @@ from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness
-from auditor.evidence.photometric import Light, coarse, compare_light
+from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light
 from auditor.evidence.sectors import emptiness
 from auditor.evidence.stereo import StereoMap
+from auditor.evidence.visibility import too_near
 from auditor.results import Cells
 from auditor.rig import LIDAR, Rig
 
@@ -64,6 +65,12 @@ def testify(
     `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
     grids = {camera: coarse(half) for camera, half in halves.items()}
+    near = {
+        (i, k): too_near(views[k], rig, i, stereo.range_px, halves[k].shape)
+        for (i, k), stereo in maps.items()
+        if k in views
+    }
+    near_cells = {pair: coarse_mask(mask) for pair, mask in near.items()}
     likenesses = {(i, k): likeness(halves[k], halves[i], stereo) for (i, k), stereo in maps.items()}
     adjudications = {
         (j, k): adjudicate(views[k], stereo, likenesses[j, k], rig, j, (halves[k], halves[j]))
@@ -75,8 +82,10 @@ def testify(
             (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
             for (j, k), points in adjudications.items()
         },
-        unlike={pair: cells_of_likeness(map_) for pair, map_ in likenesses.items()},
-        light={(i, k): compare_light(grids[i], grids[k]) for i, k in combinations(sorted(grids), 2)},
+        unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
+        light={
+            (i, k): compare_light(grids[i], grids[k], near_cells.get((i, k))) for i, k in combinations(sorted(grids), 2)
+        },
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,

@@ -1,4 +1,4 @@
-"""Which of a LiDAR's points a witness camera can see too."""
+"""What a witness camera can see too, as the LiDAR has it."""
 
 import cv2
 import numpy as np
@@ -11,6 +11,8 @@ _STEP = 2  # the witness's z-buffer is kept at half resolution
 _WINDOW = (7, 3)  # rows, columns of that buffer
 _BASELINE_M = 0.6
 _HIDDEN_PX = 3.0
+_NEAR_SHARE = 0.9
+_AROUND = (17, 17)  # half-resolution pixels
 
 
 def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -32,3 +34,20 @@ def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[n
     np.maximum.at(nearest, (row, column), nearness)
     nearest = np.asarray(cv2.dilate(nearest, np.ones(_WINDOW, dtype=np.uint8)), dtype=np.float32)
     return np.asarray(inside & (nearest[row, column] - nearness <= _HIDDEN_PX))
+
+
+def too_near(view: LidarView, rig: Rig, witness: int, range_px: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(h, w) half-resolution mask of where something is too near for a matcher, or hides what lies left of it.
+
+    What the LiDAR sees at a disparity of more than nine tenths of `range_px`, 16 px around it, and as far to the left
+    as it can hide something from the witness.
+    """
+    near = view.disparity_px(rig, witness) > _NEAR_SHARE * range_px
+    mask = np.zeros(shape, dtype=np.uint8)
+    if near.any():
+        row, column = view.row[near] // _STEP, view.column[near] // _STEP
+        mask[row, column] = 1
+        mask = np.asarray(cv2.dilate(mask, np.ones(_AROUND, dtype=np.uint8)), dtype=np.uint8)
+        leftward = np.ones((1, range_px // _STEP), dtype=np.uint8)
+        mask = np.asarray(cv2.dilate(mask, leftward, anchor=(0, 0)), dtype=np.uint8)
+    return mask.astype(np.bool_)

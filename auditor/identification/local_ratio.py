@@ -1,4 +1,4 @@
-"""The local ratio: the largest share of inconsistent pixels in any window of the cell grid."""
+"""The local ratio: the largest share of pixels that stand against somebody in any window of the cell grid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,33 +14,33 @@ Grid = NDArray[np.integer]
 
 @dataclass(frozen=True)
 class Window:
-    """A window of `rows` x `columns` cells that counts where it holds at least `fewest_valid` valid pixels."""
+    """A window of `rows` x `columns` cells, to whose pixels `prior` innocent ones are added: few prove little."""
 
     rows: int
     columns: int
-    fewest_valid: int
+    prior: int
 
 
 WINDOWS: Mapping[Witness, Window] = {
-    Witness.CONTRADICTED: Window(rows=10, columns=10, fewest_valid=120),
-    Witness.UNLIKE: Window(rows=7, columns=13, fewest_valid=800),
+    Witness.CONTRADICTED: Window(rows=6, columns=6, prior=40),
+    Witness.UNLIKE: Window(rows=6, columns=8, prior=200),
 }
-"""By witness, of cells of 8 x 8 px: 80 x 80 px of LiDAR points, 56 x 104 px of half-resolution pixels.
+"""By witness, of cells of 8 x 8 px: 48 x 48 px of LiDAR points, 48 x 64 px of half-resolution pixels.
 
-The light and emptiness witnesses bring their own. 120 points are half of what 64 beams usually give; for fewer beams
+The light and emptiness witnesses bring their own. 40 points are half of what 64 beams usually give; for fewer beams
 see `fitted`.
 """
 
-FEWEST_POINTS = 30
-"""Of fewer points a share says little, however few beams there are."""
+SMALLEST_PRIOR = 15
+"""Of points: fewer prove little, however few beams there are."""
 
 _DENSE_QUANTILE = 0.9
-_SHARE_OF_DENSE = 0.4
+_SHARE_OF_DENSE = 0.5
 
 
 @dataclass(frozen=True)
 class LocalRatio:
-    """The largest B / N, and the first cell (row, column) of the window it was found in."""
+    """The largest B / (N + prior), and the first cell (row, column) of the window it was found in."""
 
     ratio: float
     row: int
@@ -48,15 +48,15 @@ class LocalRatio:
 
 
 def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None:
-    """The largest share B / N of valid pixels that stand against somebody over all windows with enough of them.
+    """The largest share B / (N + prior) of pixels that stand against somebody over all windows.
 
-    `valid` and `against` are (rows, columns) counts a cell. None where no window has enough valid pixels.
+    `valid` N and `against` B are (rows, columns) counts a cell. None where no window has as many valid pixels as the
+    prior.
     """
     N, B = _window_sums(valid, window), _window_sums(against, window)
-    enough = window.fewest_valid <= N
-    if not enough.any():
+    if N.max(initial=0) < window.prior:
         return None
-    ratio = np.where(enough, B / np.maximum(N, 1), -1.0)
+    ratio = B / (N + window.prior)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     return LocalRatio(float(ratio[row, column]), int(row), int(column))
 
@@ -83,16 +83,16 @@ def _ratio(element: Element, cells: Cells) -> float | None:
 
 
 def fitted(window: Window, valid: Grid) -> Window:
-    """The window for LiDARs of fewer beams: four tenths of a dense window's count are enough, 30 points at least.
+    """The window for LiDARs of fewer beams: its prior is half of a dense window's count, 15 points at least.
 
     `valid` are the frame's own (rows, columns) counts; dense is the 90th percentile of the windows that hold any, which
-    neither the sky nor an attacked part of the view moves much. It is never made harder than `window`.
+    neither the sky nor an attacked part of the view moves much. The prior is never larger than `window`'s.
     """
     sums = _window_sums(valid, window)
     held = sums[sums > 0]
     dense = float(np.quantile(held, _DENSE_QUANTILE)) if held.size else 0.0
-    fewest = max(round(_SHARE_OF_DENSE * dense), FEWEST_POINTS)
-    return replace(window, fewest_valid=min(fewest, window.fewest_valid))
+    prior = max(round(_SHARE_OF_DENSE * dense), SMALLEST_PRIOR)
+    return replace(window, prior=min(prior, window.prior))
 
 
 def _window_sums(grid: Grid, window: Window) -> NDArray[np.int64]:

@@ -25,3 +25,11 @@ def test_half_resolution_pixels_are_counted_in_fours_and_the_ragged_edge_is_kept
         by_hand = [[mask[4 * r : 4 * r + 4, 4 * c : 4 * c + 4].sum() for c in range(6)] for r in range(4)]
         assert grid.tolist() == by_hand
         assert grid.dtype == np.uint8
+
+
+def test_pixels_of_what_is_too_near_are_left_out():
+    comparable = np.ones((8, 8), dtype=bool)
+    near = np.zeros((8, 8), dtype=bool)
+    near[:, 4:] = True
+    cells = cells_of_likeness(Likeness(np.zeros((8, 8), np.float32), comparable, comparable), near)
+    assert cells.valid.tolist() == cells.against.tolist() == [[16, 0], [16, 0]]

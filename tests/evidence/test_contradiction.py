@@ -56,6 +56,15 @@ def test_a_facula_on_a_camera_contradicts_nothing():
     assert result.contradicted.sum() < 0.01 * result.valid.sum()
 
 
+def test_only_points_that_the_pictures_can_judge_are_valid():
+    images = {n: np.full_like(image, 128) for n, image in plane_images(plane_rig(), DEPTH_M).items()}
+    for n, left in ((1, 100), (3, 120)):
+        images[n][:, left : left + 100] = plane_images(plane_rig(), DEPTH_M)[3][:, 120:220]
+    result = judged(plane_cloud(DEPTH_M), images)
+    assert result.valid[(result.column > 130) & (result.column < 210)].mean() > 0.9
+    assert not result.valid[result.column > 235].any()
+
+
 def test_points_beyond_the_matcher_s_range_are_not_valid():
     near = judged(plane_cloud(1.4))  # 300 px 0.6 m / 1.4 m = 129 px
     assert not near.valid.any()

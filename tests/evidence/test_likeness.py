@@ -25,7 +25,8 @@ def halves():
 def test_pictures_of_one_plane_are_alike_at_its_disparity(halves):
     pair = likeness(*halves, flat_map(20))
     assert np.median(pair.alike[:, 20:]) > 0.9
-    assert pair.comparable[:, 10:].all()
+    assert pair.comparable[:, 22:].all()
+    assert not pair.comparable[:, :22].any()  # ten without a match, and twelve beside them
     assert not pair.unlike.any()
 
 
@@ -50,11 +51,31 @@ def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(h
     assert not pair.unlike[:, 125:].any()
 
 
-def test_where_neither_has_texture_nothing_is_compared():
-    grey = np.full((60, 160), 128, dtype=np.uint8)
+@pytest.mark.parametrize(("level", "comparable"), [(128, True), (255, False)])
+def test_without_texture_light_is_compared_unless_it_saturates(level, comparable):
+    grey = np.full((60, 160), level, dtype=np.uint8)
     pair = likeness(grey, grey, flat_map(20))
-    assert not pair.comparable.any()
+    assert pair.comparable[:, 22:].all() == comparable
     assert not pair.unlike.any()
+
+
+@pytest.mark.parametrize("added", [60, -60])
+@pytest.mark.parametrize("brighter", [0, 1])
+def test_light_or_darkness_that_only_one_camera_sees_is_unlike_where_there_is_no_texture(brighter, added):
+    shade = np.tile(np.linspace(80, 160, 60, dtype=np.float32)[:, None], (1, 160)).astype(np.uint8)
+    pair = [shade, shade.copy()]
+    pair[brighter][20:45, 60:110] += np.uint8(added % 256)
+    found = likeness(*pair, flat_map(0)).unlike
+    assert found[26:39, 66:104].all()
+    assert not found[:, 120:].any()
+
+
+def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(halves):
+    stereo = flat_map(20)
+    stereo.disparity_px[:, 90:120] = 80  # lands at columns 50 to 80: what lies there at a disparity of 20 is hidden
+    comparable = likeness(*halves, stereo).comparable
+    assert not comparable[:, 62:90].any()
+    assert comparable[:, 125:].all()
 
 
 def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_not_unlike(halves):

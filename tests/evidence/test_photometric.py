@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence.photometric import coarse, compare_light
+from auditor.evidence.photometric import coarse, coarse_mask, compare_light
 
 HEIGHT, WIDTH, SHIFT = 188, 621, 20
 
@@ -57,3 +57,10 @@ def test_light_that_lies_elsewhere_in_the_other_picture_within_its_reach_is_the_
     i, k = pair
     both = compare_light(coarse(facula(i, 2000, radius=30)), coarse(facula(k, 2000, radius=30, centre=(90, 320))))
     assert both.brighter_i == 0.0
+
+
+def test_what_is_too_near_is_not_looked_at(pair):
+    i, k = pair
+    near = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    near[20:160, 200:420] = True
+    assert compare_light(coarse(facula(i, 255)), coarse(k), coarse_mask(near)).brighter_i == 0.0

@@ -1,8 +1,9 @@
 import numpy as np
 
-from auditor.evidence.lidar import LidarView
-from auditor.evidence.visibility import visible_to_witness
-from tests.evidence.scenes import FOCAL, plane_rig
+from auditor.evidence.lidar import LidarView, lidar_view
+from auditor.evidence.visibility import too_near, visible_to_witness
+from auditor.frames import PointCloud
+from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
 
 
 def view_of(columns, rows, depths):
@@ -38,3 +39,19 @@ def test_the_scale_is_that_of_a_baseline_of_sixty_centimetres():
     # At a baseline of 0.3 m the same two points differ by half as many pixels; what hides them does not change.
     view, d0 = view_of([145, 170], [60, 60], [18, 3])
     assert visible_to_witness(view, plane_rig(), 2, d0 / 2).tolist() == [False, True]
+
+
+def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked():
+    cloud = plane_cloud(1.5)  # 300 px 0.6 m / 1.5 m = 120 px
+    right = cloud[:, 1] < -0.2
+    view = lidar_view(PointCloud(0, cloud[right]), plane_rig(), 3)
+    mask = too_near(view, plane_rig(), 1, 128, (HEIGHT // 2, WIDTH // 2))
+    edge = int(view.column.min()) // 2
+    assert mask[30, edge + 4 :].all()
+    assert mask[30, edge - 60 : edge].all()
+    assert not mask[:, : edge - 75].any()
+
+
+def test_nothing_is_masked_where_everything_can_be_matched():
+    view = lidar_view(PointCloud(0, plane_cloud(2.0)), plane_rig(), 3)  # 90 px
+    assert not too_near(view, plane_rig(), 1, 128, (HEIGHT // 2, WIDTH // 2)).any()
