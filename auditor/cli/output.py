@@ -113,7 +113,9 @@ def progress(total: int, what: str) -> Iterator[tuple[Callable[[object, str, int
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=total, frames=0)
 
-        def advanced(item: object, _what: str, done: int) -> None:
+        def advanced(item: object, what: str, done: int) -> None:
+            if done == 0:
+                console.print(shown(f"{item}: {what}"), soft_wrap=True)
             frames[item] = done
             bar.update(task, frames=sum(frames.values()))
 

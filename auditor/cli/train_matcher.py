@@ -65,7 +65,7 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 )
 @click.option("--batch", type=int, default=4, show_default=True, help="Windows in one step.")
 @click.option("--steps", type=int, default=2000, show_default=True, help="Steps in all.")
-@click.option("--learning-rate", type=float, default=2e-3, show_default=True, help="The largest one of its schedule.")
+@click.option("--learning-rate", type=float, default=4e-3, show_default=True, help="The largest one of its schedule.")
 @click.option(
     "--validate-every", type=int, default=100, show_default=True, help="Steps from one checkpoint to the next."
 )

@@ -28,7 +28,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 Progress = Callable[[str, int], None]
-"""Called with what is being done and how many frames are done."""
+"""Called with what is being done and how many frames are done; with none done yet, it is a remark for people."""
 
 _POLL_S = 0.1
 _PRELOADED = ["auditor.pipeline"]

@@ -12,6 +12,7 @@ from auditor import __version__
 from auditor.errors import RecordingError
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.scoring import Sample
+from auditor.evidence.rectifying import rectification
 from auditor.frames import Frame
 from auditor.lab.drives import SyntheticDrive, make_drive
 from auditor.lab.streets import STYLES
@@ -101,7 +102,9 @@ def pair_of(number: int, rig: Rig) -> Pair:
 
 
 def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
-    """The sample of a frame, its disparities those of the LiDAR's points; None where a sensor is not there."""
+    """The sample of a frame, rectified, its disparities those of the LiDAR's points; None where a sensor is missing."""
+    seen = rectification(rig)
+    frame, rig = seen.frame(frame), seen.rig
     i, k = pair_of(frame.number, rig)
     if frame.cloud is None or not {i, k} <= set(frame.images):
         return None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WEIGHTS = "psmnet.safetensors"
 CURVE = "curve.csv"
 
-_VALIDATED = 40
+_VALIDATED = 24
 """Samples of each kind that are looked at for a point of the curve, at most."""
 
 

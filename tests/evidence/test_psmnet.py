@@ -17,7 +17,7 @@ from auditor.evidence.matchers.psmnet.inference import Engine, make_engine  # no
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
-from auditor.evidence.measuring import measure  # noqa: E402
+from auditor.evidence.measuring import measure, measure_stream  # noqa: E402
 from tests.evidence.psmnet_networks import SMALL, noise, ruled_state  # noqa: E402
 from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
@@ -257,6 +257,30 @@ def test_a_frame_is_measured_with_each_image_looked_at_once(monkeypatch) -> None
     assert sum(counts) == 3
     assert all(count is not None and count.valid_px > 0 for count in measurement.counts)
     assert all(measurement.coverage[camera].unmatched_share in (None, 0.0) for camera in (1, 2, 3))
+
+
+def test_frames_in_batches_have_the_disparities_of_single_ones_also_when_memory_runs_out(monkeypatch) -> None:
+    rig = plane_rig()
+    frames = [plane_frame(rig, depth_m) for depth_m in (6.0, 9.0, 12.0)]
+    plain = [measure(frame, rig, PsmnetMatcher(weights()))[1].maps for frame in frames]
+    matcher = PsmnetMatcher(weights())
+    matcher.batch = 8  # as on a GPU
+    really, sizes = Engine.disparities, []
+
+    def small(engine, left, right, size):
+        sizes.append(len(left))
+        if len(left) > 2:
+            raise torch.OutOfMemoryError
+        return really(engine, left, right, size)
+
+    monkeypatch.setattr(Engine, "disparities", small)
+    batched = [evidence.maps for _, evidence in measure_stream(iter(frames), rig, matcher)]
+    assert sizes == [6, 3, 1, 1, 1, 1, 1, 1]  # all six pairs, half of them, half of that for good
+    assert matcher.pairs_at_once == 1
+    for one, other in zip(batched, plain, strict=True):
+        assert one.keys() == other.keys()
+        for pair, stereo in one.items():
+            assert np.abs(stereo.disparity_px - other[pair].disparity_px).max() < 1e-3
 
 
 def test_no_pointwise_convolution_is_strided() -> None:

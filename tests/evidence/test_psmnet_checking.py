@@ -3,7 +3,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from auditor.evidence.matchers import SgbmMatcher, foretell  # noqa: E402
+from auditor.evidence.matchers.psmnet import foretelling  # noqa: E402
 from auditor.evidence.matchers.psmnet.checking import check_precision, check_scale, first_frames_warnings  # noqa: E402
+from auditor.evidence.matchers.psmnet.cost import Cost  # noqa: E402
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
@@ -60,6 +63,15 @@ def test_a_scale_that_no_convention_explains_is_noticed_too() -> None:
     assert "calibration" in check.warning
 
 
+def test_at_half_resolution_the_conventions_are_told_apart_in_the_networks_pixels() -> None:
+    levels = LEVELS[LEVELS < 23]
+    truth = 2 * disparities_of(levels, True, 96)  # a network for 96 px of its own, 192 of the image
+    pairs = [(2 * disparities_of(levels, False, 96), lidar(seed, truth)) for seed in range(2)]
+    found = check_scale(pairs, align_corners=False, max_disparity=192, step=2)
+    assert found.other_residual_px < 0.6 < found.residual_px
+    assert "align_corners=True" in found.warning
+
+
 def test_too_few_pixels_say_nothing() -> None:
     assert check_scale([], align_corners=True, max_disparity=192) is None
     assert check_scale([(np.ones(499), np.full(499, 20.0))], align_corners=True, max_disparity=192) is None
@@ -109,3 +121,17 @@ def test_a_lower_precision_is_checked_on_the_first_frame(monkeypatch) -> None:
     rig = plane_rig()
     (warning,) = first_frames_warnings(matcher, rig, [plane_frame(rig)])
     assert "bf16 changes PSMNet's disparities" in warning
+
+
+def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypatch) -> None:
+    rig = plane_rig((0.6, 0.3, 0.0))
+    state = ruled_state(4)
+    matcher = PsmnetMatcher(Weights(state, 4, content_sha256(state), True, 64, ""))
+    monkeypatch.setattr(foretelling, "frame_cost", lambda matcher, size: Cost(0.5, 2.0, "cuda:0", 1))
+    monkeypatch.setattr(
+        foretelling, "first_frames_warnings", lambda matcher, rig, frames: (f"{len(frames)} looked at",)
+    )
+    said = foretell(matcher, rig, [plane_frame(rig)], 7200)
+    # Three images, and two pairs in the view of the leftmost.
+    assert said == ("psmnet on cuda:0: about 5.5 s a frame, 11.0 h for 7200 frames", "1 looked at")
+    assert foretell(SgbmMatcher(), rig, [plane_frame(rig)], 7200) == ()

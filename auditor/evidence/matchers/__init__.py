@@ -1,6 +1,6 @@
 """Stereo matchers: two rectified images become a disparity map."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -10,6 +10,8 @@ from auditor.errors import SettingError
 from auditor.evidence.matchers.interface import Matcher, libraries
 from auditor.evidence.matchers.options import MatcherOptions
 from auditor.evidence.matchers.sgbm import SgbmMatcher
+from auditor.frames import Frame
+from auditor.rig import Rig
 
 _NO_OPTIONS = MatcherOptions()
 
@@ -74,6 +76,16 @@ def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
     return open_torchscript(path, device=options.device, threads=options.threads)
 
 
+def foretell(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
+    """What a network says before it measures `count` frames, from the first of them: its cost, and what looks wrong.
+
+    Matchers that are no networks of this package say nothing.
+    """
+    if matcher.name != "psmnet":
+        return ()
+    return tuple(psmnet_module("foretelling").foretell(matcher, rig, first, count))
+
+
 def psmnet_module(name: str) -> ModuleType:
     """A module of PSMNet's, such as `weights` or `training`. Raises SettingError where its packages are missing."""
     try:
@@ -103,6 +115,7 @@ __all__ = [
     "MatcherOptions",
     "SgbmMatcher",
     "find_matcher",
+    "foretell",
     "libraries",
     "psmnet_module",
 ]

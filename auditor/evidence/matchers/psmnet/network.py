@@ -34,7 +34,7 @@ def _relu() -> nn.ReLU:
     return nn.ReLU(inplace=True)
 
 
-class _Residual(nn.Module):
+class Residual(nn.Module):
     """Two convolutions beside a shortcut; no ReLU after the sum."""
 
     def __init__(self, inputs: int, outputs: int, stride: int, dilation: int) -> None:
@@ -45,6 +45,7 @@ class _Residual(nn.Module):
         self.stride = stride
 
     def forward(self, x: Tensor) -> Tensor:
+        """(B, outputs, H / stride, W / stride) from (B, inputs, H, W)."""
         # Strided by hand: oneDNN 3.12 writes past its memory in the backward pass of strided 1 x 1 convolutions of 8
         # channels laid out last.
         shortcut: Tensor = x if self.downsample is None else self.downsample(x[..., :: self.stride, :: self.stride])
@@ -53,8 +54,8 @@ class _Residual(nn.Module):
 
 
 def _residuals(inputs: int, outputs: int, count: int, stride: int = 1, dilation: int = 1) -> nn.Sequential:
-    rest = (_Residual(outputs, outputs, 1, dilation) for _ in range(count - 1))
-    return nn.Sequential(_Residual(inputs, outputs, stride, dilation), *rest)
+    rest = (Residual(outputs, outputs, 1, dilation) for _ in range(count - 1))
+    return nn.Sequential(Residual(inputs, outputs, stride, dilation), *rest)
 
 
 class _Pool(nn.Module):

@@ -25,7 +25,7 @@ from auditor.evidence.matchers.psmnet.checkpoints import (
 )
 from auditor.evidence.matchers.psmnet.crops import crops
 from auditor.evidence.matchers.psmnet.inference import Engine, Image, seen
-from auditor.evidence.matchers.psmnet.network import MULTIPLE, PSMNet
+from auditor.evidence.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
 from auditor.evidence.matchers.scoring import Sample, score
 
 _OUTPUT_WEIGHTS = (0.5, 0.7, 1.0)
@@ -160,8 +160,30 @@ def _started(settings: TrainingSettings) -> Run:
         if isinstance(layer, nn.Conv2d | nn.Conv3d | nn.ConvTranspose3d):
             spread = math.sqrt(2 / (math.prod(layer.kernel_size) * layer.out_channels))
             nn.init.normal_(layer.weight, 0.0, spread, generator=generator)
+    _compare_from_the_start(network, settings.width)
     network.to(settings.device)
     return Run(settings, network, torch.optim.Adam(network.parameters(), lr=settings.learning_rate))
+
+
+def _compare_from_the_start(network: PSMNet, width: int) -> None:
+    """Let the network begin as a short one that compares, instead of as a deep one that guesses.
+
+    The first layer over the volume begins with f_L - f_R and its opposite, which after ReLU are what a matching cost is
+    made of; and all that is added to a shortcut (residuals, hourglasses) begins at zero, as Goyal et al. do. Otherwise
+    a small network does no more than learn the mean disparity for its first thousand steps.
+    """
+    first = next(layer for layer in network.dres0.modules() if isinstance(layer, nn.Conv3d))
+    with torch.no_grad():
+        first.weight *= 0.1
+        for output in range(width):
+            feature, sign = output // 2, 1.0 - 2.0 * (output % 2)
+            first.weight[output, feature, 1, 1, 1] += sign
+            first.weight[output, width + feature, 1, 1, 1] -= sign
+    hourglasses = (network.dres2, network.dres3, network.dres4)
+    residuals = (module for module in network.modules() if isinstance(module, Residual))
+    for added in (network.dres1, *(one.conv6 for one in hourglasses), *(one.conv2 for one in residuals)):
+        *_, last = (layer for layer in added.modules() if isinstance(layer, nn.BatchNorm2d | nn.BatchNorm3d))
+        nn.init.zeros_(last.weight)
 
 
 def _check(settings: TrainingSettings) -> None:

@@ -1,0 +1,55 @@
+"""Networks as matchers from the command line: told what they cost, written down with what they ran on."""
+
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+torch = pytest.importorskip("torch")
+
+from auditor.cli import auditor  # noqa: E402
+from auditor.store import Store, run_sql  # noqa: E402
+from tests.evidence.psmnet_networks import ruled_state  # noqa: E402
+from tests.small_drives import write_drive  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads that wait for one another on a busy machine cost seconds."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", 5, positions_m=(0.6, 0.3, 0.0))
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("weights") / "tiny.pt"
+    said = {"align_corners": True, "max_disparity": 64, "step": 2, "colour": False}
+    torch.save({"state_dict": ruled_state(2), "psmnet": said}, path)
+    return path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(auditor, [str(argument) for argument in arguments], standalone_mode=False)
+
+
+def versions(store: Path) -> dict[str, dict[str, str]]:
+    rows = run_sql(Store.open(store), "SELECT matcher, versions FROM measurements").to_pylist()
+    return {row["matcher"]: dict(row["versions"]) for row in rows}
+
+
+def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path, weights: Path, tmp_path: Path) -> None:
+    store = tmp_path / "audit"
+    for matcher in (("sgbm",), ("psmnet", "--weights", weights)):
+        done = run("scan", drive, "--measure-only", "--store", store, "--jobs", 1, "--matcher", *matcher)
+        assert done.exception is None, done.stderr
+        assert ("psmnet on cpu" in done.stderr) == (matcher[0] == "psmnet")
+    assert "s for 5 frames" in done.stderr
+    assert "off scale" in done.stderr  # untrained as it is
+    found = versions(store)
+    assert found["psmnet"]["torch"] == torch.__version__
+    assert "torch" not in found["sgbm"]
