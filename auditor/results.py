@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element
 from auditor.frames import Presence
+from auditor.regions import Region
+from auditor.symptoms import Pair, PairSymptoms
 
 COUNTING_VERSION = 2
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
@@ -85,7 +87,8 @@ class Measurement:
     """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
 
     `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself (light and
-    emptiness). `fingerprints` tell by sensor whether its data change from frame to frame.
+    emptiness). `fingerprints` tell by sensor whether its data change from frame to frame, `symptoms` by matched pair
+    what speaks for a fault. `regions` are the portions of sensors that would be damaged, were they attacked.
     """
 
     number: int
@@ -96,6 +99,8 @@ class Measurement:
     cells: Mapping[Element, Cells] = field(default_factory=dict)
     shares: Mapping[Element, float] = field(default_factory=dict)
     fingerprints: Mapping[int, int] = field(default_factory=dict)
+    symptoms: Mapping[Pair, PairSymptoms] = field(default_factory=dict)
+    regions: tuple[Region, ...] = ()
 
 
 class VerdictKind(StrEnum):

@@ -19,7 +19,7 @@ ABSENT = -1
 """The fingerprint of a sensor that was not there."""
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
-_COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
+_COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
 _PIXELS = {
     Statistic.PLAIN: ("valid_px", "inconsistent_px"),
     Statistic.GATED: ("gated_valid_px", "gated_inconsistent_px"),
@@ -97,6 +97,24 @@ def read_ratios(path: Path, rig: Rig) -> FrameRatios:
         states=_texts(table["state"], F * S, path).reshape(F, S),
         fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
     )
+
+
+def read_coverage(
+    path: Path, rig: Rig, names: Sequence[str]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
+    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL or not there.
+
+    Raises StoreError.
+    """
+    table = _measured(path, ["frame", "stamp_ns", *names])
+    shape = len(table), len(rig.sensors)
+    values = {
+        name: np.full(shape, np.nan)
+        if table[name].null_count
+        else _floats(table[name], shape[0] * shape[1], path).reshape(shape)
+        for name in names
+    }
+    return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 
 def _measured(path: Path, columns: Sequence[str]) -> pa.Table:

@@ -1,7 +1,7 @@
 """The frames of one measurement on their way into the store, one at a time."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from auditor.errors import StoreError
@@ -11,19 +11,23 @@ from auditor.rig import Rig
 from auditor.store.cell_rows import cell_rows
 from auditor.store.frame_rows import measured_row, skipped_row
 from auditor.store.records import MeasurementRecord
+from auditor.store.region_rows import region_rows
 from auditor.store.rows import measurement_row
+from auditor.store.symptom_rows import symptom_rows
 from auditor.store.tables import TableWriter, write_rows
+
+WRITTEN = ("cells", "symptoms", "regions", "frames")
+"""The tables that a measurement fills, in the order in which they are finished."""
 
 
 class FramesWriter:
     """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
 
-    def __init__(self, measurement_id: str, rig: Rig, table: TableWriter, cells: TableWriter, manifest: Path) -> None:
+    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], manifest: Path) -> None:
         self._manifest = manifest
         self._measurement_id = measurement_id
         self._rig = rig
-        self._table = table
-        self._cells = cells
+        self._tables = tables
         self._measured = 0
         self._skipped: Counter[str] = Counter()
         self._first_stamp_ns: int | None = None
@@ -35,24 +39,29 @@ class FramesWriter:
         return self._measured
 
     def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
-        """Take a measured frame, its cells too, with its local ratios, in the order of `rig_elements(rig)`.
+        """Take a measured frame and all that goes with it; its local ratios in the order of `rig_elements(rig)`.
 
         Raises StoreError where they do not fit the rig.
         """
-        self._table.add(measured_row(self._measurement_id, frame, ratios, self._rig))
-        for row in cell_rows(self._measurement_id, frame.number, frame.cells, self._rig):
-            self._cells.add(row)
+        measurement_id = self._measurement_id
+        self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig))
+        for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
+            self._tables["cells"].add(row)
+        for row in symptom_rows(measurement_id, frame.number, frame.symptoms):
+            self._tables["symptoms"].add(row)
+        for row in region_rows(measurement_id, frame.number, frame.regions):
+            self._tables["regions"].add(row)
         self._measured += 1
         self._note(frame.stamp_ns)
 
     def skip(self, tick: Skipped) -> None:
         """Take a tick without a frame."""
-        self._table.add(skipped_row(self._measurement_id, tick))
+        self._tables["frames"].add(skipped_row(self._measurement_id, tick))
         self._skipped[tick.reason] += 1
         self._note(tick.stamp_ns)
 
     def commit(self, measurement: MeasurementRecord) -> None:
-        """Put the frames and cells in their place, then write the row that makes the measurement finished.
+        """Put all tables in their place, then write the row that makes the measurement finished.
 
         Raises StoreError where the record is of another measurement.
         """
@@ -61,8 +70,8 @@ class FramesWriter:
                 f"the record is of measurement {measurement.measurement_id}",
                 where=f"measurement {self._measurement_id}",
             )
-        self._cells.commit()
-        self._table.commit()
+        for table in WRITTEN:
+            self._tables[table].commit()
         row = {
             **measurement_row(measurement),
             "frames": self._measured + self._skipped.total(),

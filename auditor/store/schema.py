@@ -20,6 +20,8 @@ TABLES = (
     "measurements",
     "frames",
     "cells",
+    "symptoms",
+    "regions",
     "calibrations",
     "judgements",
     "verdicts",

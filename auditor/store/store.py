@@ -3,18 +3,19 @@
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
 
 from auditor.errors import StoreError
+from auditor.regions import Region
 from auditor.results import FINDINGS, AttackLabel, Method, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.cell_rows import FrameCells, read_cells
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
 from auditor.store.frame_rows import read_errors, read_ratios
-from auditor.store.frames_writer import FramesWriter
+from auditor.store.frames_writer import WRITTEN, FramesWriter
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
     FrameErrors,
@@ -24,6 +25,7 @@ from auditor.store.records import (
     StoredJudgement,
     StoredMeasurement,
 )
+from auditor.store.region_rows import read_regions
 from auditor.store.rows import (
     element_rows,
     judgement_row,
@@ -34,6 +36,7 @@ from auditor.store.rows import (
     verdict_row,
 )
 from auditor.store.schema import SCHEMA_VERSION, TABLES
+from auditor.store.symptom_rows import FrameSymptoms, read_symptoms
 from auditor.store.tables import newer_version, read_rows, write_rows, writing
 from auditor.thresholds import Calibration
 
@@ -42,6 +45,8 @@ _FORMAT = "auditor store"
 MANIFESTS = {
     "frames": "measurements",
     "cells": "measurements",
+    "symptoms": "measurements",
+    "regions": "measurements",
     "verdicts": "judgements",
     "cases": "evaluations",
     "object_cases": "object_evaluations",
@@ -158,11 +163,9 @@ class Store:
     @contextmanager
     def frames_writer(self, measurement_id: str, rig: Rig) -> Iterator[FramesWriter]:
         """Write the frames of a measurement; without a `commit` inside the block, nothing of them stays."""
-        with (
-            writing("frames", self.path("frames", measurement_id)) as frames,
-            writing("cells", self.path("cells", measurement_id)) as cells,
-        ):
-            yield FramesWriter(measurement_id, rig, frames, cells, self.path("measurements", measurement_id))
+        with ExitStack() as stack:
+            tables = {table: stack.enter_context(writing(table, self.path(table, measurement_id))) for table in WRITTEN}
+            yield FramesWriter(measurement_id, rig, tables, self.path("measurements", measurement_id))
 
     def has_measurement(self, measurement_id: str) -> bool:
         """True where a measurement was finished."""
@@ -190,6 +193,15 @@ class Store:
         """The counts of a finished measurement on their grids, frame by frame: enough to work out local ratios anew."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_cells(self.path("cells", measurement_id), rig)
+
+    def load_symptoms(self, measurement_id: str) -> FrameSymptoms:
+        """The symptoms of a finished measurement's frames; all NaN where it is older than they are."""
+        rig = self.rig(self.measurement(measurement_id).rig_id)
+        return read_symptoms(self.path("frames", measurement_id), self.path("symptoms", measurement_id), rig)
+
+    def load_regions(self, measurement_id: str, frame: int) -> list[Region]:
+        """The portions of a frame's sensors that would be damaged, were they attacked."""
+        return read_regions(self.path("regions", measurement_id), frame)
 
     # Calibrations and judgements
 
@@ -266,10 +278,10 @@ class Store:
     def finished_paths(self, table: str) -> list[Path]:
         """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names.
 
-        Measurements of older versions have no cells.
+        Measurements of older versions have only their frames.
         """
         paths = [self.path(table, row_id) for row_id in self.ids(table)]
-        if table == "cells":
+        if table in WRITTEN[:-1]:
             return [path for path in paths if path.is_file()]
         for path in paths:
             if not path.is_file():

@@ -1,0 +1,6 @@
+-- One row a measured frame and matched camera pair: what tells a fault from an attack.
+--
+-- column frame: Number of the frame within the recording.
+-- column i: The witness camera.
+-- column k: The reference camera.
+SELECT * FROM stored_symptoms
