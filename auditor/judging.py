@@ -13,6 +13,7 @@ from auditor.elements import rig_elements
 from auditor.errors import ThresholdsError
 from auditor.frames import SensorState
 from auditor.identification.accusing import System
+from auditor.identification.local_ratio import local_ratios
 from auditor.identification.robust import Heard, judge_heard
 from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
 from auditor.identification.thresholds import check_calibration, thresholds_at
@@ -82,6 +83,21 @@ def _clean_frames(store: Store, known: str, recording_id: str, rig: Rig, frames:
         },
         dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
     )
+
+
+def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
+    """(F, M) local ratios worked out anew from the stored cells, as a scan works them out from the images.
+
+    For measurements made before windows were changed. Light and emptiness have no cells and stay as they were measured.
+    """
+    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
+    stored = store.load_ratios(measurement)
+    ratios, row_of = stored.ratios.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
+    for frame, cells in store.load_cells(measurement):
+        columns = [column for column, element in enumerate(elements) if element in cells]
+        found = local_ratios([elements[column] for column in columns], cells, {})
+        ratios[row_of[frame], columns] = np.array(found, dtype=np.float64)
+    return ratios
 
 
 def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
