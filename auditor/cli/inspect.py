@@ -10,7 +10,7 @@ import click
 from auditor.cli import options
 
 if TYPE_CHECKING:
-    from auditor.recordings import Recording
+    from auditor.recordings import Health, Recording
     from auditor.rig import Rig
 
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 )
 def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> int:
     """Read recordings through and tell their topics, their health, the rigs in them and what these can identify.
+
+    Where the messages of each sensor went adds up: read = used + unused + damaged + skipped.
 
     \b
     auditor inspect night.mcap
@@ -51,7 +53,7 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
             tally.failed = True
             continue
         tally.audited |= bool(description["rigs"])
-        tally.incomplete |= bool(description["damage"]) or not description["rigs"]
+        tally.incomplete |= bool(description["damage"]) or not description["rigs"] or _has_damaged(description)
         descriptions.append(description)
         if form == "table":
             _show(description)
@@ -62,7 +64,14 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
 
 def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
     from auditor.errors import RigError  # noqa: PLC0415
-    from auditor.recordings import find_rigs, open_recording, survey, write_rig  # noqa: PLC0415
+    from auditor.recordings import (  # noqa: PLC0415
+        find_rigs,
+        look_through,
+        open_recording,
+        survey,
+        synchronise,
+        write_rig,
+    )
 
     with open_recording(path) as recording:
         surveyed = survey(recording)
@@ -74,8 +83,10 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
             missing = error.what
         if rigs and rig_file:
             write_rig(rigs[0], rig_file)
-        for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
-            pass
+        described = [_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)) for rig in rigs]
+        if not rigs:
+            for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
+                pass
         return {
             "recording": str(path),
             "recording_id": recording.recording_id,
@@ -85,9 +96,13 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
             "topics": list(_topics(recording, rigs)),
             "damage": [str(piece) for piece in recording.damage],
             "problems": list(surveyed.problems),
-            "rigs": [_rig(rig) for rig in rigs],
+            "rigs": described,
             "missing": missing,
         }
+
+
+def _has_damaged(description: dict[str, Any]) -> bool:
+    return any(sensor["damaged"] for rig in description["rigs"] for sensor in rig["sensors"])
 
 
 def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[str, Any]]:
@@ -101,7 +116,7 @@ def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[st
         }
 
 
-def _rig(rig: "Rig") -> dict[str, Any]:
+def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     leftmost = rig.cameras[-1]
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
@@ -123,7 +138,29 @@ def _rig(rig: "Rig") -> dict[str, Any]:
         "kind": str(rig.kind),
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
-        "sensors": sensors,
+        "frames": health.frames,
+        "skipped": dict(health.skipped),
+        "clock_jumps": health.clock_jumps,
+        "period_ms": health.period_ns / 1e6,
+        "sensors": [
+            {**sensor, **_sensor_health(health, number)} for sensor, number in zip(sensors, rig.sensors, strict=True)
+        ],
+    }
+
+
+def _sensor_health(health: "Health", sensor: int) -> dict[str, Any]:
+    one = health.sensors[sensor]
+    balance = one.balance
+    return {
+        "read": balance.read,
+        "used": balance.used,
+        "unused": balance.unused,
+        "damaged": balance.damaged,
+        "skipped": dict(sorted(balance.skipped.items())),
+        "present": one.present,
+        "from_s": None if one.first_ns is None or health.first_ns is None else (one.first_ns - health.first_ns) / 1e9,
+        "to_s": None if one.last_ns is None or health.first_ns is None else (one.last_ns - health.first_ns) / 1e9,
+        "offset_ms": one.offset_ns / 1e6,
     }
 
 
@@ -142,10 +179,26 @@ def _show(description: dict[str, Any]) -> None:
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
         print_rows(rows, columns, title=f"Rig {rig['kind']}")
         click.echo(f"  {_ability(rig)}\n")
+        counted = ("sensor", "read", "used", "unused", "damaged", "skipped", "present", "from_s", "to_s", "offset_ms")
+        print_rows(
+            [
+                {column: sensor[column] if sensor[column] != {} else None for column in counted}
+                for sensor in rig["sensors"]
+            ],
+            counted,
+            title="Messages, presence, and offset to the leftmost camera",
+        )
+        click.echo(shown(f"  {_frames(rig)}\n"))
     for remark in (*description["problems"], *(f"damaged: {piece}" for piece in description["damage"])):
         click.echo(shown(f"  {remark}"))
     if description["missing"]:
         click.echo(shown(f"  {description['missing']}"))
+
+
+def _frames(rig: dict[str, Any]) -> str:
+    lost = [f"{count} without enough sensors ({reason})" for reason, count in rig["skipped"].items()]
+    jumps = [f"the clock jumped back {rig['clock_jumps']} times"] if rig["clock_jumps"] else []
+    return "; ".join([f"{rig['frames']} frames, one each {rig['period_ms']:.0f} ms", *lost, *jumps])
 
 
 def _ability(rig: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from auditor.recordings.converting import ConvertReport, convert, rewrite
 from auditor.recordings.finding import Found, find_recordings
+from auditor.recordings.health import Health, look_through
 from auditor.recordings.interface import Damage, Reader, Recording, Topic
 from auditor.recordings.opening import open_recording
 from auditor.recordings.origin import Origin
@@ -18,6 +19,7 @@ __all__ = [
     "Found",
     "FoundRigs",
     "FrameStream",
+    "Health",
     "Origin",
     "Reader",
     "Recording",
@@ -28,6 +30,7 @@ __all__ = [
     "find_recordings",
     "find_rigs",
     "look_for_rigs",
+    "look_through",
     "open_recording",
     "read_path",
     "read_rig",
