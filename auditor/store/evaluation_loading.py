@@ -9,6 +9,7 @@ import auditor
 from auditor.errors import StoreError
 from auditor.rig import Rig
 from auditor.store.evaluation_answers import CURVE_RATES, R_SHOWN, SHORT_ROLES, Answers, Rows, names, size_of, subsets
+from auditor.store.evaluation_objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.store.evaluation_page import Evaluated, EvaluationPage, Setup
 from auditor.store.evaluation_sheets import sheets
 from auditor.store.evaluation_tables import described, grids
@@ -36,6 +37,8 @@ def load_evaluation(store: Store) -> EvaluationPage:
             "distribution": {},
             "confusion": {},
             "further": {},
+            "objects": {"r": list(OBJECT_RATES)},
+            "average_precision": {},
         }.items()
     }
     by_setup: dict[str, Rows] = defaultdict(list)
@@ -76,8 +79,8 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
         seeds=tuple(sorted({part["seed"] for part in drawn})),
         lidar=rig.lidar is not None,
         max_attacked=rig.max_attacked,
-        grids={name: tuple(grids) for name, grids in grids(found).items()},
-        sheets={name: tuple(sheets) for name, sheets in sheets(found).items()},
+        grids={name: tuple(tables) for name, tables in (grids(found) | object_grids(found)).items()},
+        sheets={name: tuple(plots) for name, plots in (sheets(found) | object_sheets(found)).items()},
         unseen=tuple(_unseen(found)),
     )
 
