@@ -16,6 +16,7 @@ from auditor.identification.accusing import System
 from auditor.identification.local_ratio import local_ratios
 from auditor.identification.robust import Heard, judge_heard
 from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
+from auditor.identification.strengths import Observed
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.identification.verdicts import judge_frames
 from auditor.results import Method, Procedure, Statistic, Verdict
@@ -164,7 +165,9 @@ def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustTh
     frames, system = store.load_ratios(measurement), system_of(rig)
     heard = Heard(frames.stamps_ns, frames.ratios, frames.states == SensorState.PRESENT, frames.fingerprints)
     scales = [thresholds.yardsticks.get(element) for element in system.elements]
-    verdicts = judge_heard(heard, system, scales, thresholds.score)
+    seen = store.load_symptoms(measurement)
+    observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
+    verdicts = judge_heard(heard, system, scales, thresholds.score, observed)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 
 

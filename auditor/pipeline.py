@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
@@ -13,10 +13,11 @@ from time import perf_counter
 from auditor import __version__
 from auditor.elements import rig_elements
 from auditor.errors import RecordingError
-from auditor.evidence import PictureBook, measure_stream, use_one_thread
+from auditor.evidence import PictureBook, Watch, localise, measure_stream, use_one_thread
 from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher, foretell, libraries
 from auditor.frames import Frame, Skipped
 from auditor.identification.local_ratio import local_ratios
+from auditor.identification.raisable import raisable
 from auditor.recordings import (
     FrameStream,
     Origin,
@@ -129,7 +130,7 @@ def _measure(
     started = perf_counter()
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
     elements = rig_elements(rig)
-    pictures = PictureBook()
+    pictures, watch = PictureBook(), Watch()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
     if libraries(matcher):
         _foretell(recording, rig, matcher, stream, progress)
@@ -139,7 +140,13 @@ def _measure(
                 writer.skip(item)
             else:
                 measurement, evidence = item
-                writer.add(measurement, local_ratios(elements, measurement.cells, measurement.shares))
+                ratios = local_ratios(elements, measurement.cells, measurement.shares)
+                seen = replace(
+                    measurement,
+                    symptoms=watch.observe(evidence),
+                    regions=localise(evidence, raisable(elements, ratios)),
+                )
+                writer.add(seen, ratios)
                 pictures.offer(measurement, evidence)
             progress(recording.path.name, done)
         if writer.measured == 0:

@@ -2,8 +2,10 @@
 
 import cv2
 
+from auditor.evidence.localising import localise
 from auditor.evidence.measuring import Evidence, measure, measure_stream
 from auditor.evidence.pictures import Picture, PictureBook, draw
+from auditor.evidence.watching import Watch
 
 
 def use_one_thread() -> None:
@@ -11,4 +13,14 @@ def use_one_thread() -> None:
     cv2.setNumThreads(1)
 
 
-__all__ = ["Evidence", "Picture", "PictureBook", "draw", "measure", "measure_stream", "use_one_thread"]
+__all__ = [
+    "Evidence",
+    "Picture",
+    "PictureBook",
+    "Watch",
+    "draw",
+    "localise",
+    "measure",
+    "measure_stream",
+    "use_one_thread",
+]

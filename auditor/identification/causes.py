@@ -36,11 +36,15 @@ def suspicions(strength: Mapping[Who, Floats]) -> list[tuple[Suspicion, ...]]:
 def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness and glare are told where nothing was raised, and are none.
+    A fault is a finding by itself; darkness and glare are told where nothing was raised, and are none. A sensor that
+    the verdict was reached without cannot have raised anything.
     """
     raised = verdict.kind in FINDINGS
     kept = tuple(one for one in causes if (_explains(one, verdict) if raised else _by_itself(one)))
-    enough = [one for one in kept if one.score >= ENOUGH and (raised or one.cause in FAULTS)]
+    enough = any(
+        one.score >= ENOUGH and (one.sensor not in verdict.out_of_system if raised else one.cause in FAULTS)
+        for one in kept
+    )
     if not enough:
         return replace(verdict, causes=kept) if kept else verdict
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), causes=kept)

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.accusing import System, accuse, heard
+from auditor.identification.causes import suspicions, weigh
 from auditor.identification.freezing import frozen
 from auditor.identification.margins import margins
+from auditor.identification.strengths import Observed, strengths
 from auditor.identification.windows import window_means
-from auditor.results import FINDINGS, Cause, Finding, Suspicion, Verdict, VerdictKind
+from auditor.results import FINDINGS, Cause, Finding, Suspicion, Verdict
 from auditor.thresholds import Yardstick
 
 WINDOW_S = 0.5
@@ -34,23 +36,30 @@ class Heard:
 
 
 def judge_heard(
-    frames: Heard, system: System, scales: Sequence[Yardstick | None], threshold: float = 0.0
+    frames: Heard,
+    system: System,
+    scales: Sequence[Yardstick | None],
+    threshold: float = 0.0,
+    observed: Observed | None = None,
 ) -> list[Verdict]:
     """The verdicts on F frames.
 
     Each is that of its frame alone; `finding` is what the half second around it says, where both raise it: incidents
     are made of these. `threshold` is that of the half seconds' score. A sensor that stands still while others go on is
-    left out, and the frame is at least suspect.
+    left out, and the frame is at least suspect; so it is where other causes than an attack, of the frames `observed`,
+    explain it as well.
     """
     still = frozen(frames.fingerprints, frames.present)
     missing = _sensors(system, ~frames.present | still)
     z = heard(margins(frames.ratios, scales), system, missing)
     alone = accuse(z, system, missing)
     around = accuse(window_means(z, frames.stamps_ns, WINDOW_S), system, missing, threshold)
-    causes = [tuple(Suspicion(Cause.FROZEN, sensor) for sensor in sorted(s)) for s in _sensors(system, still)]
+    told: Sequence[tuple[Suspicion, ...]] = [()] * len(z)
+    if observed is not None:
+        told = suspicions(strengths(observed, frames.stamps_ns, system.sensors))
+    causes = [_with_frozen(s, others) for s, others in zip(_sensors(system, still), told, strict=True)]
     return [
-        _joined(_suspected(one, why), _suspected(moment, why))
-        for one, moment, why in zip(alone, around, causes, strict=True)
+        _joined(weigh(one, why), weigh(moment, why)) for one, moment, why in zip(alone, around, causes, strict=True)
     ]
 
 
@@ -61,12 +70,12 @@ def _sensors(system: System, chosen: NDArray[np.bool_]) -> list[frozenset[int]]:
     return [sets[index] for index in which.ravel().tolist()]
 
 
-def _suspected(verdict: Verdict, causes: tuple[Suspicion, ...]) -> Verdict:
-    """The verdict with other causes than an attack; they are a finding even where nothing else is one."""
-    if not causes:
-        return verdict
-    kind = verdict.kind if verdict.kind in FINDINGS else VerdictKind.SUSPECT
-    return replace(verdict, kind=kind, causes=causes)
+def _with_frozen(still: frozenset[int], others: tuple[Suspicion, ...]) -> tuple[Suspicion, ...]:
+    """The sensors that stand still first: nothing else that is observed of them means anything."""
+    if not still:
+        return others
+    first = [Suspicion(Cause.FROZEN, sensor) for sensor in sorted(still)]
+    return (*first, *(one for one in others if one.sensor not in still))
 
 
 def _joined(alone: Verdict, around: Verdict) -> Verdict:

@@ -164,7 +164,7 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "reason": verdict.reason or None,
         "evidence": [evidence._asdict() for evidence in verdict.evidence],
         "alternatives": [{"attacked": list(a.attacked), "worse_by": a.worse_by} for a in verdict.alternatives],
-        "causes": [{"cause": one.cause.value, "sensor": one.sensor} for one in verdict.causes],
+        "causes": [one._asdict() for one in verdict.causes],
         "finding": verdict.finding and verdict.finding.kind.value,
         "finding_attacked": verdict.finding and list(verdict.finding.attacked),
     }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Witness, rig_elements
-from auditor.rig import Rig
+from auditor.rig import LIDAR, Rig
 from auditor.store.frame_rows import read_coverage
 from auditor.store.tables import Row, read_table
 from auditor.symptoms import COLUMNS, Pair, PairSymptoms
@@ -20,13 +20,14 @@ class FrameSymptoms:
     """The symptoms of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `symptoms.COLUMNS` for the
-    matched `pairs`; `level` and `saturated` are (F, S) in the order of `rig.sensors`. NaN where not measured.
+    matched `pairs`; `level` and `saturated` are (F, C) by camera. NaN where not measured.
     """
 
     frames: NDArray[np.int64]
     stamps_ns: NDArray[np.int64]
     pairs: tuple[Pair, ...]
     columns: Mapping[str, NDArray[np.float64]]
+    cameras: tuple[int, ...]
     level: NDArray[np.float64]
     saturated: NDArray[np.float64]
 
@@ -59,4 +60,6 @@ def read_symptoms(frames_path: Path, path: Path, rig: Rig) -> FrameSymptoms:
         column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
         for name, values in columns.items():
             values[row, column] = table[name].to_numpy()
-    return FrameSymptoms(frames, stamps_ns, pairs, columns, coverage["level"], coverage["saturated_share"])
+    cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
+    level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
+    return FrameSymptoms(frames, stamps_ns, pairs, columns, cameras, level, saturated)

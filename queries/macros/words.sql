@@ -28,9 +28,32 @@ CREATE MACRO alternatives_in_words(alternatives) AS
         lambda x: sensors_in_words(x['attacked'], 'no attack') || format(' (worse by {:.2f})', x['worse_by'])
     ), ', '), '');
 
--- What else than an attack may lie behind a verdict; NULL where nothing is known.
+-- What one cause that is not an attack says.
+CREATE MACRO cause_in_words(cause, sensor) AS
+    CASE cause
+        WHEN 'frozen' THEN 'S_' || sensor || ' stands still while others go on'
+        WHEN 'late' THEN 'S_' || sensor || ' lags by a frame'
+        WHEN 'displaced' THEN 'S_' || sensor || ' has turned since it was calibrated'
+        WHEN 'soiled' THEN 'something takes light from S_' || sensor || ', as dirt does'
+        WHEN 'dark' THEN 'all cameras are dark'
+        WHEN 'glare' THEN 'all cameras are dazzled'
+    END;
+
+-- What else than an attack may lie behind one verdict or several, each cause once with its best score, the likeliest
+-- first; NULL where nothing is known.
 CREATE MACRO causes_in_words(causes) AS
     nullif(array_to_string(list_transform(
-        causes,
-        lambda x: CASE x['cause'] WHEN 'frozen' THEN 'S_' || x['sensor'] || ' stands still while others go on' END
+        list_reverse_sort(list_transform(
+            list_distinct(list_transform(
+                causes, lambda x: {'words': cause_in_words(x['cause'], x['sensor'])}
+            )),
+            lambda told: {
+                'score': list_max(list_transform(
+                    list_filter(causes, lambda x: cause_in_words(x['cause'], x['sensor']) = told['words']),
+                    lambda x: x['score']
+                )),
+                'words': told['words']
+            }
+        )),
+        lambda told: told['words'] || format(' ({:.2f})', told['score'])
     ), ', '), '');
