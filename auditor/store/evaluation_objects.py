@@ -1,6 +1,7 @@
 """The evaluation page's tables and plots of the object-level baseline."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from auditor.rig import Triple
 from auditor.store import published
@@ -64,7 +65,7 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
             of_it = [found.get((float(iou), r, i, j, strength)) for strength in answers.strengths]
             calm = next((row for row in of_it if row), None)
             yield published.BASELINE[iou][number - 1]
-            yield from (rate_of(row, "detected") if row else None for row in of_it)
+            yield from (_detected(row) if row else None for row in of_it)
             yield _raised(calm) if calm else None
 
     if found:
@@ -81,10 +82,15 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
         )
 
 
-def _raised(row: dict[str, object]) -> Rate:
-    """Clean frames that are raised, as a rate of its own."""
-    calm = {"false": row["raised"], "frames": row["frames"], "resolvable": row["resolvable"] is not False}
-    return rate_of({**calm, "low": row["false_alarm_low"], "high": row["false_alarm_high"]}, "false")
+def _detected(row: dict[str, Any]) -> Rate:
+    """Attacked frames that are raised; a rule that learns nothing has no r to resolve."""
+    return rate_of({**row, "resolvable": row["resolvable"] is not False}, "detected")
+
+
+def _raised(row: dict[str, Any]) -> Rate:
+    """Clean frames that are raised."""
+    resolvable = row["resolvable"] is not False
+    return Rate(row["raised"], row["frames"], row["false_alarm_low"], row["false_alarm_high"], resolvable)
 
 
 def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> Grid:
@@ -111,13 +117,13 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
 
 
 def _kinds(rows: Rows) -> list[tuple[str, Rows]]:
-    """Rows of average precision by detector, sensor and kind of object, named."""
+    """Rows of average precision by detector, sensor and kind of object, named; kinds without a label are left out."""
     found: dict[str, Rows] = {}
     for detector, of_it in _detectors(rows):
         for row in of_it:
             what = f"{row['label']} by {detector} in the {'point cloud' if row['sensor'] == 'lidar' else 'image'}"
             found.setdefault(f"{what}, IoU {row['iou']:g}", []).append(row)
-    return list(found.items())
+    return [(name, of_it) for name, of_it in found.items() if any(row["truths"] for row in of_it)]
 
 
 def _precisions(title: str, rows: Rows) -> Grid:

@@ -77,6 +77,7 @@ def test_the_page_shows_detection_and_false_alarms_beside_the_papers(store):
         "in sample, as in the paper",
     ]
     assert all(len(grid.rows) in (2, 4) for grid in grids)
+    assert not grids[0].unresolved  # it has no r
     rows = run_query(store, "evaluation_objects", {"r": "0.05"}).to_pylist()
     row = next(
         r
