@@ -1,53 +1,110 @@
--- Incidents: runs of frames with the same attacked sensors.
+-- Incidents: runs of frames with the same attacked sensors, also from one recording of a drive into the next.
 --
 -- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column kind: What the verdicts are: attacked, unidentified or suspect.
 -- column attacked: The attacked sensors; empty unless kind is attacked.
--- column name: The recording's name; text from outside, to be escaped wherever it is shown.
+-- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
 -- column attacked_names: The recording's own names of the attacked sensors.
 -- column from_ns: Stamp of the first frame.
 -- column to_ns: Stamp of the last frame.
 -- column seconds: Time from the first frame to the last.
 -- column from_utc: When it began, where the recording's clock is UTC.
 -- column frames: Number of frames with this verdict.
--- column first_frame: Number of the first frame.
--- column last_frame: Number of the last frame.
+-- column first_frame: Number of the first frame, within the first recording.
+-- column last_frame: Number of the last frame, within the last recording.
+-- column parts: What each recording has of it, in order.
 -- column strongest_frame: Number of the frame with the largest margin.
+-- column strongest_name: The recording that it is in.
 -- column strongest_margin: The largest margin of its frames.
 -- column evidence: What carried it, in words: in how many of its frames, and its mean margin there.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column causes: What else than an attack may lie behind it, in words.
-WITH finding AS (
+WITH placed AS (
     SELECT
-        *,
-        lag(stamp_ns) OVER (PARTITION BY measurement_id, kind, attacked ORDER BY stamp_ns, frame) AS previous_ns
+        measurement.measurement_id,
+        dense_rank() OVER (
+            ORDER BY recording.drive_id, measurement.rig_id, measurement.matcher, measurement.settings,
+                measurement.counting_version
+        ) AS series,
+        row_number() OVER (ORDER BY recording.from_ns, measurement.recording_id) AS place,
+        recording.from_ns,
+        recording.to_ns,
+        $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording) AS wanted
+    FROM measurements AS measurement
+    JOIN recordings AS recording USING (recording_id)
+),
+line AS (
+    -- One drive, rig and procedure: what runs from one recording into the next is one incident. A recording that begins
+    -- before the one before has ended has a clock of its own.
+    SELECT
+        measurement_id,
+        place,
+        wanted,
+        {series: series, stretch: count(*) FILTER (coalesce(anew, false)) OVER (PARTITION BY series ORDER BY place)} AS line
+    FROM (
+        SELECT *, from_ns < lag(to_ns) OVER (PARTITION BY series ORDER BY place) - 1_000_000_000 AS anew FROM placed
+    )
+),
+finding AS (
+    SELECT
+        findings.*,
+        line.line,
+        line.place,
+        line.wanted,
+        lag(stamp_ns) OVER (PARTITION BY line, kind, attacked ORDER BY place, stamp_ns, frame) AS previous_ns
     FROM findings
-    WHERE $recording IS NULL OR name = $recording OR starts_with(recording_id, $recording)
+    JOIN line USING (measurement_id)
+    WHERE line IN (SELECT line FROM line WHERE wanted)
 ),
 numbered AS (
     SELECT
         *,
-        sum(CASE WHEN stamp_ns - previous_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END)
-            OVER (PARTITION BY measurement_id, kind, attacked ORDER BY stamp_ns, frame) AS run
+        sum(CASE WHEN abs(stamp_ns - previous_ns) <= $gap_s * 1e9 THEN 0 ELSE 1 END)
+            OVER (PARTITION BY line, kind, attacked ORDER BY place, stamp_ns, frame) AS run
     FROM finding
+),
+part AS (
+    SELECT
+        line,
+        kind,
+        attacked,
+        run,
+        place,
+        {
+            recording_id: any_value(recording_id),
+            name: any_value(name),
+            measurement_id: any_value(measurement_id),
+            frames: count(*),
+            first_frame: min(frame),
+            last_frame: max(frame),
+            from_ns: min(stamp_ns),
+            to_ns: max(stamp_ns)
+        } AS part
+    FROM numbered
+    GROUP BY ALL
+),
+whole AS (
+    SELECT line, kind, attacked, run, list(part ORDER BY place) AS parts
+    FROM part
+    GROUP BY ALL
 ),
 testimony AS (
     SELECT
-        measurement_id,
+        line,
         kind,
         attacked,
         run,
         witness_in_words(piece.witness, piece.i, piece.j, piece.k) AS witness,
         count(*) AS frames,
         avg(piece.margin) AS margin
-    FROM (SELECT measurement_id, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
+    FROM (SELECT line, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
     GROUP BY ALL
 ),
 carried AS (
     SELECT
-        measurement_id,
+        line,
         kind,
         attacked,
         run,
@@ -59,10 +116,10 @@ carried AS (
     GROUP BY ALL
 )
 SELECT
-    any_value(incident.recording_id) AS recording_id,
-    any_value(incident.name) AS name,
+    any_value(whole.parts[1].recording_id) AS recording_id,
+    any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
-    incident.measurement_id,
+    any_value(whole.parts[1].measurement_id) AS measurement_id,
     incident.kind,
     incident.attacked,
     any_value(names_of(incident.attacked, rig.sensors)) AS attacked_names,
@@ -71,16 +128,20 @@ SELECT
     (max(stamp_ns) - min(stamp_ns)) / 1e9 AS seconds,
     CASE WHEN any_value(recording.clock) = 'utc' THEN make_timestamp_ns(min(stamp_ns)) END AS from_utc,
     count(*) AS frames,
-    min(frame) AS first_frame,
-    max(frame) AS last_frame,
+    any_value(whole.parts[1].first_frame) AS first_frame,
+    any_value(whole.parts[-1].last_frame) AS last_frame,
+    any_value(whole.parts) AS parts,
     arg_max(frame, margin) AS strongest_frame,
+    arg_max(incident.name, margin) AS strongest_name,
     max(margin) AS strongest_margin,
     any_value(carried.evidence) AS evidence,
     alternatives_in_words(arg_max(incident.alternatives, margin)) AS alternatives,
     causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
-LEFT JOIN carried USING (measurement_id, kind, attacked, run)
+JOIN whole USING (line, kind, attacked, run)
+LEFT JOIN carried USING (line, kind, attacked, run)
 LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
-GROUP BY incident.measurement_id, incident.kind, incident.attacked, run
+GROUP BY line, incident.kind, incident.attacked, run
+HAVING bool_or(wanted)
 ORDER BY name, from_ns, incident.kind, incident.attacked

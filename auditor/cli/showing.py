@@ -27,7 +27,7 @@ def show_audit(store: "Store", form: str, recording_ids: Collection[str] | None 
     incidents = [
         _incident(row)
         for row in run_query(store, "incidents", {}).to_pylist()
-        if recording_ids is None or row["recording_id"] in recording_ids
+        if recording_ids is None or any(part["recording_id"] in recording_ids for part in row["parts"])
     ]
     if incidents:
         print_rows(incidents, _INCIDENT_COLUMNS, title="Incidents")
@@ -49,7 +49,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        "recording": row["name"],
+        "recording": ", ".join(part["name"] for part in row["parts"]),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],
         "frames": row["frames"],

@@ -114,7 +114,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class IncidentPart:
-    """A run of frames with the same finding.
+    """A run of frames with the same finding, as far as it lies in one recording: part `part` of `parts`.
 
     `states` and `reasons` are its e vectors and what the verdicts add, each with its number of frames. `figure` is None
     where the incident is listed but not drawn.
@@ -128,6 +128,8 @@ class IncidentPart:
     frames: int
     from_ns: int
     to_ns: int
+    part: int = 1
+    parts: int = 1
     states: tuple[tuple[str, int], ...] = ()
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
@@ -247,6 +249,11 @@ class IncidentPage:
         """All incidents, those with named sensors first, then the longest."""
         pairs = [(recording, incident) for recording in self.recordings for incident in recording.incidents]
         return tuple(sorted(pairs, key=lambda pair: (not pair[1].attacked, -pair[1].frames)))
+
+    @property
+    def incident_count(self) -> int:
+        """Incidents, each once through however many recordings it runs."""
+        return len({incident.number for _, incident in self.incidents})
 
     @property
     def recordings_by_gravity(self) -> tuple[RecordingPart, ...]:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -142,31 +143,34 @@ def _outline(store: Store, audit: _Audit) -> RecordingPart:
 
 
 def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:
-    """The incidents of each measurement, as the query of that name finds them."""
+    """What each measurement has of every incident, as the query of that name finds them."""
     incidents: dict[str, list[IncidentPart]] = {}
-    for row in run_query(store, "incidents", {"recording": recording}).to_pylist():
-        incident = IncidentPart(
-            number=0,
-            kind=VerdictKind(row["kind"]),
-            attacked=tuple(row["attacked"]),
-            first_frame=row["first_frame"],
-            last_frame=row["last_frame"],
-            frames=row["frames"],
-            from_ns=row["from_ns"],
-            to_ns=row["to_ns"],
-        )
-        incidents.setdefault(row["measurement_id"], []).append(incident)
+    for number, row in enumerate(run_query(store, "incidents", {"recording": recording}).to_pylist()):
+        for place, part in enumerate(row["parts"], start=1):
+            incident = IncidentPart(
+                number=number,
+                kind=VerdictKind(row["kind"]),
+                attacked=tuple(row["attacked"]),
+                first_frame=part["first_frame"],
+                last_frame=part["last_frame"],
+                frames=part["frames"],
+                from_ns=part["from_ns"],
+                to_ns=part["to_ns"],
+                part=place,
+                parts=len(row["parts"]),
+            )
+            incidents.setdefault(part["measurement_id"], []).append(incident)
     return incidents
 
 
 def _numbered(parts: Sequence[RecordingPart], incidents: Mapping[str, list[IncidentPart]]) -> list[RecordingPart]:
-    """The parts with their incidents, which are numbered through the whole page, from 1."""
-    numbers = count(1)
+    """The parts with their incidents, numbered through the whole page, from 1; what runs on keeps its number."""
+    numbers: defaultdict[int, int] = defaultdict(count(1).__next__)
     return [
         replace(
             part,
             incidents=tuple(
-                replace(incident, number=next(numbers))
+                replace(incident, number=numbers[incident.number])
                 for incident in sorted(
                     incidents.get(part.provenance.measurement_id, ()), key=lambda one: (one.from_ns, one.attacked)
                 )

@@ -70,7 +70,7 @@ def _title(page: IncidentPage) -> str:
         return "Sensor audit: not judged"
     if not page.incidents:
         return "Sensor audit: no attack found" if page.audited else "Sensor audit: nothing could be audited"
-    return f"Sensor audit: {_count(len(page.incidents), 'incident')}"
+    return f"Sensor audit: {_count(page.incident_count, 'incident')}"
 
 
 def _thousands(number: int) -> str:

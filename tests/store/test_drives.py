@@ -3,8 +3,10 @@
 import pytest
 
 from auditor.frames import TopicBalance
-from auditor.store.queries import run_sql
+from auditor.store.page_loading import load_page
+from auditor.store.queries import run_query, run_sql
 from auditor.store.records import RecordingRecord
+from auditor.store.report import render
 from tests.store.making import add_frames, add_judgement, make_measurement, make_rig, new_store
 
 RIG, OTHER_RIG = make_rig(3), make_rig(4)
@@ -88,3 +90,42 @@ def test_a_recording_tells_where_its_messages_went(store):
         "messages_damaged": 1,
         "messages_skipped": 3,
     }
+
+
+def incidents(store, **parameters):
+    rows = run_query(store, "incidents", parameters).to_pylist()
+    parts = [[(part["name"], part["first_frame"], part["last_frame"]) for part in row["parts"]] for row in rows]
+    return list(zip([row["frames"] for row in rows], parts, strict=True))
+
+
+def test_an_incident_runs_over_the_border_of_two_recordings(store):
+    record(store, "a", 0, 0.9, kinds="cccccccc11")
+    record(store, "b", 1.0, 1.9, kinds="111ccccccc")
+    record(store, "c", 2.0, 2.9, kinds="2ccc1ccccc")
+    through = (5, [("a.mcap", 8, 9), ("b.mcap", 0, 2)])
+    assert incidents(store) == [through, (1, [("c.mcap", 0, 0)]), (1, [("c.mcap", 4, 4)])]
+    (row, *_) = run_query(store, "incidents").to_pylist()
+    assert (row["name"], row["first_frame"], row["last_frame"], row["seconds"]) == ("a.mcap", 8, 2, 0.4)
+    assert incidents(store, recording="a.mcap") == incidents(store, recording="b.mcap") == [through]
+
+
+def test_recordings_of_different_drives_share_no_incident(store):
+    record(store, "a", 0, 0.9, kinds="ccccccccc1")
+    record(store, "b", 1.0, 1.9, kinds="1ccccccccc", vehicle="birch")
+    assert [frames for frames, _ in incidents(store)] == [1, 1]
+
+
+def test_clocks_that_start_anew_in_a_drive_do_not_bridge_its_recordings(store):
+    record(store, "a", 0, 1.9, kinds="1" + "c" * 19, drive="x", clock="relative")
+    record(store, "b", 0, 1.9, kinds="1" + "c" * 19, drive="x", clock="relative")
+    record(store, "c", 5, 6.9, kinds="1" + "c" * 19, drive="x", clock="relative")
+    assert len(incidents(store)) == 3
+
+
+def test_the_page_counts_an_incident_once_and_says_where_it_goes_on(store):
+    record(store, "a", 0, 0.9, kinds="cccccccc11")
+    record(store, "b", 1.0, 1.9, kinds="111ccccccc")
+    page = load_page(store)
+    assert page.incident_count == 1
+    assert [[one.number for one in recording.incidents] for recording in page.recordings] == [[1], [1]]
+    assert "in recording 1 of the 2 that it runs through" in render(page)
