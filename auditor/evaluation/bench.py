@@ -73,6 +73,11 @@ class Bench:
         present = set(self.frame.images) | ({LIDAR} if self.frame.cloud is not None else set())
         return tuple(sensor for sensor in self.rig.sensors if sensor in present)
 
+    @property
+    def view_rig(self) -> Rig:
+        """The rig that views and disparity maps are of: with rectified cameras."""
+        return self._seen.rig
+
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
         """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not asked for."""
         wanted = self._measurable(triples)
@@ -157,11 +162,19 @@ class Bench:
         """The rectified image as the matcher wants it."""
 
         def change() -> NDArray[np.uint8]:
-            image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
-            pixels = self._seen.image(image).pixels
+            pixels = self.rectified(camera, attacks)
             return pixels if self._matcher.colour else grey(pixels)
 
         return self.once("matched", camera, attacks, (camera,), change)
+
+    def rectified(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The rectified image of a camera under these attacks, (H, W) or (H, W, 3)."""
+
+        def change() -> NDArray[np.uint8]:
+            image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
+            return self._seen.image(image).pixels
+
+        return self.once("rectified", camera, attacks, (camera,), change)
 
     def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         """The image of a camera under these attacks, (H, W) or (H, W, 3) as the frame holds it."""

@@ -203,7 +203,7 @@ class _Run:
 def _score(
     objects: ObjectBench, bench: Bench, case: Case, labels: Sequence[ObjectLabel], detectors: Detectors
 ) -> Iterator[Scored]:
-    rig: Rig = bench.rig
+    rig: Rig = bench.view_rig
     looked_at = set(case.attacked or rig.sensors) & set(bench.sensors)
     if detectors.camera is not None and rig.n in looked_at:
         yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)

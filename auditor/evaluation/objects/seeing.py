@@ -34,7 +34,7 @@ class ObjectBench:
 
     def __init__(self, bench: Bench, detectors: Detectors) -> None:
         self._bench = bench
-        self._rig = bench.rig
+        self._rig = bench.view_rig
         self._detectors = detectors
 
     def agreement(self, triple: Triple, attacks: Attacks) -> tuple[float, ...]:
@@ -57,7 +57,11 @@ class ObjectBench:
         if detector is None:
             return ()
         return self._bench.once(
-            "objects in image", camera, attacks, (camera,), lambda: detector.detect(self._bench.pixels(camera, attacks))
+            "objects in image",
+            camera,
+            attacks,
+            (camera,),
+            lambda: detector.detect(self._bench.rectified(camera, attacks)),
         )
 
     def in_cloud(self, attacks: Attacks) -> tuple[SolidDetection, ...]:
