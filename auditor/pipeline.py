@@ -14,7 +14,7 @@ from auditor import __version__
 from auditor.elements import rig_elements
 from auditor.errors import RecordingError
 from auditor.evidence import PictureBook, Watch, localise, measure_stream, use_one_thread
-from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher, foretell, libraries
+from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, foretell, libraries
 from auditor.frames import Frame, Skipped
 from auditor.identification.local_ratio import local_ratios
 from auditor.identification.raisable import raisable
@@ -44,7 +44,6 @@ _CHECKED_FRAMES = 3
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
 
 
-_NO_NETWORK = MatcherOptions()
 _UNKNOWN = Origin()
 
 
@@ -58,7 +57,7 @@ class MeasureTask:
     recording: Path
     store: Path
     matcher: str = "sgbm"
-    network: MatcherOptions = _NO_NETWORK
+    network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin: Origin = _UNKNOWN
 

@@ -83,6 +83,28 @@ def test_only_what_an_attack_changes_is_matched_again():
     assert matcher.asked == asked[-1] + 2
 
 
+def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice():
+    asked = []
+
+    class Pairing(CountingMatcher):
+        pairs_at_once = 1
+
+        def match_pairs(self, images, pairs):
+            asked.append(len(pairs))
+            return [self.match(images[left], images[right]) for left, right in pairs]
+
+    frame, matcher = plane_frame(RIG, depth_m=7.0), Pairing()
+    bench = Bench(frame, RIG, matcher)
+    cases = [{}, {1: ATTACKS[1]}, {0: ATTACKS[0], 1: ATTACKS[1]}, {1: ATTACKS[1], 4: ATTACKS[4]}]
+    bench.match_together(cases)
+    # 5 pairs; S_1 in two of them, S_4 in three, both in one.
+    assert (asked, matcher.asked) == ([5 + 2 + 3], 10)
+    plain = Bench(frame, RIG, find_matcher("sgbm"))
+    assert [bench.counts(case) for case in cases] == [plain.counts(case) for case in cases]
+    bench.match_together(cases)
+    assert (sum(asked), matcher.asked) == (10, 10)
+
+
 def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
     bench = Bench(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
     assert bench.sensors == (0, 1, 3, 4)

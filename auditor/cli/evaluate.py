@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from auditor.engines import Progress
     from auditor.evaluation import Evaluated, Source
+    from auditor.evidence.matchers import MatcherOptions
 
 Task = TypeVar("Task")
 
@@ -48,7 +49,7 @@ _FIRST_STREET = 1000
     help="Folder of KITTI's object labels, to score the detectors of --detector by.",
 )
 @options.store_option
-@options.matcher_option
+@options.matcher_options
 @options.rig_option
 @options.jobs_option
 @format_option
@@ -62,6 +63,7 @@ def command(
     labels: Path | None,
     store: Path,
     matcher: str,
+    network: "MatcherOptions",
     rig: Path | None,
     jobs: int,
     form: str,
@@ -73,13 +75,22 @@ def command(
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
     auditor evaluate --synthetic 40
     auditor evaluate clean_logs/*.mcap --detector geometric
+    auditor evaluate clean_logs/*.mcap --matcher psmnet --weights network/psmnet.safetensors
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
     and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
     evaluation writes the page, the evaluation queries answer the rest; evaluation_objects tells how often objects that
-    sensors see do not match.
+    sensors see do not match. Evaluations with several matchers in one store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of  # noqa: PLC0415 - heavy
+    from auditor.cli.measuring import shared  # noqa: PLC0415
+    from auditor.evaluation import (  # noqa: PLC0415 - heavy
+        EvaluateTask,
+        Recorded,
+        Street,
+        evaluate_source,
+        experiments_of,
+        judge_cases,
+    )
     from auditor.evaluation.objects import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
@@ -88,7 +99,7 @@ def command(
     if not recordings and synthetic is None:
         raise SettingError("nothing to evaluate", where="evaluate", remedy="name clean recordings, or give --synthetic")
     experiments_of(patterns)  # patterns that cannot be read, too, are the command's error
-    find_matcher(matcher)  # an unknown one is the command's error, not each recording's
+    find_matcher(matcher, network)  # an unknown one is the command's error, not each recording's
     check_detectors(detectors, labels)
     found = find_recordings(recordings)
     for error in found.errors:
@@ -98,21 +109,23 @@ def command(
     if not sources:
         return Exit.FAILED
     Store.open(store, create=True)
+    network, jobs = shared(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     tasks = [
-        EvaluateTask(source, store, matcher, seed, draws, patterns, share, shares)
+        EvaluateTask(source, store, matcher, network, seed, draws, patterns, share, shares)
         for source in sources
         for share in range(shares)
     ]
     done = _evaluate_all(evaluate_source, tasks, jobs)
     if detectors:
         found_by = [
-            ObjectTask(task.source, store, detectors, labels, matcher, seed, draws, task.share, task.of)
+            ObjectTask(task.source, store, detectors, labels, matcher, network, seed, draws, task.share, task.of)
             for task in tasks
         ]
         done &= _evaluate_all(evaluate_objects, found_by, jobs)
     kept = Store.open(store)
     if kept.ids("evaluations"):
+        judge_cases(kept)
         emit(run_query(kept, "evaluation_summary"), form)
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 

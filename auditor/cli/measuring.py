@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from auditor.cli.judging import Tally
 from auditor.cli.output import progress, say
-from auditor.errors import RigError
+from auditor.errors import LimitError, RigError
 
 if TYPE_CHECKING:
     from auditor.engines import Limits
@@ -47,19 +47,25 @@ def measure_all(
     if not found.recordings:
         return []
     Store.open(store, create=True)
-    side_by_side = min(jobs, len(found.recordings))
-    network = replace(network, threads=max(1, len(os.sched_getaffinity(0)) // side_by_side))
+    network, jobs = shared(network, min(jobs, len(found.recordings)))
     tasks = [MeasureTask(path, store, matcher, network, rig, origin_of(path)) for path in found.recordings]
     measured = {}
     with progress(len(tasks), "measuring") as (advanced, finished):
         for outcome in run_all(measure_recording, tasks, jobs, advanced, lambda task: budget(task.recording)):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
-                # A recording whose sensors cannot be audited was looked at, and says what is missing.
-                tally.incomplete |= isinstance(outcome.error, RigError)
+                # What cannot be audited, or took too much, was looked at, and says what is missing.
+                tally.incomplete |= isinstance(outcome.error, RigError | LimitError)
                 tally.failed = True
             elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
     return [measured[task] for task in tasks if task in measured]
+
+
+def shared(network: "MatcherOptions", jobs: int) -> "tuple[MatcherOptions, int]":
+    """How many processes match side by side: the CPU's threads are shared among them, a GPU is not."""
+    if network.device != "cpu":
+        return network, 1
+    return replace(network, threads=max(1, len(os.sched_getaffinity(0)) // jobs)), jobs

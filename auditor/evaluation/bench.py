@@ -1,6 +1,6 @@
 """One frame under many attacks: only what an attack changes is measured again."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from itertools import combinations
 from typing import Protocol, TypeVar, cast, runtime_checkable
@@ -12,9 +12,10 @@ from auditor.elements import rig_elements
 from auditor.evidence.comparing import compare_cameras, compare_with_lidar
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.matchers import Matcher
+from auditor.evidence.matchers.interface import PairMatcher
 from auditor.evidence.rectifying import rectification
 from auditor.evidence.reduction import grey, halve
-from auditor.evidence.stereo import StereoMap, stereo_map
+from auditor.evidence.stereo import StereoMap, stereo_map, stereo_maps
 from auditor.evidence.testimony import Testimony, testify
 from auditor.evidence.texture import textured
 from auditor.frames import CameraImage, Frame, PointCloud
@@ -86,12 +87,25 @@ class Bench:
     def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
         """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
         wanted = self._measurable(triples)
-        matched = {(witness, t.k) for t in wanted for witness in t[:2] if witness != LIDAR}
+        matched = _pairs(wanted)
         cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
         heard = [self.testimony(i, k, attacks, matched=(i, k) in matched) for i, k in combinations(cameras, 2)]
         cells = {element: of_it for one in heard for element, of_it in one.cells.items()}
         shares = {element: share for one in heard for element, share in one.shares.items()}
         return local_ratios(self.elements, cells, shares)
+
+    def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
+        """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
+        if not isinstance(self._matcher, PairMatcher):
+            return
+        pairs = _pairs(self._measurable(triples))
+        wanted = {((i, attacks.get(i)), (k, attacks.get(k))): attacks for attacks in cases for i, k in pairs}
+        missing = {key: attacks for key, attacks in wanted.items() if _map_key(*key) not in self._made}
+        of_image = {image: attacks for key, attacks in missing.items() for image in key}
+        images = {image: self._matched(image[0], attacks) for image, attacks in of_image.items()}
+        texture = {image: self._texture(image[0], attacks) for image, attacks in of_image.items()}
+        for (witness, reference), found in stereo_maps(self._matcher, images, texture, missing).items():
+            self._made[_map_key(witness, reference)] = found
 
     def forget_attacks(self) -> None:
         """Keep only what was made of clean data."""
@@ -193,3 +207,17 @@ class Bench:
         if key not in self._made:
             self._made[key] = make()
         return cast(Made, self._made[key])
+
+
+AttackedCamera = tuple[int, Attack | None]
+
+
+def _map_key(witness: AttackedCamera, reference: AttackedCamera) -> tuple[object, ...]:
+    """The key of `once` for a disparity map."""
+    (i, on_i), (k, on_k) = witness, reference
+    return ("map", (i, k), on_i, on_k)
+
+
+def _pairs(triples: Iterable[Triple]) -> set[tuple[int, int]]:
+    """(i, k) of all cameras that triples compare."""
+    return {(witness, t.k) for t in triples for witness in t[:2] if witness != LIDAR}

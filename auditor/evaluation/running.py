@@ -16,7 +16,7 @@ from auditor.evaluation.further import FURTHER, pattern_cases, read_patterns
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence import use_one_thread
-from auditor.evidence.matchers import Matcher, find_matcher
+from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
 from auditor.frames import Frame, Skipped
 from auditor.results import Procedure
 from auditor.store import Store
@@ -36,6 +36,7 @@ class EvaluateTask:
     source: Source
     store: Path
     matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
     seed: int = 0
     draws: int = 1
     patterns: tuple[Path, ...] = ()
@@ -65,7 +66,7 @@ def evaluate_source(task: EvaluateTask, progress: Callable[[str, int], None]) ->
     Raises RecordingError, RigError, SettingError and StoreError.
     """
     use_one_thread()
-    matcher = find_matcher(task.matcher)
+    matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
     with task.source.open(colour=matcher.colour) as drive:
         run = _Run(task, drive, matcher, store)
@@ -140,7 +141,7 @@ class _Run:
                     skipped=skipped,
                     last=stretches.ended,
                     seconds=spent,
-                    versions=_versions(),
+                    versions=_versions(self._matcher),
                     evaluated_at=datetime.now(UTC),
                 )
 
@@ -167,9 +168,9 @@ class _Run:
         frame, rig = bench.frame, self._drive.rig
         dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), frame.number, draw)
         triples, present = experiment.triples(rig), set(bench.sensors)
-        for case in experiment.cases(rig, dice, past):
-            if not present.issuperset(case.attacked):
-                continue
+        cases = [case for case in experiment.cases(rig, dice, past) if present.issuperset(case.attacked)]
+        bench.match_together((case.attacks for case in cases), triples)
+        for case in cases:
             yield MeasuredCase(
                 frame=frame.number,
                 stamp_ns=frame.stamp_ns,
@@ -196,5 +197,5 @@ def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
     return (*EXPERIMENTS, FURTHER, on_each)
 
 
-def _versions() -> dict[str, str]:
-    return {"auditor": __version__} | {name: version(name) for name in _VERSIONED}
+def _versions(matcher: Matcher) -> dict[str, str]:
+    return {"auditor": __version__} | {name: version(name) for name in _VERSIONED} | dict(libraries(matcher))

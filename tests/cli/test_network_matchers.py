@@ -1,5 +1,6 @@
 """Networks as matchers from the command line: told what they cost, written down with what they ran on."""
 
+import json
 import os
 from pathlib import Path
 
@@ -22,7 +23,7 @@ def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", 5, positions_m=(0.6, 0.3, 0.0))
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", 3, positions_m=(0.6, 0.3, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +49,28 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
         done = run("scan", drive, "--measure-only", "--store", store, "--jobs", 1, "--matcher", *matcher)
         assert done.exception is None, done.stderr
         assert ("psmnet on cpu" in done.stderr) == (matcher[0] == "psmnet")
-    assert "s for 5 frames" in done.stderr
+    assert "s for 3 frames" in done.stderr
     assert "off scale" in done.stderr  # untrained as it is
     found = versions(store)
     assert found["psmnet"]["torch"] == torch.__version__
     assert "torch" not in found["sgbm"]
+
+
+def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_was(
+    drive: Path, weights: Path, tmp_path: Path
+) -> None:
+    arguments = ("evaluate", drive, "--store", tmp_path / "evaluation", "--format", "json", "--jobs", 1)
+    sgbm = run(*arguments)
+    assert sgbm.exception is None, sgbm.stderr
+    network = run(*arguments, "--matcher", "psmnet", "--weights", weights)
+    assert network.exception is None, network.stderr
+    rows = json.loads(network.stdout)
+    assert {row["matcher"] for row in rows} == {"sgbm", "psmnet"}
+    assert [row for row in rows if row["matcher"] == "sgbm"] == json.loads(sgbm.stdout)
+    again = run(*arguments, "--matcher", "psmnet", "--weights", weights)
+    assert "measured before" in again.stderr
+    assert json.loads(again.stdout) == rows
+    found = run_sql(
+        Store.open(tmp_path / "evaluation"), "SELECT DISTINCT matcher, versions FROM evaluations"
+    ).to_pylist()
+    assert {row["matcher"]: "torch" in dict(row["versions"]) for row in found} == {"sgbm": False, "psmnet": True}

@@ -19,7 +19,7 @@ from auditor.evaluation.sources import CleanDrive, Source
 from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence import use_one_thread
 from auditor.evidence.detectors import Detectors, find_detectors
-from auditor.evidence.matchers import Matcher, find_matcher
+from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
 from auditor.frames import Frame, Skipped
 from auditor.recordings.object_labels import LabelledDrive, ObjectLabel, read_object_labels
 from auditor.results import Procedure
@@ -46,6 +46,7 @@ class ObjectTask:
     detectors: tuple[str, ...]
     labels: Path | None = None
     matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
     seed: int = 0
     draws: int = 1
     share: int = 0
@@ -70,7 +71,7 @@ def evaluate_objects(task: ObjectTask, progress: Callable[[str, int], None]) -> 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
     use_one_thread()
-    matcher, detectors = find_matcher(task.matcher), find_detectors(task.detectors)
+    matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
     store = Store.open(task.store, create=True)
     with task.source.open(colour=matcher.colour or detectors.camera is not None) as drive:
         labels = read_object_labels(task.labels, drive.name) if task.labels else None

@@ -13,10 +13,11 @@ from auditor.evidence.matchers.sgbm import SgbmMatcher
 from auditor.frames import Frame
 from auditor.rig import Rig
 
-_NO_OPTIONS = MatcherOptions()
+NO_NETWORK = MatcherOptions()
+"""Of matchers that are no networks."""
 
 
-def find_matcher(name: str, options: MatcherOptions = _NO_OPTIONS) -> Matcher:
+def find_matcher(name: str, options: MatcherOptions = NO_NETWORK) -> Matcher:
     """The matcher of that name: a built-in one, a model's file, else one of the entry points `auditor.matchers`.
 
     Raises SettingError that lists the known names, for an option that the matcher does not take, for a package that
@@ -111,6 +112,7 @@ MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": 
 __all__ = [
     "BUILT_IN",
     "MODEL_FILES",
+    "NO_NETWORK",
     "Matcher",
     "MatcherOptions",
     "SgbmMatcher",
