@@ -5,6 +5,7 @@
 -- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column strength: Amplitude of the faculas by name; NULL for clean frames.
@@ -13,10 +14,11 @@
 -- column accused: The sensors that the verdict names; empty unless it is attacked.
 -- column cases: Frames.
 WITH verdict_of AS (
-    FROM evaluation_verdicts(cases, triples, [$r], $statistic, $block_frames)
+    FROM verdicts_by_method(cases, triples, case_verdicts, [$r], $statistic, $block_frames)
 )
 SELECT
     setup,
+    method,
     held_out,
     system,
     strength,
@@ -27,4 +29,4 @@ SELECT
 FROM verdict_of
 WHERE experiment IN ('clean', 'combinations')
 GROUP BY ALL
-ORDER BY setup, held_out, system, strength NULLS FIRST, attacked, verdict, accused
+ORDER BY setup, method, held_out, system, strength NULLS FIRST, attacked, verdict, accused

@@ -1,4 +1,4 @@
--- How often an attack raises the disparity error of three sensors above theta, by the sensors attacked and by r: the paper's Table I and its curves.
+-- How often an attack is detected by three sensors, by method, by the sensors attacked and by r: the paper's Table I and its curves.
 --
 -- Each triple of the leftmost camera is a three-sensor system of its own: with the LiDAR the paper's Scenario 1, of three cameras its Scenario 2. Thresholds come from the clean frames of the same rig kind: of all, or of those that are not held out.
 --
@@ -7,6 +7,7 @@
 -- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
 -- column i: First witness.
@@ -18,8 +19,8 @@
 -- column samples: The smallest number N of clean samples that a theta came from.
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
--- column not_measured: Those without E or theta; they are not detected.
--- column detected: Those with E above theta.
+-- column not_measured: Those in which nothing could be compared; they are not detected.
+-- column detected: Those with E above theta, or whose robust verdict is not clean.
 -- column rate: detected / cases.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
@@ -45,9 +46,45 @@ error AS MATERIALIZED (
     JOIN leftmost USING (rig_id)
     WHERE experiment = 'combinations' AND list_has_all([i, j, k], attacked)
 ),
+told AS (
+    SELECT
+        setup,
+        'paper' AS method,
+        held_out,
+        i,
+        j,
+        k,
+        strength,
+        attacked,
+        r,
+        samples[position] AS samples,
+        resolvable_with(samples[position], r) AS resolvable,
+        1 AS cases,
+        E > theta[position] AS raised
+    FROM error
+    JOIN threshold_of USING (setup, recording_id, block)
+    UNION ALL BY NAME
+    SELECT
+        setup,
+        'robust' AS method,
+        held_out,
+        system[1] AS i,
+        system[2] AS j,
+        system[3] AS k,
+        strength,
+        attacked,
+        r,
+        samples,
+        resolvable,
+        cases,
+        CASE WHEN verdict <> 'not_auditable' THEN raised END AS raised
+    FROM robust_verdicts(case_verdicts, $r, $block_frames)
+    WHERE experiment = 'combinations' AND len(system) = 3
+),
 tally AS (
     SELECT
         setup,
+        method,
         held_out,
         CASE WHEN i = 0 THEN 1 ELSE 2 END AS scenario,
         i,
@@ -56,20 +93,20 @@ tally AS (
         strength,
         attacked,
         r,
-        min(samples[position]) AS samples,
-        bool_and(resolvable_with(samples[position], r)) AS resolvable,
-        count(*) AS cases,
-        count(*) - count(E > theta[position]) AS not_measured,
-        count_if(coalesce(E > theta[position], FALSE)) AS detected
-    FROM error
-    JOIN threshold_of USING (setup, recording_id, block)
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable,
+        CAST(sum(cases) AS BIGINT) AS cases,
+        CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
+        CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected
+    FROM told
     GROUP BY GROUPING SETS (
-        (setup, held_out, i, j, k, strength, attacked, r),
-        (setup, held_out, i, j, k, strength, r)
+        (setup, method, held_out, i, j, k, strength, attacked, r),
+        (setup, method, held_out, i, j, k, strength, r)
     )
 )
 SELECT
     setup,
+    method,
     held_out,
     scenario,
     i,
@@ -82,9 +119,9 @@ SELECT
     resolvable,
     cases,
     not_measured,
-    CAST(detected AS BIGINT) AS detected,
+    detected,
     detected / cases AS rate,
     wilson(detected, cases, -1) AS low,
     wilson(detected, cases, 1) AS high
 FROM tally
-ORDER BY setup, held_out, i, j, k, strength, r, len(attacked) NULLS LAST, attacked
+ORDER BY setup, method, held_out, i, j, k, strength, r, len(attacked) NULLS LAST, attacked

@@ -7,6 +7,7 @@
 -- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column r: The designated false-alarm rate.
@@ -14,7 +15,7 @@
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
 -- column frames: Clean frames.
 -- column not_auditable: Those in which nothing was measured.
--- column raised: Those in which some disparity error of the system is above its theta.
+-- column raised: Those in which some disparity error of the system is above its theta, or the robust verdict is not clean.
 -- column rate: raised / frames.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
@@ -25,7 +26,7 @@ WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
 verdict_of AS MATERIALIZED (
-    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 triple AS (
     SELECT rig_id, position, [i, j, k] AS system FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
@@ -53,6 +54,7 @@ period AS (
 counted AS (
     SELECT
         setup,
+        'paper' AS method,
         held_out,
         system,
         r,
@@ -68,6 +70,7 @@ counted AS (
     UNION ALL
     SELECT
         setup,
+        method,
         held_out,
         system,
         r,
@@ -77,12 +80,19 @@ counted AS (
         CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT),
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT),
         CAST(coalesce(sum(cases) FILTER (verdict = 'attacked'), 0) AS BIGINT)
-    FROM verdict_of
-    WHERE experiment = 'clean' AND len(system) >= 4
+    FROM (
+        FROM verdict_of
+        UNION ALL BY NAME
+        SELECT 'robust' AS method, *
+        FROM robust_verdicts(case_verdicts, $r, $block_frames)
+        WHERE len(system) = 3
+    )
+    WHERE experiment = 'clean'
     GROUP BY ALL
 )
 SELECT
     setup,
+    method,
     held_out,
     system,
     CAST(r AS DOUBLE) AS r,
@@ -99,4 +109,4 @@ SELECT
     raised / (frames * period_s / 3600) AS raised_an_hour
 FROM counted
 JOIN period USING (setup)
-ORDER BY setup, held_out, len(system), system, r
+ORDER BY setup, method, held_out, len(system), system, r

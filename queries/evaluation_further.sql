@@ -7,6 +7,7 @@
 -- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column attack: The kind of attack or fault.
@@ -17,20 +18,21 @@
 -- column samples: The smallest number N of clean samples that a theta came from.
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
--- column detected: Those in which some disparity error of the system is above its theta.
+-- column detected: Those that are raised: some disparity error of the system is above its theta, or the verdict is not clean.
 -- column rate: detected / cases.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
--- column named: Those in which Algorithm 2 names exactly the attacked sensors.
+-- column named: Those in which exactly the attacked sensors are named.
 -- column naming_rate: named / cases.
 -- column naming_low: Lower end of its interval.
 -- column naming_high: Upper end of its interval.
 WITH verdict_of AS MATERIALIZED (
-    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 tally AS (
     SELECT
         setup,
+        method,
         held_out,
         system,
         attack,
@@ -49,6 +51,7 @@ tally AS (
 )
 SELECT
     setup,
+    method,
     held_out,
     system,
     attack,
@@ -68,4 +71,4 @@ SELECT
     wilson(named, cases, -1) AS naming_low,
     wilson(named, cases, 1) AS naming_high
 FROM tally
-ORDER BY setup, held_out, len(system), attack, attacked, variant, size, r
+ORDER BY setup, method, held_out, len(system), attack, attacked, variant, size, r

@@ -7,6 +7,7 @@
 -- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column sensor: What is attacked: lidar, reference or witness.
 -- column strength: Amplitude of the faculas by name; NULL for walls.
@@ -17,8 +18,8 @@
 -- column samples: The smallest number N of clean samples that a theta came from.
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
--- column not_measured: Those without E or theta; they are not detected.
--- column detected: Those with E above theta.
+-- column not_measured: Those in which nothing could be compared; they are not detected.
+-- column detected: Those with E above theta, or whose robust verdict is not clean.
 -- column rate: detected / cases.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
@@ -34,7 +35,7 @@ error AS MATERIALIZED (
         setup,
         recording_id,
         frame // $block_frames AS block,
-        CASE attacked[1] WHEN 0 THEN 'lidar' WHEN k THEN 'reference' WHEN j THEN 'witness' END AS sensor,
+        attacked_role(attacked[1], k) AS sensor,
         strength,
         size,
         visible_share,
@@ -44,31 +45,65 @@ error AS MATERIALIZED (
     JOIN triple USING (rig_id)
     WHERE experiment = 'sensitivity'
 ),
-tally AS (
+visible AS (
+    SELECT setup, sensor, strength, size, avg(visible_share) AS visible_share FROM error GROUP BY ALL
+),
+told AS (
     SELECT
         setup,
+        'paper' AS method,
         held_out,
         sensor,
         strength,
         size,
-        avg(visible_share) AS visible_share,
         r,
-        min(samples[position]) AS samples,
-        bool_and(resolvable_with(samples[position], r)) AS resolvable,
-        count(*) AS cases,
-        count(*) - count(E > theta[position]) AS not_measured,
-        CAST(count_if(coalesce(E > theta[position], FALSE)) AS BIGINT) AS detected
+        samples[position] AS samples,
+        resolvable_with(samples[position], r) AS resolvable,
+        1 AS cases,
+        E > theta[position] AS raised
     FROM error
     JOIN threshold_of USING (setup, recording_id, block)
-    GROUP BY setup, held_out, sensor, strength, size, r
+    UNION ALL BY NAME
+    SELECT
+        setup,
+        'robust' AS method,
+        held_out,
+        attacked_role(attacked[1], system[3]) AS sensor,
+        strength,
+        size,
+        r,
+        samples,
+        resolvable,
+        cases,
+        CASE WHEN verdict <> 'not_auditable' THEN raised END AS raised
+    FROM robust_verdicts(case_verdicts, $r, $block_frames)
+    WHERE experiment = 'sensitivity'
+),
+tally AS (
+    SELECT
+        setup,
+        method,
+        held_out,
+        sensor,
+        strength,
+        size,
+        r,
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable,
+        CAST(sum(cases) AS BIGINT) AS cases,
+        CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
+        CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected
+    FROM told
+    GROUP BY ALL
 )
 SELECT
-    setup,
+    tally.setup,
+    method,
     held_out,
-    sensor,
-    strength,
-    size,
-    CASE WHEN sensor <> 'lidar' THEN pi() * size ** 2 / (1242 * 375) END AS nominal_share,
+    tally.sensor,
+    tally.strength,
+    tally.size,
+    CASE WHEN tally.sensor <> 'lidar' THEN pi() * tally.size ** 2 / (1242 * 375) END AS nominal_share,
     visible_share,
     CAST(r AS DOUBLE) AS r,
     samples,
@@ -80,4 +115,6 @@ SELECT
     wilson(detected, cases, -1) AS low,
     wilson(detected, cases, 1) AS high
 FROM tally
-ORDER BY setup, held_out, sensor, strength, r, size
+JOIN visible ON visible.setup = tally.setup AND visible.sensor = tally.sensor AND visible.size = tally.size
+    AND visible.strength IS NOT DISTINCT FROM tally.strength
+ORDER BY tally.setup, method, held_out, tally.sensor, tally.strength, r, tally.size

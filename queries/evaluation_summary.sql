@@ -1,4 +1,4 @@
--- The evaluation in short: detection in the paper's two scenarios and identification by Algorithm 2, averaged over the combinations, by strength and r.
+-- The evaluation in short: detection in the paper's two scenarios and identification by both methods, averaged over the combinations, by strength and r.
 --
 -- The scenarios are those of the leftmost camera and the one farthest from it: with the LiDAR, and with the camera next to that one.
 --
@@ -9,6 +9,7 @@
 -- column kind: The rig kind in words.
 -- column synthetic: TRUE where the drives were made for the evaluation.
 -- column matcher: The stereo matcher.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column strength: Amplitude of the faculas by name.
 -- column r: The designated false-alarm rate.
@@ -22,7 +23,7 @@ WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
 verdict_of AS MATERIALIZED (
-    FROM evaluation_verdicts(cases, triples, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 triple AS (
     SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
@@ -40,20 +41,45 @@ error AS MATERIALIZED (
     JOIN triple USING (rig_id)
     WHERE experiment = 'combinations' AND list_has_all([i, j, k], attacked) AND (i, j) IN ((0, 1), (1, 2))
 ),
+told AS (
+    SELECT
+        setup,
+        'paper' AS method,
+        held_out,
+        scenario,
+        strength,
+        r,
+        resolvable_with(samples[position], r) AS resolvable,
+        1 AS cases,
+        coalesce(E > theta[position], FALSE) AS raised
+    FROM error
+    JOIN threshold_of USING (setup, recording_id, block)
+    UNION ALL BY NAME
+    SELECT
+        setup,
+        'robust' AS method,
+        held_out,
+        CASE WHEN system[1] = 0 THEN 1 ELSE 2 END AS scenario,
+        strength,
+        r,
+        resolvable,
+        cases,
+        raised
+    FROM robust_verdicts(case_verdicts, $r, $block_frames)
+    WHERE experiment = 'combinations' AND len(system) = 3 AND (system[1], system[2]) IN ((0, 1), (1, 2))
+),
 detection AS (
     SELECT
         setup,
+        method,
         held_out,
         strength,
         r,
-        bool_and(resolvable_with(samples[position], r)) AS resolvable,
-        count_if(coalesce(E > theta[position], FALSE) AND scenario = 1)
-            / nullif(count_if(scenario = 1), 0) AS scenario_1,
-        count_if(coalesce(E > theta[position], FALSE) AND scenario = 2)
-            / nullif(count_if(scenario = 2), 0) AS scenario_2
-    FROM error
-    JOIN threshold_of USING (setup, recording_id, block)
-    GROUP BY setup, held_out, strength, r
+        bool_and(resolvable) AS resolvable,
+        coalesce(sum(cases) FILTER (raised AND scenario = 1), 0) / sum(cases) FILTER (scenario = 1) AS scenario_1,
+        coalesce(sum(cases) FILTER (raised AND scenario = 2), 0) / sum(cases) FILTER (scenario = 2) AS scenario_2
+    FROM told
+    GROUP BY ALL
 ),
 sized AS (
     SELECT
@@ -67,6 +93,7 @@ sized AS (
 identification AS (
     SELECT
         setup,
+        method,
         held_out,
         strength,
         r,
@@ -77,7 +104,7 @@ identification AS (
         coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 2), 0)
             / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all
     FROM sized
-    GROUP BY setup, held_out, strength, r
+    GROUP BY setup, method, held_out, strength, r
 ),
 described AS (
     SELECT setup, any_value(kind) AS kind, any_value(synthetic) AS synthetic, any_value(matcher) AS matcher
@@ -88,6 +115,7 @@ SELECT
     kind,
     synthetic,
     matcher,
+    method,
     held_out,
     strength,
     CAST(r AS DOUBLE) AS r,
@@ -98,6 +126,6 @@ SELECT
     one_of_all,
     two_of_all
 FROM detection
-LEFT JOIN identification USING (setup, held_out, strength, r)
+LEFT JOIN identification USING (setup, method, held_out, strength, r)
 JOIN described USING (setup)
-ORDER BY setup, held_out, strength, r
+ORDER BY setup, method, held_out, strength, r

@@ -2,5 +2,15 @@
 
 from auditor.evaluation.running import Evaluated, EvaluateTask, evaluate_source, experiments_of
 from auditor.evaluation.sources import Recorded, Source, Street
+from auditor.evaluation.verdicts import judge_cases
 
-__all__ = ["EvaluateTask", "Evaluated", "Recorded", "Source", "Street", "evaluate_source", "experiments_of"]
+__all__ = [
+    "EvaluateTask",
+    "Evaluated",
+    "Recorded",
+    "Source",
+    "Street",
+    "evaluate_source",
+    "experiments_of",
+    "judge_cases",
+]

@@ -10,6 +10,7 @@ import duckdb
 from auditor.errors import StoreError
 from auditor.results import MIN_VALID_PX
 from auditor.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
+from auditor.store.evaluations import BLOCK_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -22,13 +23,14 @@ _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 _CONSTANTS = {
+    "robust_block_frames": BLOCK_FRAMES,
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
     "lowest_margin": LOWEST_MARGIN,
     "highest_margin": HIGHEST_MARGIN,
 }
-_LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None}
+_LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
 _WORD = re.compile(r"\w+")

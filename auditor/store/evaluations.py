@@ -1,16 +1,23 @@
 """Parts of an evaluation: what was measured of attacks made in memory, one file of cases a part."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from decimal import Decimal
 
-from auditor.results import Counts, Procedure
+from auditor.results import Counts, Procedure, VerdictKind
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import TableWriter, read_rows, write_rows, writing
+
+JUDGED_R = Decimal("0.01")
+"""The designated false-alarm rate that the robust method judges cases at."""
+
+BLOCK_FRAMES = 10
+"""Frames that it holds out together, in blocks of time."""
 
 _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px")
 
@@ -123,3 +130,40 @@ def finished_part(store: Store, part: EvaluationPart) -> bool | None:
     """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
     path = store.path("evaluations", part.evaluation_id)
     return bool(read_rows("evaluations", path)[0]["last"]) if path.is_file() else None
+
+
+@dataclass(frozen=True)
+class CaseVerdict:
+    """What the robust method says of one case, judged by some sensors with thresholds that hold out some clean frames.
+
+    The fields are those of the table `case_verdicts`.
+    """
+
+    frame: int
+    draw: int
+    attacked: tuple[int, ...]
+    attack: str | None
+    strength: str | None
+    size: float | None
+    system: tuple[int, ...]
+    held_out: str
+    samples: int
+    verdict: VerdictKind
+    accused: tuple[int, ...]
+
+
+def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
+    """Keep what was said of the cases of one part, in place of what was said before. Raises StoreError."""
+    rows = (
+        {
+            **vars(one),
+            "evaluation_id": evaluation_id,
+            "attacked": list(one.attacked),
+            "system": list(one.system),
+            "r": JUDGED_R,
+            "verdict": one.verdict.value,
+            "accused": list(one.accused),
+        }
+        for one in verdicts
+    )
+    write_rows("case_verdicts", store.path("case_verdicts", evaluation_id), rows)

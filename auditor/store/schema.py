@@ -28,6 +28,7 @@ TABLES = (
     "labels",
     "evaluations",
     "cases",
+    "case_verdicts",
     "object_evaluations",
     "object_cases",
 )

@@ -184,3 +184,35 @@ SELECT
     counted.cases
 FROM counted
 JOIN answer ON answer.e = counted.e AND answer.triples = counted.triples;
+
+-- What an attacked sensor is in the system of the LiDAR, the leftmost camera k and the one farthest from it.
+CREATE MACRO attacked_role(sensor, k) AS CASE sensor WHEN 0 THEN 'lidar' WHEN k THEN 'reference' ELSE 'witness' END;
+
+-- What the robust method said of all cases, counted alike; only its own r and blocks were judged. `judged` names the
+-- verdicts. What it names is what its verdict accuses.
+CREATE MACRO robust_verdicts(judged, rates, block_frames) AS TABLE
+SELECT
+    setup,
+    held_out,
+    system,
+    experiment,
+    attack,
+    strength,
+    size,
+    attacked,
+    r,
+    verdict,
+    CASE WHEN verdict = 'attacked' THEN accused END AS named,
+    verdict NOT IN ('clean', 'not_auditable') AS raised,
+    min(samples) AS samples,
+    bool_and(resolvable_with(samples, r)) AS resolvable,
+    count(*) AS cases
+FROM query_table(judged)
+WHERE list_contains(CAST(rates AS DECIMAL(18, 17)[]), r) AND (held_out <> 'block' OR block_frames = robust_block_frames())
+GROUP BY ALL;
+
+-- Both, of systems of more than three sensors.
+CREATE MACRO verdicts_by_method(source, sensors, judged, rates, statistic, block_frames) AS TABLE
+SELECT 'paper' AS method, * FROM evaluation_verdicts(source, sensors, rates, statistic, block_frames)
+UNION ALL BY NAME
+SELECT 'robust' AS method, * FROM robust_verdicts(judged, rates, block_frames) WHERE len(system) > 3;

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from auditor.elements import rig_elements
 from auditor.identification.algorithm2 import identify
 from auditor.identification.codewords import disagreements
 from auditor.identification.thresholds import resolvable, threshold
@@ -51,6 +52,15 @@ def drawn_counts(rng, attacked, unmeasured):
     return counts
 
 
+def drawn_ratios(rng, attacked, unmeasured=0.02):
+    """Local ratios that are high where a sensor is attacked that the element can accuse, mostly."""
+    ratios = []
+    for element in rig_elements(RIG):
+        level = rng.uniform(0.3, 1) if set(attacked) & set(element.accusable) else rng.uniform(0, 0.55)
+        ratios.append(None if rng.random() < unmeasured else level)
+    return ratios
+
+
 def attacked_sets():
     triples = [t for t in RIG.triples if t.k == 4]
     sets = {s for t in triples for size in (1, 2, 3) for s in combinations(t, size)}
@@ -59,8 +69,12 @@ def attacked_sets():
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
+    return make_evaluation(tmp_path_factory.mktemp("evaluation"))
+
+
+def make_evaluation(folder):
     """A store of two recordings, and all of its cases by experiment and recording."""
-    store = new_store(tmp_path_factory.mktemp("evaluation"))
+    store = new_store(folder)
     store.write_rig(RIG)
     rng = np.random.default_rng(8)
     cases = defaultdict(list)
@@ -69,7 +83,8 @@ def made(tmp_path_factory):
 
             def case(attacked, strength=None, size=None, *, at=frame):
                 counts = drawn_counts(rng, attacked, 0.02)
-                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts)
+                ratios = drawn_ratios(rng, attacked)
+                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, ratios)
 
             cases["clean", recording].append(case(()))
             for strength in ("mild", "opaque"):
@@ -319,12 +334,17 @@ def test_the_cost_of_a_case_stands_beside_that_of_a_clean_frame(made):
         assert row["ratio"] == pytest.approx(cases["clean"] / cases[name])
 
 
+def case_of(rng, frame, attacked, attack=None, strength=None):
+    counts, ratios = drawn_counts(rng, attacked, 0), drawn_ratios(rng, attacked, 0)
+    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, ratios)
+
+
 def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
     store = new_store(tmp_path)
     store.write_rig(RIG)
     rng = np.random.default_rng(1)
-    clean = [MeasuredCase(f, f, 0, (), None, None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
-    hit = [MeasuredCase(f, f, 0, (1,), "facula", "mild", None, None, {}, drawn_counts(rng, (1,), 0)) for f in range(12)]
+    clean = [case_of(rng, f, ()) for f in range(12)]
+    hit = [case_of(rng, f, (1,), "facula", "mild") for f in range(12)]
     write(store, part("a", "clean"), clean)
     write(store, part("a", "combinations"), hit)
     rows = run_query(store, "evaluation_detection", {"r": "0"}).to_pylist()
@@ -336,7 +356,7 @@ def test_real_and_synthetic_drives_are_not_pooled(tmp_path):
     store.write_rig(RIG)
     rng = np.random.default_rng(1)
     for recording, synthetic in (("a", False), ("b", True)):
-        clean = [MeasuredCase(f, f, 0, (), None, None, None, None, {}, drawn_counts(rng, (), 0)) for f in range(12)]
+        clean = [case_of(rng, f, ()) for f in range(12)]
         write(store, part(recording, "clean", synthetic=synthetic), clean)
     rows = run_query(store, "evaluation_false_alarms", {"r": "0"}).to_pylist()
     assert len({row["setup"] for row in rows}) == 2
@@ -348,7 +368,7 @@ def test_a_part_is_finished_only_once_its_row_is_there(tmp_path):
     store.write_rig(RIG)
     which = part("a", "clean")
     with cases_writer(store, which) as writer:
-        writer.add(MeasuredCase(0, 0, 0, (), None, None, None, None, {}, [None] * len(RIG.triples)))
+        writer.add(case_of(np.random.default_rng(1), 0, ()))
     assert finished_part(store, which) is None
     write(store, which, [], last=False)
     assert finished_part(store, which) is False

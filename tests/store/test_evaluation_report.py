@@ -7,7 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
+from auditor.elements import rig_elements
 from auditor.errors import StoreError
+from auditor.evaluation import judge_cases
 from auditor.evaluation.experiments import EXPERIMENTS, Dice
 from auditor.results import Counts
 from auditor.store.evaluation_loading import load_evaluation
@@ -44,6 +46,7 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
                     versions={},
                     evaluated_at=datetime(2026, 1, 1, tzinfo=UTC),
                 )
+    judge_cases(store)
     return store
 
 
@@ -54,7 +57,13 @@ def measured(rig, frame, case, rng, seen):
         E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
         counts.append(Counts(2000, E, 1000, E, 0))
     said = case.attacked, case.attack, case.strength, case.size, case.visible_share
-    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts)
+    ratios = [
+        rng.uniform(0.6, 1)
+        if set(case.attacked) & set(element.accusable) and rng.random() < seen
+        else rng.uniform(0, 0.2)
+        for element in rig_elements(rig)
+    ]
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,159 @@
+"""What the robust method says of an evaluation's cases, by thresholds from all clean frames and held out."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.elements import Element, rig_elements
+from auditor.evaluation.experiments import scenario_1
+from auditor.identification.accusing import System, accuse
+from auditor.identification.margins import margins, yardsticks
+from auditor.results import VerdictKind
+from auditor.rig import LIDAR, Rig
+from auditor.store import Store, run_sql
+from auditor.store.evaluations import BLOCK_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
+from auditor.thresholds import Yardstick
+
+_CASES = """
+SELECT setup, rig_id, recording_id, evaluation_id, experiment, frame, draw, attacked, attack, strength, size, ratios
+FROM cases
+WHERE ratios IS NOT NULL
+ORDER BY setup, evaluation_id, frame, draw
+"""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case as the store has it; `ratios` is (M,), NaN where not measured."""
+
+    evaluation_id: str
+    recording_id: str
+    experiment: str
+    frame: int
+    draw: int
+    attacked: tuple[int, ...]
+    attack: str | None
+    strength: str | None
+    size: float | None
+    ratios: tuple[float, ...]
+
+    @property
+    def block(self) -> tuple[str, int]:
+        """Its recording and the block of time in it."""
+        return self.recording_id, self.frame // BLOCK_FRAMES
+
+
+def judge_cases(store: Store) -> None:
+    """Judge every case of a store by the robust method and keep the verdicts. Raises StoreError.
+
+    Thresholds come from the clean cases of the same rig kind and way of measuring, so that any new recording changes
+    what is said of all: everything is judged anew.
+    """
+    setups: dict[tuple[str, tuple[Element, ...]], list[Case]] = defaultdict(list)
+    rigs: dict[tuple[str, tuple[Element, ...]], Rig] = {}
+    known: dict[str, Rig] = {}
+    for row in run_sql(store, _CASES).to_pylist():
+        rig = known.setdefault(row["rig_id"], store.rig(row["rig_id"]))
+        setup = row["setup"], rig_elements(rig)
+        rigs[setup] = rig
+        setups[setup].append(_case(row))
+    for setup, cases in setups.items():
+        verdicts: dict[str, list[CaseVerdict]] = defaultdict(list)
+        for evaluation_id, verdict in judged(cases, rigs[setup]):
+            verdicts[evaluation_id].append(verdict)
+        for evaluation_id, of_it in verdicts.items():
+            write_case_verdicts(store, evaluation_id, of_it)
+
+
+def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]:
+    """The verdicts on the cases of one rig kind, each with its part's id, by every system and way of holding out."""
+    elements = rig_elements(rig)
+    ratios = np.array([case.ratios for case in cases], dtype=np.float64).reshape(len(cases), len(elements))
+    clean = np.array([case.experiment == "clean" for case in cases], dtype=np.bool_)
+    for held_out, tested, calibrated in _folds(cases, clean):
+        if not calibrated.any():
+            continue
+        scales = yardsticks(ratios[calibrated], elements, JUDGED_R)
+        z = margins(ratios, scales)
+        for sensors in systems(rig):
+            chosen = [place for place in np.flatnonzero(tested).tolist() if _is_judged(cases[place], sensors, rig)]
+            columns = [c for c, element in enumerate(elements) if set(element.needed) <= set(sensors)]
+            system = System(
+                tuple(elements[c] for c in columns), tuple(t for t in rig.triples if set(t) <= set(sensors)), sensors
+            )
+            samples = _fewest([scales[c] for c in columns])
+            found = accuse(z[np.ix_(chosen, columns)], system, _missing(ratios[np.ix_(chosen, columns)], system))
+            for place, verdict in zip(chosen, found, strict=True):
+                case = cases[place]
+                yield (
+                    case.evaluation_id,
+                    CaseVerdict(
+                        frame=case.frame,
+                        draw=case.draw,
+                        attacked=case.attacked,
+                        attack=case.attack,
+                        strength=case.strength,
+                        size=case.size,
+                        system=sensors,
+                        held_out=held_out,
+                        samples=samples,
+                        verdict=verdict.kind,
+                        accused=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
+                    ),
+                )
+
+
+def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
+    """Each triple of the leftmost camera; all sensors; of more than three cameras with a LiDAR also those of n = 3."""
+    everyone = {sensor for triple in rig.triples for sensor in triple}
+    found = [tuple(triple) for triple in rig.triples if triple.k == rig.n]
+    if len(everyone) > 4 and LIDAR in everyone:
+        found.append((LIDAR, 1, 2, rig.n))
+    if len(everyone) > 3:
+        found.append(tuple(sorted(everyone)))
+    return tuple(found)
+
+
+def _case(row: Mapping[str, Any]) -> Case:
+    fields = {name: value for name, value in row.items() if name not in ("setup", "rig_id", "attacked", "ratios")}
+    ratios = tuple(np.nan if ratio is None else ratio for ratio in row["ratios"])
+    return Case(attacked=tuple(row["attacked"]), ratios=ratios, **fields)
+
+
+def _folds(
+    cases: Sequence[Case], clean: NDArray[np.bool_]
+) -> Iterator[tuple[str, NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Ways of holding out: its name, the cases to be judged, and the clean cases to calibrate on."""
+    yield "nothing", np.ones_like(clean), clean
+    for held_out, parts in (("block", [c.block for c in cases]), ("recording", [c.recording_id for c in cases])):
+        for part in dict.fromkeys(parts):
+            inside = np.array([other == part for other in parts], dtype=np.bool_)
+            yield held_out, inside, clean & ~inside
+
+
+def _is_judged(case: Case, sensors: tuple[int, ...], rig: Rig) -> bool:
+    """Whether a case says something of a system: its sensors are attacked, and no more than can be told apart."""
+    if not set(case.attacked) <= set(sensors):
+        return False
+    if case.experiment == "sensitivity":
+        return sensors == scenario_1(rig)
+    if len(sensors) == 3:
+        return case.experiment in ("clean", "combinations")
+    return case.experiment != "combinations" or len(case.attacked) <= len(sensors) - 3
+
+
+def _missing(ratios: Floats, system: System) -> list[frozenset[int]]:
+    """The sensors of which nothing was measured in each case."""
+    touching = {s: [s in element.needed for element in system.elements] for s in system.sensors}
+    heard = np.stack([~np.isnan(ratios[:, touching[s]]).all(axis=1) for s in system.sensors], axis=1)
+    return [frozenset(s for s, there in zip(system.sensors, row, strict=True) if not there) for row in heard.tolist()]
+
+
+def _fewest(scales: Sequence[Yardstick | None]) -> int:
+    return min((scale.samples for scale in scales if scale is not None), default=0)
