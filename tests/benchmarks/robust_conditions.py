@@ -16,8 +16,8 @@ from auditor.evidence import use_one_thread
 from auditor.frames import CameraImage, Frame, PointCloud
 from auditor.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
+from tests.benchmarks.robust_judging import robust
 from tests.benchmarks.robust_measuring import MATCHER, Sample, measured
-from tests.benchmarks.robust_rates import robust
 
 Pixels = np.ndarray
 Case = tuple[str, tuple[int, ...], Frame]

@@ -1,106 +1,31 @@
-"""The robust method beside the paper's on real frames: `python -m tests.benchmarks.robust_rates [--cameras 4]`.
+"""The robust method beside the paper's: `python -m tests.benchmarks.robust_rates [--cameras 4] [--synthetic SCENES]`.
 
-Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also streets of each
-style judged by those of the others (at n = 4 by an evenly spaced rig). r = 1 %. Thresholds are calibrated on the clean
-frames of one part and tested on another: 0009 on 0001, 0001 on 0009, blocks of ten frames of 0009 on the rest of it.
+Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also so many streets of
+each style judged by those of the others (at n = 4 by an evenly spaced rig), --only-synthetic without the drives.
+Thresholds at r = 1 % are calibrated on the clean frames of one part and tested on another: 0009 on 0001, 0001 on 0009, blocks of
+ten frames of 0009 on the rest of it.
 Detection: any verdict but `clean` and `not_auditable`; identification: exactly the attacked set. Every rate carries
-its counts and 95 % Wilson interval.
+its counts and 95 % Wilson interval; frames of one scene resemble each other, so that the intervals are too narrow.
+Scenes are measured by --processes at a time and kept in --folder: a run that was stopped goes on where it was.
 """
 
 import argparse
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
-from decimal import Decimal
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from auditor.elements import rig_elements
 from auditor.evidence import use_one_thread
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
-from auditor.identification.thresholds import threshold
-from auditor.identification.verdicts import judge
-from auditor.identification.windows import window_means
-from auditor.lab.attacks import STRENGTHS
-from auditor.lab.drives import make_drive
-from auditor.lab.streets import STYLES
 from auditor.results import FINDINGS, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
-from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
+from tests.benchmarks.robust_judging import METHODS, clean_of, wilson
 from tests.benchmarks.robust_measuring import Sample, samples
+from tests.benchmarks.robust_series import Split, contaminated, incidents, lasting_attacks
+from tests.benchmarks.robust_streets import measure_scenes, scenes_of
 
-R = Decimal("0.01")
-WINDOW_S = 0.5
 BLOCK = 10
-FRAMES_A_SCENE = 5
-EVENLY_SPACED_M = (0.54, 0.36, 0.18, 0.0)
-
-Judge = Callable[[Rig, Sequence[Sample], Sequence[Sample]], list[Verdict]]
-Split = tuple[list[Sample], list[Sample]]
-
-
-def paper(statistic: int) -> Judge:
-    """E against theta, Algorithm 2, as `--method paper` judges."""
-
-    def verdicts(rig: Rig, clean: Sequence[Sample], tested: Sequence[Sample]) -> list[Verdict]:
-        columns = np.array([sample.E[statistic] for sample in clean]).T
-        theta = [threshold(sorted(column[~np.isnan(column)].tolist()), R) for column in columns]
-        return [
-            judge(
-                "".join(_state(E, t) for E, t in zip(s.E[statistic], theta, strict=True)),
-                rig.triples,
-                rig.sensors,
-            )
-            for s in tested
-        ]
-
-    return verdicts
-
-
-def _state(E: float, theta: float) -> str:
-    return "-" if np.isnan(E) else "01"[theta < E]
-
-
-def robust(window_s: float | None) -> Judge:
-    """Margins, joint identification; with a window their means over half a second."""
-
-    def verdicts(rig: Rig, clean: Sequence[Sample], tested: Sequence[Sample]) -> list[Verdict]:
-        elements = rig_elements(rig)
-        scales = yardsticks(np.array([sample.ratios for sample in clean]), elements, R)
-        z = margins(np.array([sample.ratios for sample in tested]), scales)
-        if window_s is not None:
-            z = _windowed(z, tested, window_s)
-        return accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(tested))
-
-    return verdicts
-
-
-def _windowed(z: np.ndarray, tested: Sequence[Sample], window_s: float) -> np.ndarray:
-    """Each attack is a series of its own; its frames are attacked all, each by its own draw."""
-    series: dict[object, list[int]] = defaultdict(list)
-    for index, sample in enumerate(tested):
-        series[sample.recording, sample.kind, sample.attacked, sample.draw].append(index)
-    result = np.empty_like(z)
-    for members in series.values():
-        members.sort(key=lambda index: tested[index].stamp_ns)
-        stamps = np.array([tested[index].stamp_ns for index in members], dtype=np.int64)
-        result[members] = window_means(z[members], stamps, window_s)
-    return result
-
-
-METHODS = {
-    "paper, plain E": paper(0),
-    "paper, gated E": paper(1),
-    "robust, single frames": robust(None),
-    f"robust, windows of {WINDOW_S} s": robust(WINDOW_S),
-}
-
-
-def wilson(k: int, n: int) -> str:
-    """k of n with the 95 % interval."""
-    low, high = wilson_percent(k, n)
-    return f"{k:5}/{n:<5} {100 * k / n:5.1f} [{low:5.1f}, {high:5.1f}]"
 
 
 def report(rig: Rig, splits: Sequence[Split]) -> None:
@@ -145,76 +70,56 @@ def _arrow(key: tuple[tuple[int, ...], VerdictKind, tuple[int, ...]], count: int
     return f"{set(truth) or 'clean'} -> {kind}{set(named) or ''} {count}"
 
 
-def clean_of(part: Sequence[Sample]) -> list[Sample]:
-    """The clean frames of a part."""
-    return [sample for sample in part if sample.kind == "clean"]
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cameras", type=int, default=3, choices=[3, 4])
-    parser.add_argument("--draws", type=int, default=2)
+    parser.add_argument("--draws", type=int, default=2, help="of every attack on each frame of the drives")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
+    parser.add_argument("--frames", type=int, default=50, help="of each scene")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--folder", type=Path, default=Path("robust-scenes"), help="where measured scenes are kept")
+    parser.add_argument("--only-synthetic", action="store_true")
     options = parser.parse_args()
     use_one_thread()
+    if not options.only_synthetic:
+        drives(options.cameras, options.draws, options.seed)
+    if options.synthetic:
+        scenes = scenes_of(options.synthetic, options.cameras, options.frames, options.seed)
+        everything = [scene for of_style in scenes.values() for scene in of_style]
+        rig, measured = measure_scenes(everything, options.folder, options.processes)
+        streets(rig, {style: [s for one in of_style for s in measured[one]] for style, of_style in scenes.items()})
+
+
+def drives(cameras: int, draws: int, seed: int) -> None:
+    """The real drives, each judged by the other and 0009 by itself."""
     measured: dict[str, list[Sample]] = {}
     for number in ("0009", "0001"):
-        rig, stream = frames(number, all_cameras=options.cameras == 4)
-        measured[number] = list(samples(number, rig, stream, options.draws, options.seed + int(number)))
+        rig, stream = frames(number, all_cameras=cameras == 4)
+        measured[number] = list(samples(number, rig, stream, draws, seed + int(number)))
     hard, easy = measured["0009"], measured["0001"]
-    print(f"calibrated on 0009, tested on 0001; n = {options.cameras}")
+    print(f"calibrated on 0009, tested on 0001; n = {cameras}")
     report(rig, [(clean_of(hard), easy)])
-    print(f"calibrated on 0001, tested on 0009; n = {options.cameras}")
+    print(f"calibrated on 0001, tested on 0009; n = {cameras}")
     report(rig, [(clean_of(easy), hard)])
-    print(f"blocks of ten of 0009, calibrated on the other three; n = {options.cameras}")
+    print(f"blocks of ten of 0009, calibrated on the other three; n = {cameras}")
     blocks = sorted({sample.frame // BLOCK for sample in hard})
     parts = [([s for s in hard if s.frame // BLOCK != b], [s for s in hard if s.frame // BLOCK == b]) for b in blocks]
     report(rig, [(clean_of(others), part) for others, part in parts])
-    if options.synthetic:
-        streets(options.synthetic, options.cameras, options.seed)
 
 
-def streets(scenes: int, cameras: int, seed: int) -> None:
+def streets(rig: Rig, measured: dict[str, list[Sample]]) -> None:
     """Synthetic streets: each style's scenes calibrated on the others', the vehicles' flaws different too."""
-    measured: dict[str, list[Sample]] = {style: [] for style in STYLES}
-    positions_m = EVENLY_SPACED_M if cameras == 4 else None
-    for s, style in enumerate(measured):
-        for scene in range(scenes):
-            number = 1000 * (s + 1) + scene
-            drive = make_drive(
-                seed + number,
-                FRAMES_A_SCENE,
-                n_cameras=cameras,
-                style=style,
-                vehicle=number,
-                positions_m=positions_m,
-            )
-            measured[style].extend(samples(f"{style} {scene}", drive.rig, drive.frames(), 1, number))
-    print(f"synthetic streets, each style calibrated on the others; n = {cameras}")
+    count = len({s.recording for part in measured.values() for s in part})
+    print(f"{count} synthetic streets, each style calibrated on the others; n = {rig.n}")
     others = {style: [s for other, part in measured.items() if other != style for s in part] for style in measured}
-    report(drive.rig, [(clean_of(others[style]), part) for style, part in measured.items()])
+    splits = [(clean_of(others[style]), part) for style, part in measured.items()]
+    report(rig, splits)
+    incidents(rig, splits)
+    lasting_attacks(rig, splits)
     last = next(reversed(measured))
-    contaminated(drive.rig, others[last], measured[last], np.random.default_rng(seed))
-
-
-def contaminated(rig: Rig, calibrated: list[Sample], tested: list[Sample], rng: np.random.Generator) -> None:
-    """Faculas on single cameras again, where a share of the frames that were taken for clean had been attacked."""
-    clean = clean_of(calibrated)
-    camera = [s for s in tested if s.kind in STRENGTHS and len(s.attacked) == 1 and LIDAR not in s.attacked]
-    for share in (0.0, 0.05, 0.1, 0.2):
-        for strength in ("mild", "opaque"):
-            bad = [s for s in calibrated if s.kind == strength and len(s.attacked) == 1]
-            count = round(share * len(clean))
-            order = rng.permutation(len(clean))
-            mixed = [clean[c] for c in order[count:]] + [bad[b] for b in rng.permutation(len(bad))[:count]]
-            told = list(zip(camera, robust(None)(rig, mixed, camera), strict=True))
-            rates = {
-                kind: wilson(sum(v.attacked == s.attacked for s, v in told if s.kind == kind), len(camera) // 3)
-                for kind in ("mild", "opaque")
-            }
-            print(f"  {share:.0%} of the calibration {strength}: mild {rates['mild']}, opaque {rates['opaque']}")
+    contaminated(rig, others[last], measured[last], np.random.default_rng(0))
 
 
 if __name__ == "__main__":
