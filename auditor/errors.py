@@ -7,6 +7,7 @@
     ├── ThresholdsError      no thresholds, or thresholds of another rig kind, matcher or setting
     ├── StoreError           a store that cannot be read or written
     ├── QueryError           a query that does not exist, lacks a parameter, or is not allowed
+    ├── LimitError           a task that took more memory or time than it may
     └── SettingError         an option whose value makes no sense
 
 Each carries what happened, where, and what to do about it, and prints as one line.
@@ -62,6 +63,10 @@ class StoreError(AuditorError):
 
 class QueryError(AuditorError):
     """A query that does not exist, lacks a parameter or is not allowed."""
+
+
+class LimitError(AuditorError):
+    """A task that took more memory or time than it may, and was ended."""
 
 
 class SettingError(AuditorError):

@@ -22,7 +22,7 @@ from typing import Any, Generic, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from auditor.engines.limits import Limits, memory_mb
-from auditor.errors import AuditorError
+from auditor.errors import AuditorError, LimitError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -160,10 +160,10 @@ class _Run(Generic[Item, Result]):
             return Outcome(item, error=error)
         except ProcessExpired as death:
             if running is not None and running.ended:
-                what, remedy = running.ended, "give it more with --time-limit or --memory-limit if it is to be trusted"
-            else:
-                what = f"its process died (exit code {death.exitcode})"
-                remedy = "it may have run out of memory: run it again with --jobs 1"
+                remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
+                return Outcome(item, error=LimitError(running.ended, where=item, remedy=remedy))
+            what = f"its process died (exit code {death.exitcode})"
+            remedy = "it may have run out of memory: run it again with --jobs 1"
             return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
 
 

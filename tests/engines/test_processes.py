@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from auditor.engines import Limits, Outcome, Progress, limits_of, run_all
-from auditor.errors import RecordingError
+from auditor.errors import LimitError, RecordingError
 
 
 def square(item: int, progress: Progress) -> int:
@@ -84,6 +84,7 @@ def test_a_task_over_its_budget_is_one_error_and_the_others_go_on(item: str, lim
     done = {o.item: o for o in run_all(greedy, ["modest", item, "modest too"], 2, lambda *_: None, lambda _: limits)}
     if item == "slow":
         done.pop("modest too")  # it takes as long
+    assert isinstance(done[item].error, LimitError)
     assert says in str(done[item].error)
     assert "--" in str(done[item].error)
     assert done["modest"].result == "modest"

@@ -10,7 +10,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from auditor.frames import Frame
-from auditor.geometry import Matrix, motion, quaternion_from_rotation
+from auditor.geometry import Matrix, invert, motion, quaternion_from_rotation
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.rig import Rig
 
@@ -91,6 +91,27 @@ def said(rig: Rig, frames: list[Frame], form: str = "raw", *, one_transform_a_me
         if frame.cloud and rig.lidar:
             fields = cloud_fields(frame.cloud.xyz_m, frame.cloud.stamp_ns, "top")
             yield Said(rig.lidar.topic, "foxglove.PointCloud", frame.cloud.stamp_ns, fields)
+
+
+def nuscenes(folder: Path) -> Iterator[Said]:
+    """The frame of six cameras and a LiDAR in a folder, as nuScenes' own converter lays it out."""
+    told = json.loads((folder / "calibration.json").read_text())
+    at = round(told["timestamp"] * 1e9)
+    for name, camera in told["images"].items():
+        topic, frame = f"/{name.lower()}", {"frame_id": name, "timestamp": stamp(round(camera["timestamp"] * 1e9))}
+        K = np.array(camera["cam2img"])[:3, :3]
+        P = np.hstack([K, np.zeros((3, 1))])
+        matrices = {"K": K.ravel().tolist(), "R": np.eye(3).ravel().tolist(), "P": P.ravel().tolist()}
+        placed = transform("top", name, invert(np.array(camera["lidar2cam"])), at)
+        picture = {"data": (folder / camera["img_path"]).read_bytes(), "format": "jpeg"}
+        calibration = {"width": 1600, "height": 900, "D": [], "distortion_model": "", **matrices}
+        yield Said("/tf", "foxglove.FrameTransform", at, placed)
+        yield Said(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **calibration})
+        yield Said(f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture})
+    points = np.fromfile(next(folder.glob("*.pcd.bin")), np.float32).reshape(-1, 5)
+    fields = [{"name": name, "offset": 4 * n, "type": 7} for n, name in enumerate(("x", "y", "z", "intensity", "ring"))]
+    cloud = cloud_fields(points[:, :3], at, "top", data=points.tobytes(), point_stride=20, fields=fields)
+    yield Said("/lidar_top", "foxglove.PointCloud", at, cloud)
 
 
 def protobuf_message(schema: str, fields: dict[str, Any]) -> Any:

@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ from mcap.writer import Writer
 
 from auditor.errors import DecodingError, RigError
 from auditor.frames import Message
-from auditor.geometry import invert, motion, rotation_from_quaternion
+from auditor.geometry import motion, rotation_from_quaternion
 from auditor.recordings import convert, find_rigs, open_recording, survey
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.foxglove_layouts import LAYOUTS, TIMESTAMP
@@ -18,9 +17,9 @@ from auditor.recordings.decoding.protobuf import MAX_FIELDS, check_schema, decod
 from auditor.recordings.interface import Definition
 from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
 from tests.recordings.foxglove_messages import (
-    Said,
     cloud_fields,
     json_text,
+    nuscenes,
     protobuf_message,
     said,
     stamp,
@@ -233,29 +232,10 @@ def test_a_topic_in_an_encoding_that_nothing_reads_is_named(tmp_path: Path) -> N
 
 
 def test_the_real_nuscenes_frame_answers_that_no_triple_is_possible(real_data: Path, tmp_path: Path) -> None:
-    folder = real_data / "nuscenes_one_frame"
-    told = json.loads((folder / "calibration.json").read_text())
-    at = round(told["timestamp"] * 1e9)
-    out = []
-    for name, camera in told["images"].items():
-        topic, frame = f"/{name.lower()}", {"frame_id": name, "timestamp": stamp(round(camera["timestamp"] * 1e9))}
-        K = np.array(camera["cam2img"])[:3, :3]
-        P = np.hstack([K, np.zeros((3, 1))])
-        matrices = {"K": K.ravel().tolist(), "R": np.eye(3).ravel().tolist(), "P": P.ravel().tolist()}
-        placed = transform("top", name, invert(np.array(camera["lidar2cam"])), at)
-        picture = {"data": (folder / camera["img_path"]).read_bytes(), "format": "jpeg"}
-        calibration = {"width": 1600, "height": 900, "D": [], "distortion_model": "", **matrices}
-        out.append(Said("/tf", "foxglove.FrameTransform", at, placed))
-        out.append(Said(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **calibration}))
-        out.append(Said(f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture}))
-    points = np.fromfile(next(folder.glob("*.pcd.bin")), np.float32).reshape(-1, 5)
-    fields = [{"name": name, "offset": 4 * n, "type": 7} for n, name in enumerate(("x", "y", "z", "intensity", "ring"))]
-    cloud = cloud_fields(points[:, :3], at, "top", data=points.tobytes(), point_stride=20, fields=fields)
-    out.append(Said("/lidar_top", CLOUD, at, cloud))
-    write_protobuf(tmp_path / "a.mcap", iter(out))
+    write_protobuf(tmp_path / "a.mcap", nuscenes(real_data / "nuscenes_one_frame"))
     with open_recording(tmp_path / "a.mcap") as recording:
         known = survey(recording)
-    assert [cloud.points for cloud in known.clouds] == [len(points)]
+    assert [cloud.points for cloud in known.clouds] == [34_688]
     assert {image.size_px for image in known.images} == {(1600, 900)}
     assert len(known.images) == 6
     with pytest.raises(RigError, match="no triple possible") as caught:

@@ -1,0 +1,88 @@
+"""What a scan does with recordings that are cut, too dear, or of sensors that cannot be compared."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from tests.cut_scans import IN_ONE_CHUNK, KINDS, scan_cuts
+from tests.recordings.foxglove_messages import nuscenes, write_protobuf
+from tests.small_drives import PERIOD_NS, START_NS, write_drive
+
+FRAMES, PLACES = 14, 7
+
+
+def rows(sql: str, store: Path, capfd: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    capfd.readouterr()
+    assert run(["query", "--sql", sql, "--store", str(store), "--format", "json"]) == 0
+    return json.loads(capfd.readouterr().out)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_frames_before_each_cut_are_audited_and_the_loss_is_told(
+    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    scan = scan_cuts(tmp_path, kind, FRAMES, PLACES, lambda: capfd.readouterr().out)
+    assert scan.exit_code == 3
+    for cut in scan.cuts:
+        assert cut.measured >= FRAMES * cut.share - IN_ONE_CHUNK, cut
+        assert cut.adds_up
+        assert cut.damage or not cut.measured, cut
+
+
+def test_the_nuscenes_frame_and_bags_without_cameras_say_what_is_missing_in_a_line_each(
+    real_data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
+    write_protobuf(tmp_path / "nuscenes.mcap", nuscenes(real_data / "nuscenes_one_frame"))
+    sources = [tmp_path / "nuscenes.mcap", real_data / "real_bags_without_cameras"]
+    assert run(["scan", *map(str, sources), "--store", str(tmp_path / "audit")]) == 3
+    lines = [line for line in capfd.readouterr().err.splitlines() if line.strip()]
+    assert len(lines) == 3
+    assert all("no triple possible" in line for line in lines), lines
+    for name in ("nuscenes.mcap", "ros1_tilt_laser.bag", "ros2_vlp16"):
+        [line] = [line for line in lines if name in line]
+        missing = "CAM_FRONT" if name == "nuscenes.mcap" else "no camera images"
+        assert missing in line
+        assert run(["inspect", str(next(s for s in (*sources, sources[1] / name) if s.name == name))]) == 3
+        assert "no triple possible" in capfd.readouterr().out
+
+
+def test_a_recording_over_its_budget_is_one_line_and_leaves_nothing_half_done(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store, long = tmp_path / "audit", write_drive(tmp_path / "long.mcap", count=120)
+    for options, says in ((["--time-limit", "0.4"], "took longer than 0.4 s"), (["--memory-limit", "20"], "20 MB")):
+        assert run(["scan", str(long), "--store", str(store), *options]) == 3
+        [line] = [line for line in capfd.readouterr().err.splitlines() if line.strip()]
+        assert says in line
+        assert "long.mcap" in line
+        assert not list(store.rglob("[0-9a-f]*.parquet"))[2:], "at most its rig and triples are there"
+    assert not list((store / "measurements").glob("*.parquet"))
+    assert run(["scan", str(long), "--measure-only", "--store", str(store)]) == 3
+    assert "120 frames measured" in capfd.readouterr().err
+
+
+def test_vehicle_date_and_drive_come_from_the_path_from_options_and_from_the_recording(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder, store = tmp_path / "fleet" / "alder" / "2026-01-31", tmp_path / "audit"
+    folder.mkdir(parents=True)
+    for part in range(2):
+        write_drive(folder / f"part{part}.mcap", count=3, start_ns=START_NS + part * 3 * PERIOD_NS, seed=part)
+    pattern = ["--path-pattern", "{vehicle}/{date}/*.mcap"]
+    scan = ["scan", str(folder), "--measure-only", "--store", str(store)]
+    known = "SELECT name, vehicle, CAST(date AS VARCHAR) AS date, drive, drive_id FROM recordings ORDER BY name"
+    assert run(scan) == 3
+    first, second = rows(known, store, capfd)
+    assert (first["vehicle"], first["date"], first["drive"]) == (None, None, None)
+    assert first["drive_id"] == second["drive_id"], "they follow each other"
+    assert run([*scan, *pattern]) == 3
+    assert [(row["vehicle"], row["date"]) for row in rows(known, store, capfd)] == [("alder", "2026-01-31")] * 2
+    assert run([*scan, "--vehicle", "birch", "--drive", "0009"]) == 3
+    told = [(row["vehicle"], row["date"], row["drive"]) for row in rows(known, store, capfd)]
+    assert told == [("birch", "2026-01-31", "0009")] * 2, "what is not given anew stays"
+    assert run([*scan, "--path-pattern", "{date}/alder/*/*.mcap"]) == 2
+    assert "is no date" in capfd.readouterr().err
+    assert run([*scan, "--path-pattern", "{colour}/*.mcap"]) == 2
