@@ -105,7 +105,7 @@ def _elements(calibration: "Calibration", system: "System", r: Decimal) -> "list
 
 def _table(robust: "Sequence[HeldOut]", paper: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
     """The recordings that are raised most, and all together."""
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "recording": names.get(one.recording, one.recording),
             "frames": one.frames,

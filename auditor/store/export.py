@@ -12,9 +12,10 @@ Table = pa.Table
 """The form of every answer: an Arrow table."""
 
 
-def table_of(rows: list[dict[str, object]]) -> Table:
+def table_of(rows: list[dict[str, object]]) -> pa.Table:
     """Rows of equal columns as a table."""
-    return pa.Table.from_pylist(rows)
+    table: pa.Table = pa.Table.from_pylist(rows)
+    return table
 
 
 def encode(table: pa.Table, form: str) -> bytes:

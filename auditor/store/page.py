@@ -84,9 +84,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class ThresholdLine:
-    """theta of one triple and the number N of clean samples that it came from."""
+    """theta of one triple (E) or element (its witness) and the number N of clean samples that it came from."""
 
-    triple: Triple
+    name: str
+    indices: tuple[int, ...]
     theta: float | None
     samples: int
 
@@ -107,6 +108,8 @@ class Provenance:
     method: str = ""
     statistic: Statistic | None = None
     r: Decimal | None = None
+    incidents_per_hour: float | None = None
+    score_threshold: float | None = None
     resolvable: bool = True
     transferred: bool = False
     thresholds: tuple[ThresholdLine, ...] = ()
@@ -116,8 +119,9 @@ class Provenance:
 class IncidentPart:
     """A run of frames with the same finding, as far as it lies in one recording: part `part` of `parts`.
 
-    `states` and `reasons` are its e vectors and what the verdicts add, each with its number of frames. `figure` is None
-    where the incident is listed but not drawn.
+    `evidence`, `alternatives` and `causes` are in words, of the whole incident. `states` and `reasons` are its e
+    vectors and what the verdicts add, each with its number of frames. `figure` is None where the incident is listed but
+    not drawn.
     """
 
     number: int
@@ -130,6 +134,9 @@ class IncidentPart:
     to_ns: int
     part: int = 1
     parts: int = 1
+    evidence: str = ""
+    alternatives: str = ""
+    causes: str = ""
     states: tuple[tuple[str, int], ...] = ()
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
@@ -179,6 +186,7 @@ class RecordingPart:
     triples: tuple[Triple, ...]
     balance: tuple[TopicBalance, ...]
     provenance: Provenance
+    in_incidents: int = 0
     incidents: tuple[IncidentPart, ...] = ()
     overview: Figure | None = None
     truths: tuple[Truth, ...] = ()
@@ -199,6 +207,11 @@ class RecordingPart:
     def raised(self) -> int:
         """Frames with a finding."""
         return sum(count for kind, count in self.verdicts.items() if kind in FINDINGS)
+
+    @property
+    def alone(self) -> int:
+        """Frames with a finding that the half second around them does not confirm: they belong to no incident."""
+        return self.raised - self.in_incidents
 
     @property
     def edge(self) -> int:

@@ -3,18 +3,20 @@
 import base64
 import json
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import auditor
+from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import SensorState
-from auditor.results import Statistic, VerdictKind
+from auditor.results import Method, Statistic, VerdictKind
 from auditor.rig import Rig
 from auditor.store.page import (
     EDGE,
@@ -32,7 +34,7 @@ from auditor.store.queries import run_query
 from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, read_table
-from auditor.store.timeline import Timeline
+from auditor.store.timeline import Measured, Timeline
 
 MOST_SECTIONS = 12
 """Recordings that are shown in full; of more, those with the most frames raised."""
@@ -134,6 +136,7 @@ def _outline(store: Store, audit: _Audit) -> RecordingPart:
         measured=audit.measurement.measured,
         to_ns=to_ns,
         verdicts={kind: counts[kind] for kind in VerdictKind if counts.get(kind)},
+        in_incidents=audit.judgement.in_incidents if audit.judgement else 0,
         skipped=audit.measurement.skipped,
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.triples,
@@ -156,6 +159,9 @@ def _incidents(store: Store, recording: str | None) -> Mapping[str, list[Inciden
                 frames=part["frames"],
                 from_ns=part["from_ns"],
                 to_ns=part["to_ns"],
+                evidence=row["evidence"] or "",
+                alternatives=row["alternatives"] or "",
+                causes=row["causes"] or "",
                 part=place,
                 parts=len(row["parts"]),
             )
@@ -208,11 +214,22 @@ def _provenance(store: Store, audit: _Audit) -> Provenance:
         r=judgement.r,
         resolvable=judgement.resolvable,
         transferred=judgement.transferred,
-        thresholds=tuple(
-            ThresholdLine(triple, theta, samples or 0)
-            for triple, theta, samples in zip(audit.rig.triples, row["theta"], row["samples"], strict=True)
-        ),
+        incidents_per_hour=row["incidents_per_hour"],
+        score_threshold=row["score_threshold"],
+        thresholds=tuple(_threshold_lines(audit.rig, row)),
     )
+
+
+def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
+    """Those of a judgement's row, in the order of triples or, by the robust method, of elements."""
+    if row["method"] == Method.ROBUST:
+        for element, theta, samples in zip(
+            rig_elements(rig), row["element_theta"], row["element_samples"], strict=True
+        ):
+            yield ThresholdLine(element.witness, (element.i, element.k), theta, samples or 0)
+    else:
+        for triple, theta, samples in zip(rig.triples, row["theta"], row["samples"], strict=True):
+            yield ThresholdLine("E", triple, theta, samples or 0)
 
 
 def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
@@ -224,7 +241,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     if audit.judgement is None or not len(errors.frames):
         return part
     frames = run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}).to_pylist()
-    timeline = Timeline(part, errors, frames)
+    timeline = Timeline(part, _measured(store, audit, errors), frames)
     return replace(
         part,
         overview=timeline.overview(),
@@ -237,6 +254,15 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
             for incident in part.incidents
         ),
     )
+
+
+def _measured(store: Store, audit: _Audit, errors: FrameErrors) -> Measured:
+    """What the judgement's thresholds are of, frame by frame."""
+    assert audit.judgement is not None
+    if audit.judgement.method != Method.ROBUST:
+        return Measured(errors.frames, errors.E)
+    ratios = store.load_ratios(audit.measurement.measurement_id)
+    return Measured(ratios.frames, ratios.ratios)
 
 
 def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:

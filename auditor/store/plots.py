@@ -56,12 +56,14 @@ class Strip:
 
 @dataclass(frozen=True)
 class Chart:
-    """E of one triple against its theta over time, as SVG path data.
+    """One statistic against its theta over time, as SVG path data: E of a triple, or the local ratio of an element.
 
-    `path` is broken where E was not measured; `above` and `below` are dots, each a segment of no length.
+    `name` and `indices` are its label; `path` is broken where it was not measured; `above` and `below` are dots, each a
+    segment of no length.
     """
 
-    triple: Triple
+    name: str
+    indices: tuple[int, ...]
     top_px: float
     bottom_px: float
     path: str
@@ -98,10 +100,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Series:
-    """What one chart shows: E for each stamp, None where not measured, and theta, None where there is none."""
+    """What one chart shows: a statistic for each stamp, None where not measured, and theta, None where there is none.
 
-    triple: Triple
-    errors: Sequence[float | None]
+    `name` and `indices` say which: E and a triple, or a witness and the sensors that it is of.
+    """
+
+    name: str
+    indices: tuple[int, ...]
+    values: Sequence[float | None]
     theta: float | None
 
 
@@ -189,7 +195,7 @@ def _chart_height(count: int) -> float:
 
 
 def _highest(series: Sequence[Series]) -> float:
-    values = [E for one in series for E in one.errors if E is not None]
+    values = [E for one in series for E in one.values if E is not None]
     values += [one.theta for one in series if one.theta is not None]
     return max([*values, 0.05]) * 1.06
 
@@ -200,13 +206,14 @@ def _chart(
     def y_px(E: float) -> float:
         return round(bottom - min(max(E, 0.0), highest) / highest * (bottom - top), 1)
 
-    points = list(zip(stamps_ns, series.errors, strict=True))
+    points = list(zip(stamps_ns, series.values, strict=True))
     dots: dict[bool, list[str]] = {True: [], False: []}
     for stamp, E in points if len(points) <= MOST_DOTS else ():
         if E is not None:
             dots[series.theta is not None and series.theta < E].append(f"M{axis.px(stamp):g} {y_px(E):g}h0")
     return Chart(
-        triple=series.triple,
+        name=series.name,
+        indices=series.indices,
         top_px=top,
         bottom_px=bottom,
         path=_path([(axis.px(stamp), None if E is None else y_px(E), stamp) for stamp, E in _thin(points)], axis),

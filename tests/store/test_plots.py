@@ -41,7 +41,7 @@ def test_everything_lies_inside_the_plot():
     figure = draw(
         stamps(30),
         origin_ns=0,
-        series=[Series(TRIPLE, [index / 10 for index in range(30)], 0.4)],
+        series=[Series("E", TRIPLE, [index / 10 for index in range(30)], 0.4)],
         rows=[Row("verdict", stamps(30), ["clean"] * 30)],
         shaded=[(0, 100 * S)],
     )
@@ -59,7 +59,7 @@ def test_strips_and_charts_do_not_overlap():
     figure = draw(
         stamps(5),
         origin_ns=0,
-        series=[Series(Triple(0, j, 9), [0.1] * 5, 0.2) for j in range(1, 8)],
+        series=[Series("E", Triple(0, j, 9), [0.1] * 5, 0.2) for j in range(1, 8)],
         rows=[Row(str(index), stamps(5), ["0"] * 5) for index in range(4)],
     )
     edges = [(chart.top_px, chart.bottom_px) for chart in figure.charts]
@@ -69,7 +69,8 @@ def test_strips_and_charts_do_not_overlap():
 
 
 def test_all_charts_share_one_scale():
-    figure = draw(stamps(2), origin_ns=0, series=[Series(TRIPLE, [0.1, 0.1], 0.2), Series(TRIPLE, [0.8, 0.8], 0.2)])
+    low, high = Series("E", TRIPLE, [0.1, 0.1], 0.2), Series("E", TRIPLE, [0.8, 0.8], 0.2)
+    figure = draw(stamps(2), origin_ns=0, series=[low, high])
     heights = [chart.bottom_px - points_of(chart.path)[0][1] for chart in figure.charts]
     assert heights[1] == pytest.approx(8 * heights[0], rel=0.01)
 
@@ -77,25 +78,25 @@ def test_all_charts_share_one_scale():
 def test_the_line_breaks_where_nothing_was_measured_and_across_a_gap():
     times = stamps(9)
     del times[6:8]
-    (chart,) = draw(times, origin_ns=0, series=[Series(TRIPLE, [0.1, 0.1, None, 0.1, 0.1, 0.1, 0.1], None)]).charts
+    (chart,) = draw(times, origin_ns=0, series=[Series("E", TRIPLE, [0.1, 0.1, None, 0.1, 0.1, 0.1, 0.1], None)]).charts
     assert chart.path.count("M") == 3
     assert chart.path.count("L") == 3
 
 
 def test_dots_tell_above_from_not_above():
-    (chart,) = draw(stamps(4), origin_ns=0, series=[Series(TRIPLE, [0.1, 0.2, 0.3, None], 0.2)]).charts
+    (chart,) = draw(stamps(4), origin_ns=0, series=[Series("E", TRIPLE, [0.1, 0.2, 0.3, None], 0.2)]).charts
     assert (chart.above.count("M"), chart.below.count("M")) == (1, 2)
 
 
 def test_a_theta_below_every_error_is_not_drawn():
-    (chart,) = draw(stamps(2), origin_ns=0, series=[Series(TRIPLE, [0.1, 0.1], -1.0)]).charts
+    (chart,) = draw(stamps(2), origin_ns=0, series=[Series("E", TRIPLE, [0.1, 0.1], -1.0)]).charts
     assert (chart.theta, chart.theta_y_px) == (-1.0, None)
 
 
 def test_many_points_are_thinned_and_no_extreme_is_lost():
     errors = [0.1] * 20_000
     errors[7_777], errors[12_345] = 0.9, 0.0
-    (chart,) = draw(stamps(20_000), origin_ns=0, series=[Series(TRIPLE, errors, 0.2)]).charts
+    (chart,) = draw(stamps(20_000), origin_ns=0, series=[Series("E", TRIPLE, errors, 0.2)]).charts
     heights = [y for _, y in points_of(chart.path)]
     assert len(heights) <= 2 * MOST_POINTS
     assert max(heights) == chart.bottom_px
@@ -127,7 +128,7 @@ def test_a_label_that_would_not_fit_is_left_out():
 
 
 def test_a_single_frame_can_be_drawn():
-    figure = draw([5 * S], origin_ns=5 * S, series=[Series(TRIPLE, [0.1], 0.2)], rows=[Row("", [5 * S], ["0"])])
+    figure = draw([5 * S], origin_ns=5 * S, series=[Series("E", TRIPLE, [0.1], 0.2)], rows=[Row("", [5 * S], ["0"])])
     assert figure.strips[0].cells[0].width_px == RIGHT_PX - LEFT_PX
 
 
