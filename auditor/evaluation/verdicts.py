@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,13 +56,13 @@ def judge_cases(store: Store) -> None:
     Thresholds come from the clean cases of the same rig kind and way of measuring, so that any new recording changes
     what is said of all: everything is judged anew.
     """
+    rig_of = cache(store.rig)
+    elements_of = cache(lambda rig_id: rig_elements(rig_of(rig_id)))
     setups: dict[tuple[str, tuple[Element, ...]], list[Case]] = defaultdict(list)
     rigs: dict[tuple[str, tuple[Element, ...]], Rig] = {}
-    known: dict[str, Rig] = {}
     for row in run_sql(store, _CASES).to_pylist():
-        rig = known.setdefault(row["rig_id"], store.rig(row["rig_id"]))
-        setup = row["setup"], rig_elements(rig)
-        rigs[setup] = rig
+        setup = row["setup"], elements_of(row["rig_id"])
+        rigs[setup] = rig_of(row["rig_id"])
         setups[setup].append(_case(row))
     for setup, cases in setups.items():
         verdicts: dict[str, list[CaseVerdict]] = defaultdict(list)

@@ -12,7 +12,8 @@ from auditor.identification.accusing import System, accuse
 from auditor.identification.margins import margins, yardsticks
 from auditor.results import VerdictKind
 from auditor.store.queries import run_query, run_sql
-from tests.store.test_evaluation_queries import FRAMES, RIG, case_of, make_evaluation, part, write
+from tests.store.making import new_store
+from tests.store.test_evaluation_queries import RIG, case_of, make_evaluation, part, write
 
 R = Decimal("0.01")
 BLOCK = 10
@@ -180,16 +181,19 @@ def test_other_rates_and_blocks_were_not_judged(made):
 
 
 def test_judging_again_after_another_recording_replaces_what_was_said(tmp_path):
-    store, _ = make_evaluation(tmp_path)
-    judge_cases(store)
-    count = "SELECT count(*) AS n, count(DISTINCT evaluation_id) AS parts FROM case_verdicts"
-    [before] = run_sql(store, count).to_pylist()
-    judge_cases(store)
-    assert run_sql(store, count).to_pylist() == [before]
-    rng = np.random.default_rng(1)
-    write(store, part("c", "clean"), [case_of(rng, f, ()) for f in range(max(FRAMES.values()))])
-    judge_cases(store)
-    [after] = run_sql(store, count).to_pylist()
-    assert after["parts"] == before["parts"] + 1
-    samples = run_sql(store, "SELECT min(samples) AS n FROM case_verdicts WHERE held_out = 'nothing'").to_pylist()
-    assert samples[0]["n"] > sum(FRAMES.values())
+    store, rng = new_store(tmp_path), np.random.default_rng(1)
+    store.write_rig(RIG)
+
+    def add(recording):
+        write(store, part(recording, "clean"), [case_of(rng, frame, ()) for frame in range(12)])
+        judge_cases(store)
+        sql = "SELECT held_out, count(*) AS n, max(samples) AS N FROM case_verdicts GROUP BY held_out ORDER BY held_out"
+        return [tuple(row.values()) for row in run_sql(store, sql).to_pylist()]
+
+    systems = len(SMALL) + len(LARGE)
+    assert add("a") == [("block", 12 * systems, 10), ("nothing", 12 * systems, 12)]
+    assert add("b") == [
+        ("block", 24 * systems, 22),
+        ("nothing", 24 * systems, 24),
+        ("recording", 24 * systems, 12),
+    ]
