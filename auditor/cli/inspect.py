@@ -117,6 +117,8 @@ def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[st
 
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
+    from auditor.cli.abilities import abilities, short_pairs  # noqa: PLC0415
+
     leftmost = rig.cameras[-1]
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
@@ -138,6 +140,8 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
         "kind": str(rig.kind),
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
+        "abilities": abilities(rig),
+        "pairs_without_depth": [list(pair) for pair in short_pairs(rig)],
         "frames": health.frames,
         "skipped": dict(health.skipped),
         "clock_jumps": health.clock_jumps,
@@ -178,7 +182,9 @@ def _show(description: dict[str, Any]) -> None:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
         print_rows(rows, columns, title=f"Rig {rig['kind']}")
-        click.echo(f"  {_ability(rig)}\n")
+        for line in rig["abilities"]:
+            click.echo(f"  {line}")
+        click.echo()
         counted = ("sensor", "read", "used", "unused", "damaged", "skipped", "present", "from_s", "to_s", "offset_ms")
         print_rows(
             [
@@ -199,11 +205,3 @@ def _frames(rig: dict[str, Any]) -> str:
     lost = [f"{count} without enough sensors ({reason})" for reason, count in rig["skipped"].items()]
     jumps = [f"the clock jumped back {rig['clock_jumps']} times"] if rig["clock_jumps"] else []
     return "; ".join([f"{rig['frames']} frames, one each {rig['period_ms']:.0f} ms", *lost, *jumps])
-
-
-def _ability(rig: dict[str, Any]) -> str:
-    count, most = len(rig["triples"]), rig["max_attacked"]
-    comparisons = f"{count} triple{'s' if count != 1 else ''} of sensors can be compared"
-    if most == 0:
-        return f"{comparisons}: an attack is detected, but with three sensors its sensor cannot be identified"
-    return f"{comparisons}: up to {most} attacked sensor{'s' if most != 1 else ''} at once can be identified"
