@@ -56,7 +56,7 @@ def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable
         (cuts / name).write_bytes(content[: len(content) * place // (places + 1)])
     store = str(folder / "audit")
     assert run(["calibrate", str(whole), "-r", "0", "--store", store]) in (0, 3)
-    code = run(["scan", str(cuts), "-r", "0", "--method", "paper", "--store", store])
+    code = run(["scan", *(str(cuts / name) for name in names), "-r", "0", "--method", "paper", "--store", store])
     shown()
     sql = """
         SELECT name, measured, len(damage) AS damage,
