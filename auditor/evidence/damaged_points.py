@@ -67,7 +67,8 @@ def solid_around(points: Points, rig: Rig) -> Solid:
         across, along, degrees = along, across, degrees - 90
     centre = np.array([middle_right, (down.min() + down.max()) / 2, middle_forward]) @ rotation
     size = float(across), float(down.max() - down.min()), float(along)
-    return Solid((float(centre[0]), float(centre[1]), float(centre[2])), size, float(-degrees))
+    yaw_deg = (90 - degrees) % 180 - 90  # a box looks the same from behind
+    return Solid((float(centre[0]), float(centre[1]), float(centre[2])), size, float(yaw_deg))
 
 
 def _depth(points: Points, rig: Rig) -> Points:

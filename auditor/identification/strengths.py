@@ -126,7 +126,7 @@ def _darker(seen: Observed, camera: int) -> Floats:
             if q != p
         ]
         usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
-        found.append(np.where(unlike[:, p] >= _FEWEST_UNLIKE_PX, darker - usual, np.nan))
+        found.append(np.where(unlike[:, p] >= _FEWEST_UNLIKE_PX, darker - usual, 0 * unlike[:, p]))
     return _least(found, seen)
 
 

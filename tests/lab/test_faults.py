@@ -8,9 +8,11 @@ from auditor.frames import CameraImage, PointCloud
 from auditor.lab.faults import (
     DelayedCamera,
     DelayedLidar,
+    DimmedCamera,
     HiddenSector,
     ScatteredPoints,
     ShiftedCamera,
+    SoiledLens,
     TurnedLidar,
 )
 from tests.evidence.scenes import plane_rig
@@ -79,3 +81,32 @@ def test_attacks_on_a_lidar_need_one():
     for attack in (HiddenSector(10, 0), ScatteredPoints(1, 0), TurnedLidar(1)):
         with pytest.raises(SettingError, match="needs a LiDAR"):
             attack.apply(cloud(), without)
+
+
+def test_a_shifted_camera_may_look_aside_as_well():
+    pixels = np.arange(12, dtype=np.uint8).reshape(4, 3)
+    shifted = ShiftedCamera(0, -1).apply(CameraImage(1, 5, pixels))
+    assert np.array_equal(shifted.pixels, pixels[:, [1, 2, 2]])
+
+
+def test_a_lidar_that_has_tilted_sees_what_lies_ahead_higher_or_lower():
+    ahead = PointCloud(0, np.array([[10, 0, 0]], np.float32))
+    x, y, z = TurnedLidar(0, 2).apply(ahead, RIG).xyz_m[0]
+    assert np.hypot(x, z) == pytest.approx(10)
+    assert (abs(np.rad2deg(np.arctan2(z, x))), y) == pytest.approx((2, 0), abs=1e-3)
+
+
+def test_a_dimmed_camera_gets_its_share_of_the_light():
+    dimmed = DimmedCamera(0.2).apply(CameraImage(1, 5, np.full((2, 2, 3), 100, np.uint8)))
+    assert np.array_equal(dimmed.pixels, np.full((2, 2, 3), 20, np.uint8))
+
+
+def test_dirt_stays_in_its_place_and_hides_what_is_behind_it():
+    dirt = SoiledLens(4, seed=1)
+    bright, black = (dirt.apply(CameraImage(1, 0, np.full((100, 300), grey, np.uint8))).pixels for grey in (200, 0))
+    changed = bright < 199
+    assert 0.02 < changed.mean() < 0.6
+    assert black[bright < 190].all()
+    assert not black[bright == 200].any()
+    assert bright.min() < 45
+    assert not np.array_equal(dirt.apply(CameraImage(2, 0, np.full((100, 300), 200, np.uint8))).pixels, bright)

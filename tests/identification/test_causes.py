@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from auditor.identification.causes import suspicions, weigh
+from auditor.identification.strengths import Observed, strengths
+from auditor.results import Cause, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.symptoms import COLUMNS
+
+PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
+FRAMES = 6
+STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
+HEALTHY = {
+    "tracked": 60,
+    "in_step": 0.9,
+    "offset_px": 0.2,
+    "offset_share": 0.92,
+    "late_i": 0.2,
+    "late_k": 0.2,
+    "unlike_px": 50,
+    "difference": 0,
+    "compared": 1500,
+    "agreeing": 0.8,
+    "bias_px": 0,
+    "biased": 0.8,
+    "right_px": 4,
+    "down_px": 0,
+    "turned": 0.79,
+    "late_gain": -0.1,
+    "early_gain": -0.1,
+}
+
+
+def seen(level=90.0, saturated=0.0, **changed):
+    """Healthy frames but for some columns: one value for all pairs, or one a pair."""
+    columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in COLUMNS}
+    columns = {name: values.astype(np.float64) for name, values in columns.items()}
+    shape = FRAMES, len(CAMERAS)
+    return Observed(PAIRS, columns, CAMERAS, np.full(shape, level), np.full(shape, saturated))
+
+
+def likeliest(**changed):
+    """The causes that are as likely as an attack, as (cause, sensor), the likeliest first."""
+    causes = suspicions(strengths(seen(**changed), STAMPS_NS, SENSORS))[FRAMES // 2]
+    return [(one.cause, one.sensor) for one in causes if one.score >= 0.5]
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, []),
+        ({"in_step": (0.2, 0.9), "offset_share": (0.3, 0.9), "late_i": (0.9, 0.2)}, [(Cause.LATE, 1)]),
+        ({"in_step": 0.2, "offset_share": 0.3, "late_k": 0.9}, [(Cause.LATE, 3)]),
+        ({"late_gain": 0.08, "early_gain": -0.1}, [(Cause.LATE, 0)]),
+        ({"late_gain": 0.0, "early_gain": 0.0}, []),
+        ({"in_step": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
+        ({"in_step": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
+        ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
+        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.8, "right_px": 12}, [(Cause.DISPLACED, 0)]),
+        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.66, "compared": 250}, []),
+        ({"unlike_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
+        ({"unlike_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
+        ({"unlike_px": 2000, "difference": 100}, []),
+        ({"unlike_px": (2000, 50), "difference": (-100, 0)}, []),
+        ({"level": 20.0}, [(Cause.DARK, None)]),
+        ({"saturated": 0.4}, [(Cause.GLARE, None)]),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_each_cause_is_told_by_its_symptoms(changed, expected):
+    assert likeliest(**changed) == expected
+
+
+def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
+    assert likeliest(unlike_px=2000, difference=120) == []
+    assert likeliest(unlike_px=(2000, 100), difference=(120, 0)) == [(Cause.SOILED, 1)]  # or light in S_3, less likely
+
+
+def test_what_was_not_measured_speaks_for_nothing():
+    nothing = dict.fromkeys(COLUMNS, np.nan)
+    [causes] = set(suspicions(strengths(seen(**nothing), STAMPS_NS, SENSORS)))
+    assert causes == ()
+
+
+def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3, **fields):
+    return Verdict(kind, "1", attacked, evidence=(Evidence(witness, i, None, k, 2.0),), **fields)
+
+
+CLEAN = Verdict(VerdictKind.CLEAN, "0")
+
+
+def test_a_fault_is_a_finding_by_itself_and_doubts_any_accusation():
+    late = (Suspicion(Cause.LATE, 1, 0.8),)
+    for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
+        weighed = weigh(one, late)
+        assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
+
+
+def test_less_likely_causes_are_only_told():
+    faint = (Suspicion(Cause.LATE, 1, 0.3),)
+    assert weigh(verdict(), faint) == verdict(causes=faint)
+    assert weigh(CLEAN, faint) == CLEAN
+
+
+def test_dirt_explains_only_what_its_own_camera_is_accused_of():
+    dirt = (Suspicion(Cause.SOILED, 2, 0.9),)
+    assert weigh(verdict(), dirt).kind is VerdictKind.ATTACKED
+    assert weigh(verdict(attacked=(2,), i=2), dirt).kind is VerdictKind.SUSPECT
+    assert weigh(CLEAN, dirt) == CLEAN
+
+
+def test_darkness_is_told_where_nothing_was_raised_and_throws_no_light():
+    dark = (Suspicion(Cause.DARK, None, 0.9),)
+    told = weigh(CLEAN, dark)
+    assert (told.kind, told.causes) == (VerdictKind.CLEAN, dark)
+    assert weigh(verdict(), dark).kind is VerdictKind.SUSPECT
+    assert weigh(verdict(witness="light"), dark).kind is VerdictKind.ATTACKED
+
+
+def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
+    frozen = (Suspicion(Cause.FROZEN, 2),)
+    weighed = weigh(verdict(out_of_system=(2,)), frozen)
+    assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.ATTACKED, (1,), frozen)
+    assert weigh(CLEAN, frozen).kind is VerdictKind.SUSPECT
