@@ -125,14 +125,21 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
         max_disparity: int | None,
         device: str,
         precision: str,
+        compiled: bool,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415 - keeps --help quick
 
-        network = MatcherOptions(weights, align_corners, max_disparity, device, precision)
+        network = MatcherOptions(weights, align_corners, max_disparity, device, precision, compiled)
         return command(network=network, **others)
 
     for option in (
+        click.option(
+            "--compile",
+            "compiled",
+            is_flag=True,
+            help="Compile psmnet for the GPU first: about a minute, for long recordings.",
+        ),
         click.option(
             "--precision",
             type=click.Choice(["fp32", "tf32", "fp16", "bf16"]),

@@ -3,8 +3,10 @@
 On the CPU: seconds and peak memory of one pair at 1248 x 384 with 192 disparities, here and in the naive form (the
 published network as it is written down, called once a pair), and what `frame_cost` foretold. With --device cuda: frames
 a second with three cameras (two pairs), naive and here, for each precision and number of frames at once, compiled or
-not, and how far each precision's disparities are from fp32's. Without --weights the weights are drawn by a rule from
-their names: times stay the same, but what a precision does to disparities should be judged with trained ones.
+not, and how far each precision's disparities are from fp32's; then a whole recording: decoded, matched and compared,
+frame by frame with the naive form and as a scan does it (--recording: that alone, a short one on the CPU). Without
+--weights the weights are drawn by a rule from their names: times stay the same, but what a precision does to
+disparities should be judged with trained ones.
 With AUDITOR_TEST_DATA set the images are real. With --train: a toy network learns two planes of known disparity.
 """
 
@@ -14,7 +16,7 @@ import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -23,6 +25,7 @@ import cv2
 import numpy as np
 import torch
 
+from auditor.evidence import measure, measure_stream
 from auditor.evidence.matchers import SgbmMatcher
 from auditor.evidence.matchers.psmnet import PsmnetMatcher, Weights, check_precision, frame_cost, load_weights
 from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine
@@ -30,9 +33,14 @@ from auditor.evidence.matchers.psmnet.network import PSMNet
 from auditor.evidence.matchers.psmnet.training import TrainingSettings, train
 from auditor.evidence.matchers.psmnet.weights import content_sha256
 from auditor.evidence.matchers.scoring import Sample, score
+from auditor.frames import Frame, Skipped
+from auditor.lab.drives import make_drive
+from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.rig import Rig
 from tests.evidence.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192
+WHOLE_FRAMES = 60
 CAMERAS = (2, 3, 1)  # left to right: the reference, then its witnesses
 PAIRS = [(0, 1), (0, 2)]
 FRAMES_AT_ONCE = (1, 2, 4, 8)
@@ -53,6 +61,8 @@ def images() -> list[np.ndarray]:
 class Naive:
     """The network as it is written down: two feature passes a pair, batch normalisation apart, nothing batched."""
 
+    name, settings, step, colour, range_px = "naive", "", 1, True, RANGE_PX
+
     def __init__(self, weights: Weights, align_corners: bool, device: str) -> None:
         self.network = PSMNet(max_disparity=RANGE_PX, align_corners=align_corners, width=weights.width)
         self.network.load_state_dict(weights.state)
@@ -65,7 +75,8 @@ class Naive:
         features = [self.network.feature_extraction(tensor) for tensor in tensors]
         cost = self.network.costs(self.network.volume(*features))[2]
         size = (tensors[0].shape[-2], tensors[0].shape[-1])
-        return self.network.disparity(cost, size)[0].cpu().numpy()
+        disparity = self.network.disparity(cost, size)[0].cpu().numpy()
+        return disparity[size[0] - left.shape[0] :, : left.shape[1]]
 
 
 def seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
@@ -106,10 +117,13 @@ def on_gpu(weights: Weights, align_corners: bool, device: str) -> None:
     for precision in PRECISIONS:
         for compiled in (False, True):
             matcher = PsmnetMatcher(
-                weights, align_corners=align_corners, max_disparity=RANGE_PX, device=device, precision=precision
+                weights,
+                align_corners=align_corners,
+                max_disparity=RANGE_PX,
+                device=device,
+                precision=precision,
+                compiled=compiled,
             )
-            if compiled:
-                matcher.engine.network.costs = torch.compile(matcher.engine.network.costs)
             check = check_precision(matcher, frame, PAIRS)
             for count in FRAMES_AT_ONCE:
                 pairs = [(3 * n + left, 3 * n + right) for n in range(count) for left, right in PAIRS]
@@ -122,6 +136,45 @@ def on_gpu(weights: Weights, align_corners: bool, device: str) -> None:
                     f"{torch.cuda.max_memory_allocated() / 1e9:6.2f} GB   {slow / fast:5.2f} times naive   "
                     f"|d - fp32| mean {check.mean_px:.4f}, largest {check.largest_px:.3f} px"
                 )
+
+
+def whole_recording(weights: Weights, align_corners: bool, device: str) -> None:
+    """A recording of three cameras from its files to counts: what a scan takes, and what the naive form would."""
+    count = WHOLE_FRAMES if device != "cpu" else 2
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "drive.mcap"
+        drive = make_drive(1, count, n_cameras=3, width_px=WIDTH, height_px=HEIGHT)
+        write_mcap(path, drive.rig, drive.frames())
+        naive = Naive(weights, align_corners, device)
+        slow = recording_seconds(
+            path, lambda frames, rig: [measure(f, rig, naive) for f in frames if isinstance(f, Frame)]
+        )
+        print(f"whole recording, naive     {count / slow:7.2f} frames/s")
+        for precision, compiled in (
+            (("fp32", False), ("fp16", False), ("fp16", True)) if device != "cpu" else (("fp32", False),)
+        ):
+            matcher = PsmnetMatcher(
+                weights,
+                align_corners=align_corners,
+                max_disparity=RANGE_PX,
+                device=device,
+                precision=precision,
+                compiled=compiled,
+            )
+            matcher.match_pairs(images(), PAIRS)  # what setting up costs is not counted
+            fast = recording_seconds(path, lambda frames, rig, m=matcher: list(measure_stream(frames, rig, m)))
+            form = f"{precision} {'compiled' if compiled else ''}"
+            print(f"whole recording, {form:13} {count / fast:7.2f} frames/s   {slow / fast:5.2f} times naive")
+
+
+def recording_seconds(path: Path, work: Callable[[Iterable[Frame | Skipped], Rig], object]) -> float:
+    """Seconds to read, match and compare all frames of a recording."""
+    with open_recording(path) as recording:
+        surveyed = survey(recording)
+        rig = find_rigs(surveyed)[0]
+        started = perf_counter()
+        work(synchronise(recording, rig, surveyed, colour=True), rig)
+        return perf_counter() - started
 
 
 def planes(seed: int, height: int = 64, width: int = 96) -> Sample:
@@ -141,12 +194,13 @@ def training() -> None:
     settings = TrainingSettings(
         max_disparity=32, width=8, crop=(48, 64), batch=2, steps=400, validate_every=50, learning_rate=2e-3
     )
-    unseen = [planes(1000 + seed) for seed in range(8)]
+    unseen = {"planes": [planes(1000 + seed) for seed in range(8)]}
     started = perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         for row in train([planes(seed) for seed in range(64)], unseen, settings, Path(folder)):
-            print(f"step {row.step:4} loss {row.loss:6.3f} {row.validation} after {perf_counter() - started:.0f} s")
-    print(f"sgbm-full {score(SgbmMatcher(step=1), unseen)}")
+            told = row.validation["planes"]
+            print(f"step {row.step:4} loss {row.loss:6.3f} {told} after {perf_counter() - started:.0f} s")
+    print(f"sgbm-full {score(SgbmMatcher(step=1), unseen['planes'])}")
 
 
 def main() -> None:
@@ -156,11 +210,12 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--form", choices=["here", "naive"], help="CPU: one form alone, in this process")
     parser.add_argument("--train", action="store_true", help="train a toy network")
+    parser.add_argument("--recording", action="store_true", help="a whole recording alone, on the CPU a short one")
     arguments = parser.parse_args()
     if arguments.train:
         training()
         return
-    if arguments.device == "cpu" and arguments.form is None:
+    if arguments.device == "cpu" and arguments.form is None and not arguments.recording:
         for form in ("naive", "here"):  # a process each: peak memory never falls
             subprocess.run([sys.executable, "-m", "tests.benchmarks.psmnet", *sys.argv[1:], "--form", form], check=True)
         return
@@ -169,10 +224,13 @@ def main() -> None:
     else:
         state = ruled_state()
         weights = Weights(state, 32, content_sha256(state), None, None, "the rule")
-    if arguments.device == "cpu":
+    if arguments.recording:
+        whole_recording(weights, arguments.align_corners, arguments.device)
+    elif arguments.device == "cpu":
         on_cpu(weights, arguments.align_corners, arguments.form)
     else:
         on_gpu(weights, arguments.align_corners, arguments.device)
+        whole_recording(weights, arguments.align_corners, arguments.device)
 
 
 if __name__ == "__main__":

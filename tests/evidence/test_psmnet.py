@@ -283,6 +283,18 @@ def test_frames_in_batches_have_the_disparities_of_single_ones_also_when_memory_
             assert np.abs(stereo.disparity_px - other[pair].disparity_px).max() < 1e-3
 
 
+def test_compiled_both_halves_are_and_nothing_else_changes(monkeypatch) -> None:
+    halves = []
+    monkeypatch.setattr(torch, "compile", lambda work: halves.append(work.__name__) or work)
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda module: halves.append(type(module).__name__))
+    compiled = PsmnetMatcher(weights(), compiled=True)
+    assert halves == ["Features", "costs"]
+    assert compiled.settings == PsmnetMatcher(weights()).settings
+    assert len(halves) == 2
+    left, right = noise(32, 64, 1), noise(32, 64, 2)
+    assert np.array_equal(compiled.match(left, right), PsmnetMatcher(weights()).match(left, right))
+
+
 def test_no_pointwise_convolution_is_strided() -> None:
     # Their backward pass corrupts memory in oneDNN 3.12: with 8 channels laid out last a training crashes.
     network = PSMNet(**SMALL, align_corners=True)

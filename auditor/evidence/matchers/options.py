@@ -11,7 +11,8 @@ class MatcherOptions:
     """Options of matchers that are networks; what is None or left at its default was not asked for.
 
     `weights` file, `align_corners` convention and `max_disparity` in pixels of PSMNet, `device` cpu, cuda or cuda:1,
-    `precision` fp32, tf32, fp16 or bf16, `threads` of the CPU that one process may use.
+    `precision` fp32, tf32, fp16 or bf16, whether it is `compiled` for the device, `threads` of the CPU that one process
+    may use.
     """
 
     weights: Path | None = None
@@ -19,12 +20,16 @@ class MatcherOptions:
     max_disparity: int | None = None
     device: str = "cpu"
     precision: str = "fp32"
+    compiled: bool = False
     threads: int = 1
 
     def only(self, matcher: str, *taken: str) -> None:
         """Raises SettingError where something was asked for that the matcher does not take."""
         for option in fields(self):
             if option.name not in (*taken, "threads") and getattr(self, option.name) != option.default:
-                raise SettingError(
-                    f"{matcher} takes no such option", where="--" + option.name.replace("_", "-"), remedy="leave it out"
-                )
+                raise SettingError(f"{matcher} takes no such option", where=_spelt(option.name), remedy="leave it out")
+
+
+def _spelt(field: str) -> str:
+    """What the command line calls it."""
+    return "--compile" if field == "compiled" else "--" + field.replace("_", "-")

@@ -79,11 +79,18 @@ class Engine:
 
 
 def make_engine(
-    weights: Weights, *, align_corners: bool, max_disparity: int, device: torch.device, precision: str = "fp32"
+    weights: Weights,
+    *,
+    align_corners: bool,
+    max_disparity: int,
+    device: torch.device,
+    precision: str = "fp32",
+    compiled: bool = False,
 ) -> Engine:
     """A network with these weights on a device, its batch normalisation folded into the convolutions before it.
 
     Folding changes a disparity by less than 1e-4 px; on a CPU the layout with channels last saves a third of the time.
+    Compiled, its two halves are fused for the device when they are first used, which takes about a minute.
     """
     with torch.device("meta"):
         network = PSMNet(max_disparity=max_disparity, align_corners=align_corners, width=weights.width)
@@ -92,6 +99,9 @@ def make_engine(
     for parameter in network.parameters():
         if parameter.dim() in _FORMATS:
             parameter.data = parameter.data.contiguous(memory_format=_FORMATS[parameter.dim()])
+    if compiled:
+        network.feature_extraction.compile()
+        network.costs = torch.compile(network.costs)  # type: ignore[method-assign]
     return Engine(network.requires_grad_(requires_grad=False), device, precision)
 
 

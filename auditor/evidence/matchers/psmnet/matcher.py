@@ -12,7 +12,7 @@ from torch import Tensor
 
 from auditor.errors import SettingError
 from auditor.evidence.matchers.options import MatcherOptions
-from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine, make_engine, seen
+from auditor.evidence.matchers.psmnet.inference import PRECISIONS, make_engine, seen
 from auditor.evidence.matchers.psmnet.weights import Weights, load_weights, settle
 
 _LARGEST_BATCH = 16
@@ -43,6 +43,7 @@ class PsmnetMatcher:
         device: str = "cpu",
         precision: str = "fp32",
         batch: int = _LARGEST_BATCH,
+        compiled: bool = False,
     ) -> None:
         """Raises SettingError for a convention that nobody says, a device that is not there, an unknown precision."""
         self.align_corners, self.range_px = settle(weights, align_corners=align_corners, max_disparity=max_disparity)
@@ -51,7 +52,14 @@ class PsmnetMatcher:
         self.precision = precision
         place = _device(device, precision)
         self.batch = batch if place.type == "cuda" else 1
-        self.engine = self._engine(place, precision)
+        self.engine = make_engine(
+            weights,
+            align_corners=self.align_corners,
+            max_disparity=self.range_px // self.step,
+            device=place,
+            precision=precision,
+            compiled=compiled,
+        )
 
     @property
     def pairs_at_once(self) -> int:
@@ -123,15 +131,6 @@ class PsmnetMatcher:
             batch=self.batch,
         )
 
-    def _engine(self, device: torch.device, precision: str) -> Engine:
-        return make_engine(
-            self._weights,
-            align_corners=self.align_corners,
-            max_disparity=self.range_px // self.step,
-            device=device,
-            precision=precision,
-        )
-
     def _features(self, images: Sequence[Image], used: Sequence[int]) -> dict[int, Tensor]:
         features: dict[int, Tensor] = {}
         for size in dict.fromkeys(images[position].shape[:2] for position in used):
@@ -176,6 +175,7 @@ def open_psmnet(options: MatcherOptions) -> PsmnetMatcher:
         max_disparity=options.max_disparity,
         device=options.device,
         precision=options.precision,
+        compiled=options.compiled,
     )
 
 
