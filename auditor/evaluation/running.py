@@ -141,7 +141,7 @@ class _Run:
                     skipped=skipped,
                     last=stretches.ended,
                     seconds=spent,
-                    versions=_versions(self._matcher),
+                    versions=versions_of(self._matcher),
                     evaluated_at=datetime.now(UTC),
                 )
 
@@ -197,5 +197,6 @@ def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
     return (*EXPERIMENTS, FURTHER, on_each)
 
 
-def _versions(matcher: Matcher) -> dict[str, str]:
+def versions_of(matcher: Matcher) -> dict[str, str]:
+    """Of auditor and of the libraries that matter."""
     return {"auditor": __version__} | {name: version(name) for name in _VERSIONED} | dict(libraries(matcher))

@@ -4,17 +4,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 
-from auditor import __version__
 from auditor.errors import SettingError
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Case, Dice, Experiment
 from auditor.evaluation.objects.scoring import Scored, score_in_image, score_on_ground
 from auditor.evaluation.objects.seeing import ObjectBench, in_view, scenarios
-from auditor.evaluation.running import Evaluated
+from auditor.evaluation.running import Evaluated, versions_of
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence import use_one_thread
@@ -23,7 +21,7 @@ from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_
 from auditor.frames import Frame, Skipped
 from auditor.recordings.object_labels import LabelledDrive, ObjectLabel, read_object_labels
 from auditor.results import Procedure
-from auditor.rig import LIDAR, Rig
+from auditor.rig import LIDAR, Rig, Triple
 from auditor.store import Store
 from auditor.store.object_evaluations import (
     ObjectCase,
@@ -34,7 +32,6 @@ from auditor.store.object_evaluations import (
 )
 
 _SENSITIVITY = "sensitivity"
-_VERSIONED = ("numpy", "opencv-python-headless")
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ class _Run:
                     skipped=skipped,
                     last=stretches.ended,
                     seconds=spent,
-                    versions={"auditor": __version__} | {name: version(name) for name in _VERSIONED},
+                    versions=versions_of(self._matcher) | dict(self._detectors.libraries),
                     evaluated_at=datetime.now(UTC),
                 )
 
@@ -171,7 +168,11 @@ class _Run:
         frame, objects = bench.frame, ObjectBench(bench, self._detectors)
         for draw in range(self._task.draws if experiment.drawn else 1):
             dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), frame.number, draw)
-            for case in experiment.cases(bench.rig, dice, ()):
+            cases = [case for case in experiment.cases(bench.rig, dice, ()) if set(case.attacked) <= set(bench.sensors)]
+            if self._detectors.camera is None and experiment.name != _SENSITIVITY:
+                compared = (case.attacks for case in cases if self._triples(bench, case, experiment))
+                bench.match_together(compared, scenarios(bench.rig))
+            for case in cases:
                 overlaps = self._overlaps(objects, bench, case, experiment)
                 scored = self._scored(objects, bench, case)
                 if scored or any(one is not None for one in overlaps):
@@ -184,14 +185,15 @@ class _Run:
     def _overlaps(
         self, objects: ObjectBench, bench: Bench, case: Case, experiment: Experiment
     ) -> list[tuple[float, ...] | None]:
-        """By triple; None for those whose sensors are not all there, or do not hold all attacked ones."""
-        asked = set(scenarios(bench.rig)) if experiment.name != _SENSITIVITY else set()
-        return [
-            objects.agreement(triple, case.attacks)
-            if triple in asked and set(bench.sensors) >= set(triple) >= set(case.attacked)
-            else None
-            for triple in bench.rig.triples
-        ]
+        """By triple; None for those that are not compared."""
+        compared = self._triples(bench, case, experiment)
+        return [objects.agreement(triple, case.attacks) if triple in compared else None for triple in bench.rig.triples]
+
+    @staticmethod
+    def _triples(bench: Bench, case: Case, experiment: Experiment) -> list[Triple]:
+        """Those whose sensors are all there, and hold all that are attacked."""
+        asked = scenarios(bench.rig) if experiment.name != _SENSITIVITY else ()
+        return [triple for triple in asked if set(bench.sensors) >= set(triple) >= set(case.attacked)]
 
     def _scored(self, objects: ObjectBench, bench: Bench, case: Case) -> list[Scored]:
         """What the detectors found against the labels: of clean data, and of what a sensitivity case varies."""

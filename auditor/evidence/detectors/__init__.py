@@ -1,7 +1,7 @@
 """Detectors of objects: an image, a point cloud or a disparity map becomes boxes."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,11 @@ class Detectors:
         """Their names, the camera's first."""
         parts = [one.name for one in (self.camera, self.cloud) if one]
         return " + ".join(parts if len(parts) == 2 else [*parts, GEOMETRIC])
+
+    @property
+    def libraries(self) -> Mapping[str, str]:
+        """Versions of what runs networks, by name."""
+        return {name: version for one in (self.camera, self.cloud) if one for name, version in one.libraries.items()}
 
     @property
     def settings(self) -> str:

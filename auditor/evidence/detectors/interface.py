@@ -1,5 +1,6 @@
 """What a detector of objects is, and what it finds."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -77,7 +78,7 @@ class SolidDetection:
 class Detector(Protocol):
     """`name` and `settings` (canonical JSON of all that can change a box) say which one it is.
 
-    `labels` are the kinds of object that it can name.
+    `labels` are the kinds of object that it can name, `libraries` the versions of what runs it, by name.
     """
 
     @property
@@ -86,6 +87,8 @@ class Detector(Protocol):
     def settings(self) -> str: ...  # noqa: D102
     @property
     def labels(self) -> frozenset[str]: ...  # noqa: D102
+    @property
+    def libraries(self) -> Mapping[str, str]: ...  # noqa: D102
 
 
 class CameraDetector(Detector, Protocol):

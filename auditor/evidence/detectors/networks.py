@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -44,6 +44,11 @@ class Network:
     def labels(self) -> frozenset[str]:
         """The kinds of object that it names."""
         return frozenset(filter(None, self.description.names))
+
+    @property
+    def libraries(self) -> Mapping[str, str]:
+        """Versions of what runs it, by name."""
+        return self.model.libraries
 
     def find(self, shown: NDArray[np.generic], columns: int) -> Found:
         """What the model finds in its input. Raises SettingError where it fails or gives something else."""
