@@ -9,6 +9,7 @@ import auditor
 from auditor.errors import StoreError
 from auditor.rig import Rig
 from auditor.store.evaluation_answers import CURVE_RATES, R_SHOWN, SHORT_ROLES, Answers, Rows, names, size_of, subsets
+from auditor.store.evaluation_methods import METHODS, by_method, method_grids
 from auditor.store.evaluation_objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.store.evaluation_page import Evaluated, EvaluationPage, Setup
 from auditor.store.evaluation_sheets import sheets
@@ -60,7 +61,7 @@ def load_evaluation(store: Store) -> EvaluationPage:
 
 
 def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
-    found = Answers(rig, answers)
+    found, robust = (Answers(rig, by_method(answers, method)) for method in METHODS)
     first = parts[0]
     clean = [part for part in parts if part["experiment"] == "clean"]
     drawn = [part for part in parts if part["draws"] is not None]
@@ -79,9 +80,12 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
         seeds=tuple(sorted({part["seed"] for part in drawn})),
         lidar=rig.lidar is not None,
         max_attacked=rig.max_attacked,
-        grids={name: tuple(tables) for name, tables in (grids(found) | object_grids(found)).items()},
+        grids={
+            name: tuple(tables)
+            for name, tables in (grids(found) | object_grids(found) | method_grids(found, robust)).items()
+        },
         sheets={name: tuple(plots) for name, plots in (sheets(found) | object_sheets(found)).items()},
-        unseen=tuple(_unseen(found)),
+        unseen=tuple(_unseen(robust if robust.modes else found)),
     )
 
 

@@ -105,6 +105,35 @@ def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
     assert f"{row['detected']}/{row['cases']}" in Page(render_evaluation(page)).text
 
 
+def test_both_methods_stand_side_by_side(store, page):
+    attacks, sizes = page.setups[0].grids["methods"]
+    assert attacks.columns == ("E", "robust") * 3
+    rows = {row.label: row.cells for row in attacks.rows}
+    for at, mode in enumerate(("nothing", "block", "recording")):
+        for method, cell in zip(("paper", "robust"), rows["two named of 5 sensors, opaque"][2 * at :], strict=False):
+            [row] = [
+                row
+                for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
+                if (row["method"], row["held_out"], len(row["system"]), row["strength"], row["attacked"])
+                == (method, mode, 5, "opaque", None)
+                and row["attacked_sensors"] == 2
+            ]
+            assert cell == Rate(row["named"], row["cases"], row["low"], row["high"], row["resolvable"])
+    assert rows["two named of 5 sensors, opaque"][0] != rows["two named of 5 sensors, opaque"][1]
+    assert len(sizes.rows) == 5 + 2 * 2 * 6
+    assert not [row for table in (attacks, sizes) for row in table.rows if None in row.cells]
+    assert "Both methods" in Page(render_evaluation(page)).text
+
+
+def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
+    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4)
+    for path in (store.folder / "case_verdicts").iterdir():
+        path.unlink()
+    setup = load_evaluation(store).setups[0]
+    assert setup.grids["methods"] == ()
+    assert setup.grids["detection"][0].rows[1].cells[1] is not None
+
+
 def test_a_rate_below_one_in_n_is_flagged(page):
     table = grid_of(page, "detection")
     assert [one.cells[1].resolvable for one in table.rows] == [True, False, False, False, True]
