@@ -23,6 +23,7 @@ _LANDS_LEFT = 2.0  # half-resolution pixels
 _BESIDE = 25  # half-resolution pixels
 _SPARSE = 4
 _OVERSAMPLING = 2
+_BESIDE_STEPS = 1  # of the oversampled picture: half a pixel
 _HALF = 2
 
 Floats = NDArray[np.float32]
@@ -96,13 +97,13 @@ def likeness_at(
     column: NDArray[np.integer],
     disparity: Floats,
 ) -> Floats:
-    """(M,) the largest correlation at given disparities and up to one pixel beside them, in steps of half a pixel.
+    """(M,) the largest correlation at given disparities and half a pixel beside them.
 
     Images (h, w) grey, rows, columns and disparities (M,) are all at half resolution.
     """
     margin = _OVERSAMPLING * (_REACH + _REACH)
     wide = _OVERSAMPLING * (_SIDE - 1) + 1
-    shifts = 2 * _OVERSAMPLING + 1
+    shifts = 2 * _BESIDE_STEPS + 1
     doubled = cv2.copyMakeBorder(
         _oversampled(witness), _REACH, _REACH, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
     )
@@ -113,7 +114,7 @@ def likeness_at(
     norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_PATCH_FLOOR)
     patch = patch.reshape(row.size, _SIDE, _SIDE)
     middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
-    start = np.clip(middle, 0, _OVERSAMPLING * (witness.shape[1] - 1)) - _OVERSAMPLING * (_REACH + 1) + margin
+    start = np.clip(middle, 0, _OVERSAMPLING * (witness.shape[1] - 1)) - _OVERSAMPLING * _REACH - _BESIDE_STEPS + margin
     stride = doubled.shape[1]
     strips = doubled.ravel()[(row * stride + start)[:, None] + _offsets(stride, wide + shifts - 1)]
     strips = strips.astype(np.float32).reshape(row.size, _SIDE, wide + shifts - 1)

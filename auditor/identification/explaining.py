@@ -10,10 +10,23 @@ from auditor.rig import LIDAR, Triple
 
 Bools = NDArray[np.bool_]
 
+_BY_A_CAMERA = 0.8
+
 
 def explains(element: Element, attacked: Collection[int]) -> bool:
     """Whether an attack on these sensors can raise the element (Eq. 7, over the sensors it can accuse)."""
     return not set(element.accusable).isdisjoint(attacked)
+
+
+def explained(element: Element, attacked: Collection[int]) -> float:
+    """How well an attack on these sensors accounts for the raised element, 0 to 1.
+
+    A contradiction says that two cameras agree: an attack on one of them seldom looks like that, say a picture shifted
+    sideways, and accounts for most of it, but not for all.
+    """
+    if not explains(element, attacked):
+        return 0.0
+    return _BY_A_CAMERA if element.witness is Witness.CONTRADICTED and LIDAR not in attacked else 1.0
 
 
 def demands(element: Element, attacked: Collection[int]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
-from auditor.identification.explaining import demands, explains
+from auditor.identification.explaining import demands, explained
 
 PRICE = 0.02
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
@@ -65,15 +65,15 @@ def attack_sets(sensors: Sequence[int], most_attacked: int) -> tuple[tuple[int, 
 def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ...]]) -> Explanations:
     """Weigh every attack set against (F, M) margins z, NaN where not measured.
 
-    A set pays z for each raised element that it cannot have raised, |z| for each element that it should have raised and
-    did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that lacks points need not be
-    contradicted by those that it has.
+    A set pays z for each raised element as far as it does not account for it (`explained`), |z| for each element that
+    it should have raised and did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that
+    lacks points need not be contradicted by those that it has.
     """
     raised, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
     witnesses = np.array([e.witness.value for e in elements], dtype=np.str_)
     empty, denied = witnesses == Witness.EMPTY.value, witnesses == Witness.CONTRADICTED.value
     silent[np.ix_(raised[:, empty].any(axis=1), denied)] = 0
-    unexplained = np.array([[not explains(e, s) for s in sets] for e in elements], dtype=np.float64)
+    unexplained = np.array([[1 - explained(e, s) for s in sets] for e in elements], dtype=np.float64)
     demanded = np.array([[demands(e, s) for s in sets] for e in elements], dtype=np.float64)
     if not elements:
         unexplained = demanded = np.zeros((0, len(sets)))

@@ -2,8 +2,8 @@
 
 Drives 0009 (40 frames) and 0001 (10) of the folder AUDITOR_TEST_DATA; with --synthetic SCENES also so many streets of
 each style judged by those of the others (at n = 4 by an evenly spaced rig), --only-synthetic without the drives.
-Thresholds at r = 1 % are calibrated on the clean frames of one part and tested on another: 0009 on 0001, 0001 on 0009, blocks of
-ten frames of 0009 on the rest of it.
+Thresholds at r = 1 % are calibrated on the clean frames of one part and tested on another: 0009 on 0001, 0001 on 0009,
+blocks of ten frames of 0009 on the rest of it.
 Detection: any verdict but `clean` and `not_auditable`; identification: exactly the attacked set. Every rate carries
 its counts and 95 % Wilson interval; frames of one scene resemble each other, so that the intervals are too narrow.
 Scenes are measured by --processes at a time and kept in --folder: a run that was stopped goes on where it was.

@@ -91,12 +91,12 @@ def test_pixels_without_a_disparity_are_not_comparable(halves):
     assert not likeness(*halves, nothing).comparable.any()
 
 
-def test_single_points_are_alike_at_the_right_disparity_and_a_pixel_beside_it_only(halves):
+def test_single_points_are_alike_at_the_right_disparity_and_half_a_pixel_beside_it_only(halves):
     row, column = np.array([30, 40, 0, 59]), np.array([80, 100, 60, 150])
     right = likeness_at(*halves, row, column, np.full(4, 10, np.float32))
     assert right.min() > 0.8
-    assert likeness_at(*halves, row, column, np.full(4, 11, np.float32)).min() > 0.8
-    assert likeness_at(*halves, row, column, np.full(4, 14, np.float32)).max() < 0.6
+    assert likeness_at(*halves, row, column, np.full(4, 10.5, np.float32)).min() > 0.8
+    assert likeness_at(*halves, row, column, np.full(4, 13, np.float32)).max() < 0.6
 
 
 def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(halves):

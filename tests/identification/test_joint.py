@@ -5,7 +5,7 @@ import pytest
 
 from auditor.elements import Element, Witness, elements_of
 from auditor.identification import joint
-from auditor.identification.explaining import demands, explains, triple_states
+from auditor.identification.explaining import demands, explained, explains, triple_states
 from auditor.identification.joint import attack_sets, explain
 from auditor.rig import triples_of
 
@@ -56,8 +56,8 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
     for f, s in np.ndindex(found.cost.shape):
         cost = 0.02 * len(sets[s])
         for value, element in zip(z[f], elements, strict=True):
-            if value > 0 and not explains(element, sets[s]):
-                cost += value
+            if value > 0:
+                cost += value * (1 - explained(element, sets[s]))
             elif value < 0 and not (empty[f] and element.witness is Witness.CONTRADICTED):
                 cost -= value * demands(element, sets[s])
         assert found.cost[f, s] == pytest.approx(cost)
@@ -117,3 +117,21 @@ def test_a_triple_is_raised_by_any_element_inside_it_and_measured_when_its_own_a
     above, known = triple_states(raised, measured, elements, triples)
     assert above.astype(int).tolist() == [[1, 0, 0], [1, 0, 1], [0, 0, 1], [0, 0, 0]]
     assert known.astype(int).tolist() == [[1, 1, 1], [1, 1, 1], [1, 1, 1], [1, 0, 1]]
+
+
+def test_a_wall_is_not_taken_for_a_camera_because_one_pair_is_a_little_unlike():
+    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    z = np.full((1, len(elements)), -2.0)
+    for place, element in enumerate(elements):
+        if element.witness is Witness.CONTRADICTED:
+            z[0, place] = 2.5
+        if element == (Witness.UNLIKE, 1, 3):
+            z[0, place] = 0.4
+    assert sets[explain(z, elements, sets).best[0]] == (0,)
+
+
+def test_a_witness_that_alone_denies_the_lidar_is_named_itself():
+    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    z = np.full((1, len(elements)), -2.0)
+    z[0, elements.index((Witness.CONTRADICTED, 1, 3))] = 3.0
+    assert sets[explain(z, elements, sets).best[0]] == (1,)
