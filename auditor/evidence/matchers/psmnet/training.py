@@ -170,7 +170,7 @@ def _compare_from_the_start(network: PSMNet, width: int) -> None:
 
     The first layer over the volume begins with f_L - f_R and its opposite, which after ReLU are what a matching cost is
     made of; and all that is added to a shortcut (residuals, hourglasses) begins at zero, as Goyal et al. do. Otherwise
-    a small network does no more than learn the mean disparity for its first thousand steps.
+    a small network does no more than learn the mean disparity for its first hundreds of steps.
     """
     first = next(layer for layer in network.dres0.modules() if isinstance(layer, nn.Conv3d))
     with torch.no_grad():
