@@ -68,3 +68,24 @@ def write_cloud_detector(path: Path, boxes: object, scores: object, *, taken: st
     """A cloud detector of points or of a grid."""
     shape: list[object] = [1, "C", "H", "W"] if "grid" in taken else [1, "N", "C"]
     return write_detector(path, CLOUD.format(input=taken, output=given), boxes, scores, shape)
+
+
+def hostile_models() -> dict[str, onnx.ModelProto]:
+    """Models that reach for a file, for memory that nobody has, or for operators of somebody's own."""
+    make, proto = onnx.helper, onnx.TensorProto
+    taken = [make.make_tensor_value_info("input", proto.FLOAT, [1, 3, "H", "W"])]
+    given = [make.make_tensor_value_info(name, proto.FLOAT, None) for name in ("boxes", "scores")]
+    outside = proto(name="file", data_type=proto.FLOAT, dims=[4], data_location=proto.EXTERNAL)
+    outside.external_data.add(key="location", value="../../etc/passwd")
+    huge = onnx.numpy_helper.from_array(np.array([1, 1 << 38, 4]), "shape")
+    tail = [make.make_node("ReduceMean", ["input"], ["scores"])]
+    nodes = {
+        "a file": ([make.make_node("Identity", ["file"], ["boxes"]), *tail], [outside]),
+        "memory": ([make.make_node("ConstantOfShape", ["shape"], ["boxes"]), *tail], [huge]),
+        "operators": ([make.make_node("Shell", ["input"], ["boxes"], domain="somebody"), *tail], []),
+    }
+    opsets = [make.make_opsetid("", 18), make.make_opsetid("somebody", 1)]
+    return {
+        name: make.make_model(make.make_graph(of_it, name, taken, given, tensors), opset_imports=opsets, ir_version=9)
+        for name, (of_it, tensors) in nodes.items()
+    }

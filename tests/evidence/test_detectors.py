@@ -9,7 +9,7 @@ from auditor.errors import SettingError
 from auditor.evidence.detectors import Detection, ImageBox, SolidBox, find_detectors
 from auditor.evidence.detectors.geometric import ViewPoints, find_objects
 from auditor.evidence.detectors.overlap import best_partners, overlaps, overlaps_on_ground
-from tests.evidence.detector_models import write_camera_detector, write_cloud_detector, write_detector
+from tests.evidence.detector_models import hostile_models, write_camera_detector, write_cloud_detector, write_detector
 from tests.evidence.scenes import FOCAL, HEIGHT, RIG_SE3_LIDAR, WIDTH, plane_rig
 
 pytest.importorskip("onnxruntime")
@@ -241,6 +241,14 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"no model")
     with pytest.raises(SettingError, match="no ONNX model that can be run"):
         camera(path)
+
+
+@pytest.mark.parametrize("what", ["a file", "memory", "operators"])
+def test_a_model_that_reaches_for_what_is_not_its_own_is_an_error(tmp_path: Path, what: str) -> None:
+    path = write_camera_detector(tmp_path / "m.onnx", [[0, 0, 9, 9]], [0.9])
+    path.write_bytes(hostile_models()[what].SerializeToString())
+    with pytest.raises(SettingError, match=r"no ONNX model that can be run|the model fails"):
+        camera(path).detect(BLACK)
 
 
 def test_of_more_objects_than_anybody_needs_the_surest_stay(tmp_path: Path) -> None:
