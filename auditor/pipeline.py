@@ -13,7 +13,7 @@ from time import perf_counter
 from auditor import __version__
 from auditor.elements import rig_elements
 from auditor.errors import RecordingError
-from auditor.evidence import PictureBook, Watch, localise, measure_stream, use_one_thread
+from auditor.evidence import Fitting, PictureBook, Watch, localise, measure, measure_stream, use_one_thread
 from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, foretell, libraries
 from auditor.frames import Frame, Skipped
 from auditor.identification.local_ratio import local_ratios
@@ -41,6 +41,7 @@ from auditor.store import (
 )
 
 _CHECKED_FRAMES = 3
+_CHECKED_TO_FIT = (0, 11, 5)  # first, end and step
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
 
 
@@ -75,6 +76,7 @@ class Measured:
     frames: int
     fresh: bool
     damage: tuple[str, ...]
+    misfits: tuple[str, ...]
 
 
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
@@ -96,6 +98,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             _measure(recording, surveyed, rig, matcher, procedure, store, progress)
         measurements = [store.measurement(known) for known in ids]
         damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
+        misfits = tuple(dict.fromkeys(sentence for m in measurements for sentence in m.misfits))
         # A scan may have been killed after its last measurement and before it could keep the recording itself.
         known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
         record = _recording_record(recording, task, known, measurements, damage)
@@ -109,6 +112,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             frames=sum(m.frames for m in measurements),
             fresh=bool(todo),
             damage=damage,
+            misfits=misfits,
         )
 
 
@@ -129,7 +133,7 @@ def _measure(
     started = perf_counter()
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
     elements = rig_elements(rig)
-    pictures, watch = PictureBook(), Watch()
+    pictures, watch, fitting = PictureBook(), Watch(), Fitting()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
     if libraries(matcher):
         _foretell(recording, rig, matcher, stream, progress)
@@ -147,6 +151,7 @@ def _measure(
                 )
                 writer.add(seen, ratios)
                 pictures.offer(measurement, evidence)
+                fitting.offer(evidence, seen.symptoms)
             progress(recording.path.name, done)
         if writer.measured == 0:
             raise RecordingError(
@@ -166,10 +171,22 @@ def _measure(
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
+                misfits=fitting.complaints(),
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
             )
         )
+
+
+def misfits_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
+    """What of a rig does not fit the first frames of a recording, one sentence a piece."""
+    use_one_thread()
+    matcher, fitting = find_matcher("sgbm"), Fitting()
+    frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
+    for frame in islice(frames, *_CHECKED_TO_FIT):
+        _, evidence = measure(frame, rig, matcher)
+        fitting.look(evidence, Watch().observe(evidence))
+    return fitting.complaints()
 
 
 def _recording_record(

@@ -11,7 +11,7 @@ from auditor.cli import options
 
 if TYPE_CHECKING:
     from auditor.recordings import Health, Recording
-    from auditor.rig import Rig
+    from auditor.rig import Camera, Rig
 
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
@@ -64,8 +64,10 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
 
 def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
     from auditor.errors import RigError  # noqa: PLC0415
+    from auditor.pipeline import misfits_of  # noqa: PLC0415
     from auditor.recordings import (  # noqa: PLC0415
         find_rigs,
+        look_for_rigs,
         look_through,
         open_recording,
         survey,
@@ -83,7 +85,11 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
             missing = error.what
         if rigs and rig_file:
             write_rig(rigs[0], rig_file)
-        described = [_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)) for rig in rigs]
+        misfits = [misfits_of(recording, surveyed, rig) for rig in rigs]
+        described = [
+            {**_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}
+            for rig, unfit in zip(rigs, misfits, strict=True)
+        ]
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
@@ -97,6 +103,7 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
             "damage": [str(piece) for piece in recording.damage],
             "problems": list(surveyed.problems),
             "rigs": described,
+            "left_out": list(look_for_rigs(surveyed).reasons) if rigs else [],
             "missing": missing,
         }
 
@@ -118,8 +125,10 @@ def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[st
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     from auditor.cli.abilities import abilities, short_pairs  # noqa: PLC0415
+    from auditor.common_view import common_view, is_rectified  # noqa: PLC0415
 
     leftmost = rig.cameras[-1]
+    view = None if is_rectified(rig) else common_view(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
         sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
@@ -128,7 +137,7 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
             "sensor": f"S_{camera.number}",
             "name": camera.name,
             "topic": camera.topic,
-            "size_px": f"{camera.width_px} x {camera.height_px}",
+            "size_px": _size(camera),
             "focal_px": camera.focal_px,
             "baseline_m": rig.baseline_m(camera.number, leftmost.number) if camera is not leftmost else None,
             "reference": camera.number in rig.references,
@@ -138,6 +147,7 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     return {
         "rig_id": rig.rig_id,
         "kind": str(rig.kind),
+        "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
         "abilities": abilities(rig),
@@ -150,6 +160,10 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
             {**sensor, **_sensor_health(health, number)} for sensor, number in zip(sensors, rig.sensors, strict=True)
         ],
     }
+
+
+def _size(camera: "Camera") -> str:
+    return f"{camera.width_px} x {camera.height_px}"
 
 
 def _sensor_health(health: "Health", sensor: int) -> dict[str, Any]:
@@ -185,6 +199,8 @@ def _show(description: dict[str, Any]) -> None:
         for line in rig["abilities"]:
             click.echo(f"  {line}")
         click.echo()
+        for line in _geometry(rig):
+            click.echo(shown(f"  {line}\n"))
         counted = ("sensor", "read", "used", "unused", "damaged", "skipped", "present", "from_s", "to_s", "offset_ms")
         print_rows(
             [
@@ -195,6 +211,8 @@ def _show(description: dict[str, Any]) -> None:
             title="Messages, presence, and offset to the leftmost camera",
         )
         click.echo(shown(f"  {_frames(rig)}\n"))
+    for reason in description["left_out"]:
+        click.echo(shown(f"  left out: {reason}"))
     for remark in (*description["problems"], *(f"damaged: {piece}" for piece in description["damage"])):
         click.echo(shown(f"  {remark}"))
     if description["missing"]:
@@ -205,3 +223,11 @@ def _frames(rig: dict[str, Any]) -> str:
     lost = [f"{count} without enough sensors ({reason})" for reason, count in rig["skipped"].items()]
     jumps = [f"the clock jumped back {rig['clock_jumps']} times"] if rig["clock_jumps"] else []
     return "; ".join([f"{rig['frames']} frames, one each {rig['period_ms']:.0f} ms", *lost, *jumps])
+
+
+def _geometry(rig: dict[str, Any]) -> Iterator[str]:
+    if rig["rectified_to"]:
+        size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
+        yield f"not rectified as recorded: measured on rectified pictures of {size} px, focal length {focal:.0f} px"
+    for misfit in rig["misfits"]:
+        yield f"WARNING: {misfit}"

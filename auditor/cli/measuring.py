@@ -61,6 +61,8 @@ def measure_all(
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                for misfit in outcome.result.misfits:
+                    finished(f"{outcome.item}: WARNING: {misfit}")
     return [measured[task] for task in tasks if task in measured]
 
 

@@ -2,6 +2,7 @@
 
 import cv2
 
+from auditor.evidence.fitting import Fitting
 from auditor.evidence.localising import localise
 from auditor.evidence.measuring import Evidence, measure, measure_stream
 from auditor.evidence.pictures import Picture, PictureBook, draw
@@ -15,6 +16,7 @@ def use_one_thread() -> None:
 
 __all__ = [
     "Evidence",
+    "Fitting",
     "Picture",
     "PictureBook",
     "Watch",

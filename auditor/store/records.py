@@ -40,7 +40,8 @@ class RecordingRecord:
 class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 
-    `offsets_ns` follow the rig's sensors: how far their stamps lie behind the leftmost camera's.
+    `misfits` has one about each thing that a wrong calibration would explain. `offsets_ns` follow the rig's sensors:
+    how far their stamps lie behind the leftmost camera's.
     """
 
     recording_id: str
@@ -51,6 +52,7 @@ class MeasurementRecord:
     measured_at: datetime.datetime
     seconds: float
     damage: tuple[str, ...] = ()
+    misfits: tuple[str, ...] = ()
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
 
@@ -75,6 +77,7 @@ class StoredMeasurement:
     last_stamp_ns: int | None
     balance: tuple[TopicBalance, ...]
     damage: tuple[str, ...]
+    misfits: tuple[str, ...]
     versions: Mapping[str, str]
     measured_at: datetime.datetime
     seconds: float

@@ -1,0 +1,143 @@
+"""Whether a rig fits the pictures and points that were recorded with it.
+
+A wrong calibration makes every frame look attacked: pictures that are not rectified though the rig says so, another
+vehicle's rig, a baseline counted twice, a LiDAR that was moved. It differs from an attack in that it concerns the whole
+view of every frame, so a few frames tell, and it is said before anybody reads verdicts.
+"""
+
+from collections.abc import Iterator, Mapping
+from math import isnan
+
+import numpy as np
+
+from auditor.evidence.measuring import Evidence
+from auditor.rig import Rig
+from auditor.symptoms import Agreement, Pair, PairSymptoms
+
+EVERY = 5
+"""One frame of so many is looked at."""
+
+_MOST_LOOKS = 200
+
+_LEAST_IN_STEP = 0.45
+_LEAST_AGREEING = 0.5
+_LEAST_GAIN = 0.04
+_LEAST_SHIFT_PX = 8
+_MOVED = ("right_px", "down_px", "turned")
+_CLEAR_OFFSET_PX = 1.5
+_WRONG_SCALE = 0.05
+_FEWEST_POINTS = 50
+_SMALLEST_PX = 8.0  # disparities that tell a scale
+
+
+class Fitting:
+    """Looks at some frames of one recording, and says what does not fit in most of them.
+
+    Of KITTI's drives 0009 and 0001 at least 63 % of the points followed lie on the same row, and at least 60 % of
+    LiDAR points agree with stereo within 1 px, in every frame looked at; half a degree of roll leaves 20 % on the same
+    row, another lens 28 %, a LiDAR half a degree too low 19 % of points agreeing (tests/benchmarks/fitting.py).
+    """
+
+    def __init__(self) -> None:
+        self._frames = 0
+        self._rig: Rig | None = None
+        self._symptoms: dict[Pair, list[PairSymptoms]] = {}
+        self._scales: dict[Pair, list[float]] = {}
+
+    def offer(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
+        """Take the next measured frame; most are let pass."""
+        number, self._frames = self._frames, self._frames + 1
+        if number % EVERY == 0 and number // EVERY < _MOST_LOOKS:
+            self.look(evidence, symptoms)
+
+    def look(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
+        """Take this frame."""
+        self._rig = evidence.rig
+        for pair, seen in symptoms.items():
+            self._symptoms.setdefault(pair, []).append(seen)
+            scale = _scale(evidence, pair)
+            if scale is not None:
+                self._scales.setdefault(pair, []).append(scale)
+
+    def complaints(self) -> tuple[str, ...]:
+        """One sentence each about what does not fit; none where rig and recording agree."""
+        if self._rig is None:
+            return ()
+        leftmost = self._rig.n
+        off = [
+            sentence
+            for pair, seen in sorted(self._symptoms.items())
+            if pair[1] == leftmost and (sentence := _rows_complaint(pair, seen, self._rig)) is not None
+        ]
+        # Where rows do not fit, stereo's distances are no measure for the LiDAR's.
+        return tuple(off) or tuple(self._lidar_complaints(self._rig))
+
+    def _lidar_complaints(self, rig: Rig) -> Iterator[str]:
+        pairs = [pair for pair in self._symptoms if pair[1] == rig.n]
+        agreeing = {pair: _median([s.agreement.agreeing for s in self._symptoms[pair]]) for pair in pairs}
+        known = [pair for pair in pairs if not isnan(agreeing[pair])]
+        if not known or rig.lidar is None:
+            return
+        best = max(known, key=lambda pair: agreeing[pair])
+        sentence = self._lidar_complaint(best, agreeing[best], known)
+        if sentence is not None:
+            yield f"the LiDAR {rig.lidar.name} and stereo {sentence}"
+            return
+        for pair in known:
+            if agreeing[pair] < _LEAST_AGREEING:
+                yield (
+                    f"the LiDAR {rig.lidar.name} and stereo agree at {agreeing[best]:.0%} of points within 1 px by "
+                    f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera turned?"
+                )
+
+    def _lidar_complaint(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
+        symptoms = [s.agreement for s in self._symptoms[best]]
+        gains = [_median([s.agreement.turned - s.agreement.agreeing for s in self._symptoms[pair]]) for pair in known]
+        right_px, down_px, turned = (
+            _median([value[place] for value in symptoms]) for place in map(Agreement._fields.index, _MOVED)
+        )
+        moved = min(gains) >= _LEAST_GAIN and max(abs(right_px), abs(down_px)) >= _LEAST_SHIFT_PX
+        if agreeing >= _LEAST_AGREEING and not moved:
+            return None
+        told = f"agree at {agreeing:.0%} of points within 1 px"
+        scale = _median(self._scales.get(best, []))
+        if moved and turned >= _LEAST_AGREEING:
+            return f"{told}, at {turned:.0%} were its points {_way(right_px, down_px)}: wrong LiDAR mounting?"
+        if abs(scale - 1) > _WRONG_SCALE:
+            told += f", its disparities being {scale:.2f} times the LiDAR's"
+        return f"{told}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
+
+
+def _rows_complaint(pair: Pair, seen: list[PairSymptoms], rig: Rig) -> str | None:
+    in_step, offset_px = _median([s.rows.in_step for s in seen]), _median([s.rows.offset_px for s in seen])
+    if isnan(in_step) or in_step >= _LEAST_IN_STEP:
+        return None
+    names = f"the pictures of {rig.name(pair[0])} and {rig.name(pair[1])}"
+    if abs(offset_px) >= _CLEAR_OFFSET_PX:
+        return f"{names} are off by {abs(offset_px):.1f} rows: wrong rectification flag, or another vehicle's rig?"
+    return f"{names} show {in_step:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
+
+
+def _scale(evidence: Evidence, pair: Pair) -> float | None:
+    """Stereo's disparities over the LiDAR's, the median; None where too few points tell."""
+    i, k = pair
+    if k not in evidence.lidar:
+        return None
+    view, stereo = evidence.lidar[k], evidence.maps[pair]
+    sure = evidence.testimony.likenesses[pair]
+    row, column = view.row // stereo.step, view.column // stereo.step
+    told = (sure.alike * sure.comparable)[view.row // 2, view.column // 2] > 0.7
+    d0, ds = view.disparity_px(evidence.rig, i), stereo.disparity_px[row, column]
+    told &= (d0 > _SMALLEST_PX) & (ds > 0)
+    return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= _FEWEST_POINTS else None
+
+
+def _median(values: list[float]) -> float:
+    """Of the numbers among the values; NaN where there is none."""
+    known = [value for value in values if not isnan(value)]
+    return float(np.median(known)) if known else float("nan")
+
+
+def _way(right_px: float, down_px: float) -> str:
+    shifts = (right_px, ("right", "left")), (down_px, ("lower", "higher"))
+    return " and ".join(f"{abs(shift):.0f} px {words[shift < 0]}" for shift, words in shifts if shift)
