@@ -33,13 +33,13 @@ class McapRecording(FilesRecording):
 
     def __init__(self, path: Path, files: tuple[Path, ...]) -> None:
         super().__init__(path, files)
-        for source in self._sources:
+        for file, source in zip(files, self._sources, strict=True):
             with source.path.open("rb") as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
                     self.close()
                     raise RecordingError(
                         source.problem or "this is no MCAP file, or one cut at its very start",
-                        where=path.parent / source.name if path.is_file() else path / source.name,
+                        where=file,
                         remedy="check how it was copied, or give its true ending",
                     )
         self._look()

@@ -7,8 +7,10 @@ from time import process_time
 import pytest
 
 from tests.recordings.hostile import HOSTILE, Hostile
+from tests.recordings.hostile_packed import PACKED
 from tests.recordings.reading_all import read_all
 
+ALL = (*HOSTILE, *PACKED)
 MAX_S = 5.0
 MAX_MB = 300.0
 STATUS = Path("/proc/self/status")
@@ -20,10 +22,10 @@ def memory_mb(what: str) -> float:
 
 
 def test_there_are_at_least_forty_kinds() -> None:
-    assert len({hostile.name for hostile in HOSTILE}) == len(HOSTILE) >= 40
+    assert len({hostile.name for hostile in ALL}) == len(ALL) >= 40
 
 
-@pytest.mark.parametrize("hostile", HOSTILE, ids=lambda hostile: hostile.name)
+@pytest.mark.parametrize("hostile", ALL, ids=lambda hostile: hostile.name)
 def test_a_hostile_file_costs_little_and_tells_what_it_is(hostile: Hostile, tmp_path: Path) -> None:
     path = hostile.make(tmp_path)
     FORGET_PEAK.write_text("5")
