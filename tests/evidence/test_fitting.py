@@ -1,0 +1,40 @@
+"""Rigs that fit real recordings, and rigs that do not."""
+
+import re
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from auditor.frames import Frame
+from auditor.rig import Rig
+from tests.benchmarks.fitting import CASES, complaints
+from tests.benchmarks.real_drives import frames
+
+
+@pytest.fixture(scope="module")
+def some(real_data: Path) -> tuple[Rig, list[Frame]]:
+    rig, stream = frames("0009")
+    return rig, list(islice(stream, 0, 6, 5))
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        ("as it is", None),
+        ("LiDAR pitch 0.5 deg", "px lower: wrong LiDAR mounting"),
+        ("baselines x 2", "0.49 times the LiDAR's: wrong baseline"),
+        ("S_1 pitch 0.25 deg", "off by 3.. rows: wrong rectification flag"),
+        ("S_1 not rectified", "points on the same row: wrong rectification flag"),
+        ("S_1 yaw 0.5 deg", "by camera_gray_right: is that camera turned"),
+    ],
+)
+def test_a_broken_geometry_is_told_and_a_sound_one_is_not(
+    some: tuple[Rig, list[Frame]], case: str, said: str | None
+) -> None:
+    told = complaints(CASES[case], *some)
+    if said is None:
+        assert told == ()
+    else:
+        assert len(told) == 1
+        assert re.search(said, told[0])
