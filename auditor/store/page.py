@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from decimal import Decimal
 
 from auditor.frames import TopicBalance
+from auditor.regions import Solid
 from auditor.results import FINDINGS, Statistic, VerdictKind
 from auditor.rig import LIDAR, Triple
 from auditor.store.plots import Figure
@@ -61,13 +62,34 @@ class SensorLine:
 
 
 @dataclass(frozen=True)
+class DamagedPortion:
+    """The damaged portion of a sensor in a view of so many pixels: `mask` is a data URI of a PNG, white where damaged.
+
+    `box_px` is (left, top, right, bottom); `points` and `solid` are the LiDAR's.
+    """
+
+    sensor: int
+    width_px: int
+    height_px: int
+    mask: str
+    box_px: tuple[int, int, int, int]
+    share: float
+    points: int | None = None
+    solid: Solid | None = None
+
+
+@dataclass(frozen=True)
 class View:
-    """One camera's picture of one frame, as data URIs; `mask` lies over it where it is the reference camera's."""
+    """One camera's picture of one frame, as data URIs.
+
+    `mask` lies over it where it is the reference camera's, `portions` where sensors were attacked.
+    """
 
     sensor: int
     frame: int
     picture: str
     mask: str | None = None
+    portions: tuple[DamagedPortion, ...] = ()
 
 
 @dataclass(frozen=True)

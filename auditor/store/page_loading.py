@@ -1,6 +1,5 @@
 """From the store to the incident page: no recording is needed."""
 
-import base64
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,8 +27,8 @@ from auditor.store.page import (
     SensorLine,
     ThresholdLine,
     Truth,
-    View,
 )
+from auditor.store.page_views import incident_views
 from auditor.store.queries import run_query
 from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
@@ -248,7 +247,10 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
         agreement=timeline.agreement() if truths else None,
         remarks=timeline.remarks(),
         incidents=tuple(
-            replace(timeline.drawn(incident), views=_views(store, audit, errors, incident))
+            replace(
+                timeline.drawn(incident),
+                views=incident_views(store, audit.measurement.measurement_id, errors, incident),
+            )
             if incident.number in drawn
             else incident
             for incident in part.incidents
@@ -312,34 +314,6 @@ def _coverage(
 def _median(values: NDArray[np.float64]) -> float | None:
     known = values[~np.isnan(values)]
     return float(np.median(known)) if len(known) else None
-
-
-def _views(store: Store, audit: _Audit, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
-    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the accused.
-
-    Where no camera is accused, every other camera is shown, and the reference view itself where there is none.
-    """
-    measurement_id = audit.measurement.measurement_id
-    inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
-    pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
-    if not len(pictured):
-        return ()
-    strongest = int(pictured[np.argmax(np.nansum(errors.E[pictured], axis=1))])
-    picture = store.picture(measurement_id, int(errors.frames[strongest]))
-    if picture is None or picture.reference not in picture.views:
-        return ()
-    images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}
-    accused = [sensor for sensor in incident.attacked if sensor in images]
-    others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
-    mask = _data_uri("image/png", picture.mask_png)
-    return (
-        View(picture.reference, picture.frame, images[picture.reference], mask),
-        *(View(sensor, picture.frame, images[sensor]) for sensor in accused or others or [picture.reference]),
-    )
-
-
-def _data_uri(media_type: str, data: bytes) -> str:
-    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"
 
 
 def _mapping(text: str) -> dict[str, object]:
