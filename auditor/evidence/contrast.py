@@ -12,6 +12,7 @@ _SIDE = (7, 7)
 _MOST = 2000
 _FEWEST = 50
 _ALIKE = 0.7
+_LEAST_ALIKE = 0.1
 _HALF = 2
 
 Image = NDArray[np.uint8]
@@ -26,7 +27,9 @@ def contrast(reference: Image, witness: Image, alike: Likeness, stereo: StereoMa
     if unlike < _FEWEST:
         return Contrast(unlike)
     usual = alike.comparable & (alike.alike > _ALIKE)
-    expected = _apart(reference, witness, stereo, usual) if np.count_nonzero(usual) >= _FEWEST else 0.0
+    # Of a blinded camera a few places look alike by chance.
+    fewest = max(_FEWEST, _LEAST_ALIKE * np.count_nonzero(alike.comparable))
+    expected = _apart(reference, witness, stereo, usual) if np.count_nonzero(usual) >= fewest else 0.0
     return Contrast(unlike, _apart(reference, witness, stereo, alike.unlike) - expected)
 
 

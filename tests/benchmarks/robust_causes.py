@@ -199,7 +199,7 @@ def report(title: str, parts: Mapping[str, tuple[Rig, np.ndarray, list[Series]]]
             who = "" if series.sensor is None else f" S_{series.sensor}"
             for verdict in judged(series.frames, clean, rig):
                 counted = outcome(series, verdict)
-                for name in (f"{series.name}{who}", series.name, "all"):
+                for name in {f"{series.name}{who}": 0, series.name: 0, "all": 0}:
                     rows[kind, name].update(counted)
     print(title)
     for (kind, name), n in rows.items():
