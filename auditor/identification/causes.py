@@ -9,15 +9,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.elements import Witness
+from auditor.elements import Element, Witness
 from auditor.identification.strengths import Floats, Who
-from auditor.results import FINDINGS, Cause, Suspicion, Verdict, VerdictKind
+from auditor.results import FINDINGS, Cause, Evidence, Suspicion, Verdict, VerdictKind
 
 ENOUGH = 0.5
 """The score from which a cause explains a frame about as well as an attack does: that of a strength of 1."""
 
-FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
-"""Causes that are findings by themselves; the others only say why a frame may have been raised."""
+FAULTS = frozenset({Cause.FROZEN, Cause.LATE})
+"""Causes that are findings by themselves; the others only say why a frame may have been raised.
+
+A LiDAR that lies a tenth of a degree beside its calibration, as many do, is told and raises nothing.
+"""
+
+_MOSTLY = 0.5
+"""Share of the raised margins that a sensor with a fault must be able to raise, to explain them."""
 
 _LEAST_TOLD = 0.1
 
@@ -62,4 +68,12 @@ def _explains(suspicion: Suspicion, verdict: Verdict) -> bool:
         return suspicion.sensor in (verdict.attacked or {s for e in verdict.evidence for s in (e.i, e.k)})
     if suspicion.cause is Cause.DARK:
         return Witness.LIGHT.value not in witnesses
-    return True
+    if suspicion.sensor is None or suspicion.sensor in verdict.out_of_system:
+        return True
+    raised = [(one.margin, suspicion.sensor in _accusable(one)) for one in verdict.evidence]
+    return sum(margin for margin, own in raised if own) >= _MOSTLY * sum(margin for margin, _ in raised)
+
+
+def _accusable(evidence: Evidence) -> tuple[int, ...]:
+    """The sensors one of which must be at fault where it is raised."""
+    return Element(Witness(evidence.witness), evidence.i, evidence.k).accusable

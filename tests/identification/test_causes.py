@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -121,3 +123,14 @@ def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
     weighed = weigh(verdict(out_of_system=(2,)), frozen)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.ATTACKED, (1,), frozen)
     assert weigh(CLEAN, frozen).kind is VerdictKind.SUSPECT
+
+
+def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
+    turned = (Suspicion(Cause.DISPLACED, 0, 1.0),)
+    cameras = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(2,), evidence=(Evidence("unlike", 2, None, 3, 2.0),))
+    assert weigh(cameras, turned) == cameras
+    lidar = replace(
+        CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("contradicted", 2, None, 3, 2.0),)
+    )
+    assert weigh(lidar, turned).kind is VerdictKind.SUSPECT
+    assert weigh(CLEAN, turned) == replace(CLEAN, causes=turned)
