@@ -7,6 +7,7 @@ from pathlib import Path
 
 from auditor import __version__
 from auditor.errors import RecordingError
+from auditor.evidence.rectifying import rectification
 from auditor.frames import Frame, Skipped
 from auditor.lab.drives import make_drive
 from auditor.lab.streets import STYLES
@@ -29,7 +30,10 @@ class CleanDrive:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording known to be clean, with its own rig or that of a rig.toml; of several rigs the first is taken."""
+    """A recording known to be clean, with its own rig or that of a rig file; of several rigs the first is taken.
+
+    Cameras that are not rectified are so first: attacks are made on rectified pictures.
+    """
 
     path: Path
     rig: Path | None = None
@@ -49,8 +53,9 @@ class Recorded:
                 )
             surveyed = survey(recording)
             rig = rigs_of(surveyed, self.rig)[0]
-            frames = iter(synchronise(recording, rig, surveyed, colour=colour))
-            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=rig, frames=frames)
+            seen = rectification(rig)
+            frames = seen.frames(synchronise(recording, rig, surveyed, colour=colour))
+            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=seen.rig, frames=frames)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 What follows never knows that a rig was not rectified: it gets one picture a camera, one rig, one depth a disparity.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from auditor.common_view import CommonView, common_view, is_rectified, recorded_pixels
-from auditor.frames import CameraImage, Frame
+from auditor.frames import CameraImage, Frame, Skipped
 from auditor.rig import Camera, Rig
 
 _SHRUNK = 1.5
@@ -34,6 +34,10 @@ class Rectification:
 
     rig: Rig
     remaps: Mapping[int, _Remap]
+
+    def frames(self, frames: Iterable[Frame | Skipped]) -> Iterator[Frame | Skipped]:
+        """Frames as `frame` gives them, and those that were skipped."""
+        return (self.frame(item) if isinstance(item, Frame) else item for item in frames)
 
     def frame(self, frame: Frame) -> Frame:
         """The frame as the ideal rig would have recorded it; nothing but pixels changes."""

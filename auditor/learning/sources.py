@@ -63,11 +63,12 @@ class Recorded:
                 raise RecordingError(
                     "it has no LiDAR that would know disparities", where=self.path, remedy="train on --synthetic scenes"
                 )
-            frames = synchronise(recording, rig, surveyed, colour=False)
+            seen = rectification(rig)
+            frames = seen.frames(synchronise(recording, rig, surveyed, colour=False))
             numbered = (
                 (frame.number, sample)
                 for frame in frames
-                if isinstance(frame, Frame) and (sample := lidar_sample(frame, rig)) is not None
+                if isinstance(frame, Frame) and (sample := lidar_sample(frame, seen.rig)) is not None
             )
             yield Samples(recording.recording_id, "recordings", numbered)
 

@@ -9,11 +9,11 @@ from auditor.evidence import measure
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.sgbm import SgbmMatcher
 from auditor.evidence.rectifying import rectification
-from auditor.frames import CameraImage, PointCloud
+from auditor.frames import CameraImage, Frame, PointCloud, Skipped
 from auditor.geometry import invert, motion
 from auditor.lab.drives import SyntheticDrive, make_drive
 from auditor.lab.vehicles import askew, make_rig, rotation
-from auditor.lenses import Lens
+from auditor.lenses import NO_LENS, Lens
 from auditor.results import Statistic
 from auditor.rig import Camera, Rig
 from tests.evidence.scenes import plane_frame, plane_rig
@@ -159,3 +159,17 @@ def test_cameras_without_a_view_in_common_are_named() -> None:
     )
     with pytest.raises(RigError, match="camera 1, camera 2 have no view in common"):
         rectification(Rig(rig.lidar, (rig.camera(1), away)))
+
+
+def test_skipped_frames_stay_among_the_rectified_ones() -> None:
+    drive = make_drive(1, 1, width_px=240, height_px=96)
+    seen = rectification(askew(drive.rig, (NO_LENS,) * 3, 1))
+    skipped = Skipped(0, 0, "nothing there")
+    images = {
+        number: CameraImage(number, 0, np.zeros((115, 288), dtype=np.uint8)) for number in seen.rig.sensors if number
+    }
+    first, second = seen.frames([skipped, replace(plane_frame(plane_rig()), images=images)])
+    assert first is skipped
+    assert isinstance(second, Frame)
+    camera = seen.rig.camera(1)
+    assert second.images[1].pixels.shape == (camera.height_px, camera.width_px)
