@@ -56,6 +56,23 @@ def test_a_facula_on_a_camera_contradicts_nothing():
     assert result.contradicted.sum() < 0.01 * result.valid.sum()
 
 
+def test_points_moved_by_one_period_of_a_texture_are_denied_only_by_a_pair_of_another_baseline():
+    rig, period = plane_rig(), 24
+    texture = np.tile(np.random.default_rng(0).integers(0, 256, (HEIGHT, period)), 40).astype(np.uint8)
+    shifts = {1: 20, 2: 10, 3: 0}
+    images = {n: np.ascontiguousarray(texture[:, WIDTH + s : 2 * WIDTH + s]) for n, s in shifts.items()}
+    near_m = 300 * 0.6 / (20 + period)  # 44 px instead of 20 between S_1 and S_3, 22 instead of 10 between S_2 and S_3
+    view = lidar_view(PointCloud(0, plane_cloud(near_m)), rig, 3)
+    denied = {}
+    for witness in (1, 2):
+        halves = halve(images[3]), halve(images[witness])
+        stereo = stereo_map(SgbmMatcher(), images[3], images[witness], *(textured(half) for half in halves))
+        found = adjudicate(view, stereo, likeness(*halves, stereo), rig, witness, halves)
+        denied[witness] = int(found.contradicted[found.column < WIDTH - period].sum())
+    assert denied[2] > 3000
+    assert denied[1] < denied[2] / 50
+
+
 def test_only_points_that_the_pictures_can_judge_are_valid():
     images = {n: np.full_like(image, 128) for n, image in plane_images(plane_rig(), DEPTH_M).items()}
     for n, left in ((1, 100), (3, 120)):
