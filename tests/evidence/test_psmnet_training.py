@@ -68,6 +68,12 @@ def test_a_training_that_is_cut_off_goes_on_from_its_last_row(tmp_path: Path) ->
     assert [row.step for row in train(SAMPLES, UNSEEN, TOY, tmp_path, resume=True)] == [4]
 
 
+def test_a_training_that_is_over_may_be_given_more_steps(tmp_path: Path) -> None:
+    list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=2), tmp_path))
+    assert [row.step for row in train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=3), tmp_path, resume=True)] == [3]
+    assert [row.step for row in training_curve(tmp_path)] == [2, 3]
+
+
 def test_other_seeds_and_other_samples_train_another_network(tmp_path: Path) -> None:
     losses = {
         row.loss
