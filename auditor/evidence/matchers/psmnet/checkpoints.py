@@ -25,9 +25,9 @@ class TrainingSettings:
 
     Width 32, range 192 and crops of 256 x 512 make the published network. With `step` 2 the network sees images at
     half resolution; `max_disparity` is in full-resolution pixels all the same. The learning rate rises to
-    `learning_rate` over the first twentieth of the steps, then falls to nothing along a cosine; where a training goes on
-    with another number of steps, along theirs. `precision` bf16 is for GPUs. `samples` names what it is trained on, so
-    that a training is not taken up with something else.
+    `learning_rate` over the first twentieth of the steps, then falls to nothing along a cosine; where a training goes
+    on with another number of steps, along theirs. `precision` bf16 is for GPUs. `samples` names what it is trained on,
+    so that a training is not taken up with something else.
     """
 
     max_disparity: int = 192
