@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 
 from auditor.elements import rig_elements
-from auditor.evidence import measure, use_one_thread
+from auditor.evidence import Watch, localise, measure, use_one_thread
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import adjudicate
 from auditor.evidence.lidar import lidar_view
@@ -29,12 +29,14 @@ from auditor.evidence.texture import textured
 from auditor.evidence.visibility import visible_to_witness
 from auditor.frames import Frame
 from auditor.identification.local_ratio import local_ratios
+from auditor.identification.raisable import raisable
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.rig import Rig
 from tests.benchmarks.real_drives import frames
 
 ROUNDS = 3
 EVERY = 5
+KINDS = ("clean", "facula", "wall")
 MATCHER = find_matcher("sgbm")
 
 Seconds = dict[str, list[float]]
@@ -57,9 +59,12 @@ def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
     return result
 
 
-def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig) -> None:
-    """Time measuring, which hears all witnesses; these together; and each of their pieces for one pair."""
-    timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
+def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: Watch) -> None:
+    """Time measuring, which hears all witnesses; symptoms and regions; then the witnesses' pieces for one pair."""
+    measurement, evidence = timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
+    timed(seconds, f"{kind}: symptoms", lambda: watch.observe(evidence))
+    found = local_ratios(rig_elements(rig), measurement.cells, measurement.shares)
+    timed(seconds, f"{kind}: regions", lambda: localise(evidence, raisable(rig_elements(rig), found)))
     halves = {n: halve(image.pixels) for n, image in frame.images.items()}
     texture = {n: textured(half) for n, half in halves.items()}
     k = rig.n
@@ -96,17 +101,19 @@ def main() -> None:
     seconds: Seconds = defaultdict(list)
     rig, stream = frames("0009")
     kept = list(stream)[::EVERY]
+    watches = {kind: Watch() for kind in KINDS}
     for _ in range(ROUNDS):
         for frame in kept:
             left, right = frame.images[rig.n].pixels, frame.images[1].pixels
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
             for kind, changed in kinds(frame, rig):
-                pieces(seconds, kind, changed, rig)
+                pieces(seconds, kind, changed, rig, watches[kind])
     yardstick = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
         print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / yardstick:.3f}")
-    for kind in ("clean", "facula", "wall"):
-        total = sum(median(seconds[f"{kind}: {piece}"]) for piece in ("measure", "local ratios"))
+    for kind in KINDS:
+        whole = ("measure", "symptoms", "regions", "local ratios")
+        total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
         print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / yardstick:.3f}")
 
 
