@@ -23,12 +23,17 @@ MOST_OFF_PX = 1.0
 _LEAST_SHARED = 0.25
 
 
-def aligned(cameras: Sequence[Camera], reasons: list[str]) -> tuple[list[Camera], Matrix]:
-    """The cameras that make a rig, in a frame whose x axis is their line, and the (3, 3) turn into that frame."""
+def aligned(
+    cameras: Sequence[Camera], reasons: list[str], through: Camera | None = None
+) -> tuple[list[Camera], Matrix]:
+    """The cameras that make a rig, in a frame whose x axis is their line, and the (3, 3) turn into that frame.
+
+    The line is the one with the most cameras, `through` one of them if asked for.
+    """
     apart = _apart(cameras, reasons)
-    if len(apart) < 2:
-        return apart, np.eye(3)
-    on_line = _on_line(apart, reasons)
+    if len(apart) < 2 or (through is not None and through not in apart):
+        return apart[:1], np.eye(3)
+    on_line = _on_line(apart, reasons, through)
     turn = _turn(on_line)
     turned = [_in_frame(camera, turn) for camera in on_line]
     return _overlapping(sorted(turned, key=lambda camera: -float(camera.centre_m[0])), reasons), turn
@@ -52,7 +57,7 @@ def _apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
     return kept
 
 
-def _on_line(cameras: list[Camera], reasons: list[str]) -> list[Camera]:
+def _on_line(cameras: list[Camera], reasons: list[str], through: Camera | None) -> list[Camera]:
     """The most cameras on one line; of several such lines the one along which they lie farthest apart."""
     limit_m = MOST_OFF_PX * _FAR_M / min(camera.focal_px for camera in cameras)
 
@@ -62,7 +67,8 @@ def _on_line(cameras: list[Camera], reasons: list[str]) -> list[Camera]:
     def length_m(pair: tuple[Camera, Camera]) -> float:
         return float(np.linalg.norm(pair[0].centre_m - pair[1].centre_m))
 
-    best = max(combinations(cameras, 2), key=lambda pair: (len(near(pair)), length_m(pair)))
+    pairs = [pair for pair in combinations(cameras, 2) if through is None or through in pair]
+    best = max(pairs, key=lambda pair: (len(near(pair)), length_m(pair)))
     line = near(best)
     others = (camera for camera in cameras if camera not in line)
     reasons.extend(f"{other.name} does not lie on one line with {best[0].name} and {best[1].name}" for other in others)

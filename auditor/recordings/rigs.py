@@ -70,11 +70,8 @@ def _rigs_of(
         reasons.extend(why)
         yield from rectified
         return
-    mixed = _mixed_rig(group, clouds, frames, reasons)
-    if mixed is not None:
-        yield mixed
-    else:
-        yield from rectified
+    mixed = list(_mixed_rigs(group, clouds, frames, reasons))
+    yield from mixed or rectified
 
 
 def _rectified_rig(
@@ -88,15 +85,28 @@ def _rectified_rig(
     return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
 
 
-def _mixed_rig(
+def _mixed_rigs(
     views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
-) -> Rig | None:
+) -> Iterator[Rig]:
+    """The cameras on one line, and each camera beside it with those that it shares a line with."""
     placed = place(views, frames, reasons)
     if placed is None:
-        return None
+        return
     lidar = _lidar(placed, clouds, frames, reasons)
-    cameras, turn = aligned([_turned_camera(placed, index) for index in range(len(views))], reasons)
-    return _rig(cameras, _turned(lidar, turn), reasons)
+    cameras = [_turned_camera(placed, index) for index in range(len(views))]
+    why: list[str] = []
+    covered: set[str] = set()
+    for through in (None, *cameras):
+        if through is not None and (through.topic in covered or not covered):
+            continue
+        # Why a second line leaves cameras out is of no interest: they are on the first.
+        line, turn = aligned(cameras, why if through is None else [], through)
+        rig = _rig(line, _turned(lidar, turn), why if through is None else [])
+        if rig is not None and (through is None or through.topic in map(rig.topic, rig.sensors)):
+            covered.update(camera.topic for camera in rig.cameras)
+            yield rig
+    beside = {camera.name for camera in cameras if camera.topic in covered}
+    reasons.extend(reason for reason in why if reason.split(" ")[0] not in beside)
 
 
 def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> Rig | None:

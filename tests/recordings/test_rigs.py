@@ -228,9 +228,12 @@ def test_cameras_that_no_line_holds_or_that_see_little_together_are_left_out_wit
     }
     found = look_for_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
     assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "a"]
+    assert len(found.rigs) == 2
     told = "; ".join(found.reasons)
     assert "/bent/image_raw: 1 coefficients do not fit the model plumb_bob" in told
-    assert "high does not lie on one line with" in told
+    # Beside the line, it is audited with the camera that is farthest from it.
+    assert sorted(camera.name for camera in found.rigs[1].cameras) == ["away", "high"]
+    assert "high" not in told
     assert "same lies where b lies" in told
     infos["far"] = replace(info("far", P(0), distortion=(-0.1, 0, 0, 0)), intrinsics=np.diag([2000.0, 2000, 1]))
     assert "far" not in [
