@@ -26,7 +26,19 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
         write_drive(folder / "three.bag", count=16, seed=1),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
-    for table in ("recordings", "rigs", "triples", "elements", "measurements", "frames", "cells", "labels", "pictures"):
+    for table in (
+        "recordings",
+        "rigs",
+        "triples",
+        "elements",
+        "measurements",
+        "frames",
+        "cells",
+        "symptoms",
+        "regions",
+        "labels",
+        "pictures",
+    ):
         shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
     return folder / "thresholds", drives
 
@@ -52,7 +64,7 @@ def tables(store: Path) -> dict[str, bytes]:
     """What must be the same whatever happened in between: frames and verdicts, by their ids."""
     return {
         f"{t}/{p.name}": p.read_bytes()
-        for t in ("frames", "cells", "verdicts")
+        for t in ("frames", "cells", "symptoms", "regions", "verdicts")
         for p in sorted((store / t).glob("*.parquet"))
     }
 
