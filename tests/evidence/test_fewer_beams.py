@@ -1,0 +1,39 @@
+"""LiDARs of fewer beams contradict and are contradicted as those of sixty-four are, without a calibration."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.elements import Witness
+from auditor.evaluation.bench import Bench
+from auditor.evidence.matchers import find_matcher
+from auditor.frames import PointCloud
+from auditor.identification.margins import CEILINGS, FLOORS
+from auditor.lab.attacks import BogusWall
+from auditor.lab.drives import make_drive
+
+LOWEST_DEG, BEAMS, FIELD_DEG = -24.9, 64, 26.9
+
+
+@pytest.fixture(scope="module")
+def street():
+    drive = make_drive(3, 2, n_cameras=3, style="city", vehicle=3)
+    return drive.rig, next(iter(drive.frames()))
+
+
+@pytest.mark.parametrize("beams", [64, 32, 16])
+def test_a_wall_is_contradicted_and_a_clean_street_is_not(street, beams):
+    rig, frame = street
+    x, y, z = frame.cloud.xyz_m.T
+    ring = np.floor((np.rad2deg(np.arctan2(z, np.hypot(x, y))) - LOWEST_DEG) / (FIELD_DEG / BEAMS))
+    kept = frame.cloud.xyz_m[ring % (BEAMS // beams) == 0]
+    assert len(kept) < 1.2 * len(x) * beams / BEAMS
+    bench = Bench(replace(frame, cloud=PointCloud(frame.cloud.stamp_ns, kept)), rig, find_matcher("sgbm"))
+
+    def contradicted(attacks):
+        ratios = zip(bench.elements, bench.ratios(attacks), strict=True)
+        return [ratio for element, ratio in ratios if element.witness is Witness.CONTRADICTED]
+
+    assert max(contradicted({})) < FLOORS[Witness.CONTRADICTED]
+    assert min(contradicted({0: BogusWall(range_m=7.0, lateral_m=0.5)})) > CEILINGS[Witness.CONTRADICTED]
