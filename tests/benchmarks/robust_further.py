@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.evaluation.bench import Attack, Bench
 from auditor.evidence import use_one_thread
@@ -114,6 +115,10 @@ def report(rig: Rig, splits: Sequence[tuple[list[Sample], list[Sample]]]) -> Non
         print(f"  {kind:45} detected {wilson(found, len(told))}   named {wilson(exact, len(told))}")
 
 
+def _picture(file: Path) -> NDArray[np.uint8]:
+    return np.asarray(cv2.imread(str(file), cv2.IMREAD_COLOR), dtype=np.uint8)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -122,7 +127,7 @@ def main() -> None:
     options = parser.parse_args()
     use_one_thread()
     files = sorted(options.patterns.rglob("*.png")) if options.patterns else []
-    patterns = [LaserPattern(str(file.relative_to(options.patterns)), cv2.imread(str(file))) for file in files]
+    patterns = [LaserPattern(str(file.relative_to(options.patterns)), _picture(file)) for file in files]
     rig, stream = frames("0001")
     learnt = [
         Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(Bench(f, rig, MATCHER), {})) for f in stream
