@@ -16,10 +16,11 @@ from auditor.results import FINDINGS, Cause, Evidence, Suspicion, Verdict, Verdi
 ENOUGH = 0.5
 """The score from which a cause explains a frame about as well as an attack does: that of a strength of 1."""
 
-FAULTS = frozenset({Cause.FROZEN, Cause.LATE})
+FAULTS = frozenset({Cause.FROZEN})
 """Causes that are findings by themselves; the others only say why a frame may have been raised.
 
-A LiDAR that lies a tenth of a degree beside its calibration, as many do, is told and raises nothing.
+Nothing is calibrated for them: a LiDAR that lies a tenth of a degree beside its calibration, as many do, or points that
+would fit the frame before as well, are told and raise nothing.
 """
 
 _MOSTLY = 0.5

@@ -90,11 +90,12 @@ def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
 
 
-def test_a_fault_is_a_finding_by_itself_and_doubts_any_accusation():
+def test_a_fault_doubts_an_accusation_and_is_told_where_there_is_none():
     late = (Suspicion(Cause.LATE, 1, 0.8),)
-    for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
+    for one in (verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
         weighed = weigh(one, late)
         assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
+    assert weigh(CLEAN, late) == replace(CLEAN, causes=late)
 
 
 def test_less_likely_causes_are_only_told():
