@@ -1,7 +1,7 @@
 """Cameras that nobody rectified -> those that can be, numbered from right to left along the line they stand on.
 
-Left out, with the reason, are cameras at the place of another, cameras beside the line of the others, and cameras that
-share too little of their view.
+Left out, with the reason, are cameras at the place of another, beside the line of the others, or behind them, and those
+that share too little of their view.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,7 @@ MOST_OFF_PX = 1.0
 """A camera beside the line sees what is 10 m away on other rows: more than this and matching fails."""
 
 _LEAST_SHARED = 0.25
+_LEAST_ASIDE = 0.5  # sine of the angle between the line and where the cameras look
 
 
 def aligned(
@@ -35,6 +36,9 @@ def aligned(
         return apart[:1], np.eye(3)
     on_line = _on_line(apart, reasons, through)
     turn = _turn(on_line)
+    if turn is None:
+        reasons.append(f"{', '.join(camera.name for camera in on_line)} stand one behind the other")
+        return apart[:1], np.eye(3)
     turned = [_in_frame(camera, turn) for camera in on_line]
     return _overlapping(sorted(turned, key=lambda camera: -float(camera.centre_m[0])), reasons), turn
 
@@ -80,13 +84,18 @@ def _beside_m(camera: Camera, first: Matrix, last: Matrix) -> float:
     return float(np.linalg.norm(np.cross(camera.centre_m - first, along)))
 
 
-def _turn(cameras: Sequence[Camera]) -> Matrix:
-    """(3, 3) to a frame whose x axis is the cameras' line, pointing to their right, and z where they look."""
+def _turn(cameras: Sequence[Camera]) -> Matrix | None:
+    """(3, 3) to a frame whose x axis is the cameras' line, pointing to their right, and z where they look.
+
+    None where that is along the line.
+    """
     centres = np.array([camera.centre_m for camera in cameras])
     across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
     x = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
     x = -x if x @ across < 0 else x
     z = ahead - x * (x @ ahead)
+    if np.linalg.norm(z) < _LEAST_ASIDE * np.linalg.norm(ahead):
+        return None
     z = z / np.linalg.norm(z)
     return np.stack([x, np.cross(z, x), z])
 

@@ -242,6 +242,13 @@ def test_cameras_that_no_line_holds_or_that_see_little_together_are_left_out_wit
     ]
 
 
+def test_cameras_one_behind_the_other_are_no_rig() -> None:
+    infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("front", "rear")}
+    survey = look(infos, {"front": at(0), "rear": at(0.0, 0.0, -1.5), "top": LIDAR_AT}, images="image_raw")
+    with pytest.raises(RigError, match="front, rear stand one behind the other"):
+        find_rigs(survey)
+
+
 def test_a_rig_file_whose_cameras_no_line_holds_is_refused() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c")}
     survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(0.6), "top": LIDAR_AT}, images="image_raw")
