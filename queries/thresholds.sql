@@ -1,4 +1,4 @@
--- Thresholds theta of the calibrations at a designated false-alarm rate r: one row a statistic and triple.
+-- Thresholds theta of the paper's method at a designated false-alarm rate r: one row a statistic and triple of each calibration.
 --
 -- param r RATE = 0.01: The designated false-alarm rate.
 -- param calibration VARCHAR = NULL: Only the calibration whose id begins so.
@@ -32,5 +32,5 @@ SELECT
     threshold(samples, CAST($r AS DECIMAL(18, 17))) AS theta,
     resolvable_with(N, CAST($r AS DECIMAL(18, 17))) AS resolvable
 FROM calibrations
-WHERE $calibration IS NULL OR starts_with(calibration_id, $calibration)
+WHERE j IS NOT NULL AND ($calibration IS NULL OR starts_with(calibration_id, $calibration))
 ORDER BY calibrated_at, calibration_id, statistic, k DESC, i, j
