@@ -10,7 +10,7 @@ from auditor.rig import LIDAR, Triple
 
 Bools = NDArray[np.bool_]
 
-_BY_A_CAMERA = 0.8
+_BY_A_CAMERA = 0.9
 
 
 def explains(element: Element, attacked: Collection[int]) -> bool:

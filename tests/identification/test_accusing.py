@@ -44,9 +44,9 @@ def test_what_the_witnesses_say_together_names_the_sensor(raised, attacked, e):
 def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
     verdict = one({X23: 1.0, X13: 2.0})
     assert verdict.evidence == (("contradicted", 1, None, 3, 2.0), ("contradicted", 2, None, 3, 1.0))
-    # {S_3} would account for four fifths of both, but for two silent pairs at half price
-    assert verdict.margin == pytest.approx(1.6)
-    assert verdict.alternatives[0] == ((3,), pytest.approx(1.6))
+    # {S_3} would account for nine tenths of both, but for two silent pairs at half price
+    assert verdict.margin == pytest.approx(1.3)
+    assert verdict.alternatives[0] == ((3,), pytest.approx(1.3))
     assert verdict.reason == ""
 
 
