@@ -56,3 +56,15 @@ def test_each_element_is_measured_by_its_own_clean_frames():
 def test_no_samples_make_no_threshold():
     with pytest.raises(ThresholdsError):
         yardstick(Witness.LIGHT, [], R)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("witness", [Witness.CONTRADICTED, Witness.UNLIKE, Witness.LIGHT])
+def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(witness, share):
+    rng = np.random.default_rng(7)
+    clean, attack = rng.uniform(0, 0.2, 400), rng.uniform(0.8, 0.95, 400)
+    count = round(share * len(clean))
+    mixed = np.sort(np.concatenate([clean[count:], attack[:count]]))
+    scales = [yardstick(witness, mixed.tolist(), R)]
+    assert (margins(attack[count:, None], scales) > 0).all()
+    assert (margins(clean[:, None], scales) <= 0).all()
