@@ -83,7 +83,7 @@ def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_byt
     with scan(undisturbed, drives) as process:
         process.communicate()
     expected = tables(undisturbed)
-    assert len(expected) == 9
+    assert len(expected) == 15
     points = random.Random(7).sample(range(first + 1, files(undisturbed)), KILLS)
     finished = []
     for kill, point in enumerate(points):
