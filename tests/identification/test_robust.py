@@ -1,0 +1,63 @@
+"""What a frame says by itself and what the half second around it says, together."""
+
+import numpy as np
+
+from auditor.elements import Element, Witness, elements_of
+from auditor.identification.accusing import System
+from auditor.identification.robust import Heard, judge_heard
+from auditor.results import Cause, Finding, VerdictKind
+from auditor.rig import triples_of
+from auditor.thresholds import Yardstick
+
+PAIRS = ((1, 3), (2, 3))
+SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
+SCALES = [Yardstick(0.4, 0.1, 100)] * len(SYSTEM.elements)
+U13, U23 = (SYSTEM.elements.index(Element(Witness.UNLIKE, *pair)) for pair in PAIRS)
+FRAMES = 20
+
+
+def judge(hit=(), element=U13, *, frozen=(), missing=(), threshold=0.0, ratio=0.8):
+    """Frames at 10 Hz; in those `hit` one element's ratio is high, S_2 stands still in those `frozen`."""
+    ratios = np.full((FRAMES, len(SYSTEM.elements)), 0.3)
+    ratios[list(hit), element] = ratio
+    prints = np.arange(FRAMES)[:, None] * 10 + np.arange(4)
+    prints[list(frozen), 2] = -7
+    present = np.ones((FRAMES, 4), dtype=np.bool_)
+    present[list(missing), 1] = False
+    stamps_ns = np.arange(FRAMES, dtype=np.int64) * 100_000_000
+    return judge_heard(Heard(stamps_ns, ratios, present, prints), SYSTEM, SCALES, threshold)
+
+
+def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
+    verdicts = judge(range(5, 12))
+    assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == list(range(5, 12))
+    assert [f for f, v in enumerate(verdicts) if v.finding] == list(range(5, 12))
+    assert verdicts[8].finding == Finding(VerdictKind.ATTACKED, (1,))
+
+
+def test_one_frame_raised_alone_keeps_its_verdict_and_is_no_incident():
+    verdicts = judge([7], ratio=0.45)
+    assert verdicts[7].attacked == (1,)
+    assert not [v for v in verdicts if v.finding]
+
+
+def test_the_threshold_is_that_of_the_half_seconds():
+    assert judge(range(5, 12), threshold=2.0)[8].finding
+    weak = judge(range(5, 12), threshold=2.0, ratio=0.5)
+    assert weak[8].kind is VerdictKind.ATTACKED
+    assert weak[8].finding is None
+
+
+def test_a_sensor_that_stands_still_is_a_finding_with_its_cause_and_is_left_out():
+    verdicts = judge(range(5, 12), U23, frozen=range(4, 14))
+    still = verdicts[8]
+    assert (still.kind, still.attacked, still.out_of_system) == (VerdictKind.SUSPECT, (), (2,))
+    assert [(one.cause, one.sensor) for one in still.causes] == [(Cause.FROZEN, 2)]
+    assert still.finding == Finding(VerdictKind.SUSPECT, ())
+    assert verdicts[4].kind is VerdictKind.CLEAN, "the first of equal frames repeats nothing yet"
+
+
+def test_a_missing_sensor_is_neither_heard_nor_accused():
+    verdicts = judge(range(5, 12), missing=range(5, 12))
+    assert {v.kind for v in verdicts} == {VerdictKind.CLEAN}
+    assert verdicts[8].out_of_system == (1,)
