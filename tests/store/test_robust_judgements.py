@@ -1,0 +1,80 @@
+"""A store judged by the robust method: what SQL says of it is what Python said."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from auditor.elements import rig_elements
+from auditor.identification.accusing import System
+from auditor.identification.margins import margins
+from auditor.identification.robust import Heard, judge_heard
+from auditor.results import VerdictKind
+from auditor.store.queries import run_query, run_sql
+from auditor.store.records import JudgementRecord
+from auditor.thresholds import RobustThresholds, Yardstick
+from tests.store.making import NOON, add_judgement, add_measurement, make_measurement, make_rig, new_store
+
+RIG = make_rig(3)
+ELEMENTS = rig_elements(RIG)
+FRAMES = 30
+
+
+@pytest.fixture
+def judged(tmp_path):
+    """A store with random ratios, among which S_1 is attacked in ten frames, and the verdicts given on them."""
+    rng = np.random.default_rng(3)
+    ratios = rng.uniform(0, 0.4, (FRAMES, len(ELEMENTS)))
+    ratios[10:20, [place for place, e in enumerate(ELEMENTS) if e.witness == "unlike" and e.i == 1]] = 0.9
+    ratios[rng.random(ratios.shape) < 0.05] = np.nan
+    given = [[None if np.isnan(x) else x for x in row] for row in ratios.tolist()]
+    store = new_store(tmp_path)
+    known = add_measurement(store, RIG, [make_measurement(RIG, f, ratios=row) for f, row in enumerate(given)])
+    yardsticks = {element: Yardstick(0.35, 0.1, 100) for element in ELEMENTS[:-1]}  # the last has no clean samples
+    loaded = store.load_ratios(known)
+    system = System(ELEMENTS, RIG.triples, RIG.sensors)
+    scales = [yardsticks.get(element) for element in ELEMENTS]
+    heard = Heard(loaded.stamps_ns, loaded.ratios, loaded.states == "present", loaded.fingerprints)
+    verdicts = judge_heard(heard, system, scales)
+    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), yardsticks, resolvable=True, incidents_per_hour=2.0)
+    rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
+    store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    return store, known, verdicts, margins(loaded.ratios, scales)
+
+
+def test_margins_in_sql_are_those_in_python(judged):
+    store, _, _, z = judged
+    rows = run_sql(store, "SELECT frame, position, z FROM ratios ORDER BY frame, position").to_pylist()
+    found = np.array([np.nan if row["z"] is None else row["z"] for row in rows]).reshape(z.shape)
+    np.testing.assert_allclose(found, z, rtol=1e-12)
+
+
+def test_findings_are_the_frames_that_the_half_second_confirms(judged):
+    store, known, verdicts, _ = judged
+    rows = run_sql(store, "SELECT frame, kind, attacked FROM findings ORDER BY frame").to_pylist()
+    expected = [(f, v.finding.kind, list(v.finding.attacked)) for f, v in enumerate(verdicts) if v.finding]
+    assert [(row["frame"], row["kind"], row["attacked"]) for row in rows] == expected
+    assert {frame for frame, *_ in expected} >= set(range(11, 19))
+    judgement = store.current_judgement(known)
+    assert judgement.in_incidents == len(expected)
+    assert judgement.statistic is None
+    assert judgement.counts[VerdictKind.CLEAN] == sum(v.kind is VerdictKind.CLEAN for v in verdicts)
+
+
+def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(judged):
+    store, *_ = judged
+    (row,) = [row for row in run_query(store, "incidents").to_pylist() if row["attacked"] == [1]]
+    assert row["evidence"].startswith("S_1 and S_3 do not see the same in ")
+    assert "worse by" in row["alternatives"]
+    assert row["causes"] is None
+    facts = {(row["about"], row["fact"]): row["value"] for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
+    assert facts["verdict", "finding"] == "attacked"
+    assert "S_1 and S_3 do not see the same (+3.00)" in facts["verdict", "evidence"]
+
+
+def test_the_later_judgement_decides_by_which_method_a_frame_belongs_to_an_incident(judged):
+    store, known, *_ = judged
+    add_judgement(store, RIG, known, "c" * 29 + "2", minutes=5, method="paper")
+    (row,) = run_query(store, "incidents").to_pylist()
+    assert (row["first_frame"], row["attacked"]) == (29, [2])
+    assert [row["method"] for row in run_query(store, "summary").to_pylist()] == ["paper"]
