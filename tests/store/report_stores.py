@@ -1,6 +1,7 @@
 """Small stores for the tests of the incident page, made with the store's own writers."""
 
 import hashlib
+from dataclasses import replace
 from datetime import UTC, datetime
 from decimal import Decimal
 
@@ -55,6 +56,7 @@ def add_recording(
     pictured=(),
     damage=(),
     vehicle="car 7",
+    regions=(),
 ):
     """Keep one recording. `attacks` are (sensors, first, last); `missing` are (sensor, frame)."""
     rig = rig or make_rig()
@@ -78,7 +80,7 @@ def add_recording(
                 writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
             else:
                 measured = _measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured)
-                writer.add(measured, _ratios(rig, frame, attacks, measured))
+                writer.add(replace(measured, regions=regions), _ratios(rig, frame, attacks, measured))
         writer.commit(record)
     for frame in pictured:
         store.write_picture(record.measurement_id, Picture(frame, rig.n, *_picture(rig)))

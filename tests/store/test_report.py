@@ -1,9 +1,12 @@
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import cv2
+import numpy as np
 import pytest
 
 from auditor.errors import StoreError
+from auditor.regions import Region, Solid
 from auditor.results import Statistic, VerdictKind
 from auditor.store.calibrations import make_calibration
 from auditor.store.page_loading import load_page
@@ -214,6 +217,27 @@ def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(stor
         "data:image/jpeg",
     ]
     assert images[0]["alt"] == "Picture of camera S_3 in frame 17"
+
+
+def test_the_damaged_portion_is_drawn_where_it_lies_and_told(store, tmp_path):
+    mask = cv2.imencode(".png", np.zeros((94, 311), np.uint8))[1].tobytes()
+    light = Region(1, 1, (8, 16, 400, 240), 0.25, mask)
+    other = Region(3, 3, (0, 0, 4, 4), 0.5, mask)
+    wall = Region(0, 3, (8, 16, 80, 64), 0.125, mask, 850, Solid((8, -1, 0.5), (2.5, 1.5, 0.1), 4))
+    attacks = [((1,), 10, 19), ((0,), 30, 35)]
+    add_recording(store, attacks=attacks, pictured=[17, 33], regions=(light, other, wall))
+    page = page_of(store, tmp_path)
+    boxes = [attributes for tag, attributes in page.elements if attributes.get("class") == "box"]
+    assert [tuple(box[side] for side in ("x", "y", "width", "height")) for box in boxes] == [
+        ("8", "16", "392", "224"),
+        ("8", "16", "72", "48"),
+    ]
+    assert [attributes["id"] for tag, attributes in page.elements if tag == "mask"] == [
+        "portion-17-1-1",
+        "portion-33-3-0",
+    ]
+    assert "Damaged: 25 % of the image." in page.words
+    assert "Damaged: 850 LiDAR points, 12 % of those in view, in a box 2.5 x 1.5 x 0.1 m" in page.words
 
 
 def test_without_pictures_there_is_none(store, tmp_path):
