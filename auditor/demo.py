@@ -12,31 +12,29 @@ from auditor.results import AttackLabel
 from auditor.rig import LIDAR
 
 _START_NS = 1_767_600_000 * 10**9  # an evening in January 2026, UTC
+_TEN_MINUTES_NS = 600 * 10**9
 _WRITERS = {".mcap": write_mcap, ".bag": write_bag, ".db3": write_db3}
 
 
 @dataclass(frozen=True)
-class Street:
-    """A street that one vehicle of the fleet drives along."""
+class Vehicle:
+    """A vehicle of the fleet: its name, and the number that its sensors' flaws are drawn from."""
 
-    vehicle: str
+    name: str
     number: int
-    seed: int
-    style: str
-    frames: int
 
 
 @dataclass(frozen=True)
 class Take:
-    """One recording of the demo: the frames `first` to `last` - 1 of a drive, with a sensor attacked or none.
+    """One recording of the demo: a drive along a street of its own, with a sensor attacked or none.
 
     `attacked_frames` count from the recording's first.
     """
 
     file: Path
-    street: Street
-    first: int
-    last: int
+    vehicle: Vehicle
+    street: int
+    style: str
     attacked: int | None = None
     attacked_frames: range = range(0)
 
@@ -44,44 +42,42 @@ class Take:
         return self.file.name
 
 
-_ALDER = Street("alder", 1, 11, "city", 42)
-_BIRCH = Street("birch", 2, 22, "residential", 28)
-_CEDAR = Street("cedar", 3, 33, "city", 28)
+_ALDER, _BIRCH, _CEDAR = Vehicle("alder", 1), Vehicle("birch", 2), Vehicle("cedar", 3)
+_FRAMES = 14
 _HIT = range(4, 11)
 
 
 def fleet(folder: Path) -> tuple[tuple[Take, ...], tuple[Take, ...]]:
-    """What the vehicles recorded while nobody attacked them, and what they recorded afterwards."""
+    """What the vehicles recorded while nobody attacked them, and what they recorded afterwards on other streets."""
     clean = (
-        Take(folder / "alder_day.mcap", _ALDER, 0, 14),
-        Take(folder / "birch_day.bag", _BIRCH, 0, 14),
-        Take(folder / "cedar_day.db3", _CEDAR, 0, 14),
+        Take(folder / "alder_day.mcap", _ALDER, 2001, "residential"),
+        Take(folder / "birch_day.bag", _BIRCH, 2002, "city"),
+        Take(folder / "cedar_day.db3", _CEDAR, 2003, "residential"),
     )
     suspected = (
-        Take(folder / "alder_evening.mcap", _ALDER, 14, 28),
-        Take(folder / "alder_night.mcap", _ALDER, 28, 42, attacked=3, attacked_frames=_HIT),
-        Take(folder / "birch_night.mcap", _BIRCH, 14, 28, attacked=1, attacked_frames=_HIT),
-        Take(folder / "cedar_night.bag", _CEDAR, 14, 28, attacked=LIDAR, attacked_frames=_HIT),
+        Take(folder / "alder_evening.mcap", _ALDER, 2011, "city"),
+        Take(folder / "alder_night.mcap", _ALDER, 2012, "city", attacked=3, attacked_frames=_HIT),
+        Take(folder / "birch_night.mcap", _BIRCH, 2013, "residential", attacked=1, attacked_frames=_HIT),
+        Take(folder / "cedar_night.bag", _CEDAR, 2014, "city", attacked=LIDAR, attacked_frames=_HIT),
     )
     return clean, suspected
 
 
 def record(take: Take, progress: Callable[[str, int], None]) -> Path:
     """Render a take and write it with the real writer of its format. Raises RecordingError."""
-    street = take.street
     drive = make_drive(
-        street.seed,
-        street.frames,
-        style=street.style,
-        vehicle=street.number,
-        start_ns=_START_NS + street.number * 10**12,
+        take.street,
+        _FRAMES,
+        style=take.style,
+        vehicle=take.vehicle.number,
+        start_ns=_START_NS + take.street % 100 * _TEN_MINUTES_NS,
     )
     attackers = []
     if take.attacked is not None:
-        first, last = (drive.start_ns + (take.first + take.attacked_frames[at]) * 10**8 for at in (0, -1))
-        attackers.append(Attacker(AttackPlan(take.attacked, seed=street.seed, from_ns=first, to_ns=last), drive.rig))
+        first, last = (drive.start_ns + take.attacked_frames[at] * 10**8 for at in (0, -1))
+        attackers.append(Attacker(AttackPlan(take.attacked, seed=take.street, from_ns=first, to_ns=last), drive.rig))
     _WRITERS[take.file.suffix](
-        take.file, drive.rig, _frames(drive, take, attackers, progress), _labels(attackers), vehicle=street.vehicle
+        take.file, drive.rig, _frames(drive, take, attackers, progress), _labels(attackers), vehicle=take.vehicle.name
     )
     return take.file
 
@@ -89,11 +85,11 @@ def record(take: Take, progress: Callable[[str, int], None]) -> Path:
 def _frames(
     drive: SyntheticDrive, take: Take, attackers: list[Attacker], progress: Callable[[str, int], None]
 ) -> Iterator[Frame]:
-    for done, number in enumerate(range(take.first, take.last), start=1):
-        frame = drive.frame(number)
+    for done, frame in enumerate(drive.frames(), start=1):
+        changed = frame
         for attacker in attackers:
-            frame = _attacked(frame, attacker)
-        yield frame
+            changed = _attacked(changed, attacker)
+        yield changed
         progress(str(take), done)
 
 

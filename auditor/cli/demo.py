@@ -102,6 +102,7 @@ def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
     from auditor.store import run_query  # noqa: PLC0415
 
     summary = {row["name"]: row for row in run_query(store, "summary", {}).to_pylist()}
+    incidents = run_query(store, "incidents", {}).to_pylist()
     rows = []
     for take in takes:
         found = summary[take.file.name]
@@ -109,11 +110,13 @@ def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
         rows.append(
             {
                 "recording": take.file.name,
-                "vehicle": take.street.vehicle,
+                "vehicle": take.vehicle.name,
                 "planted": [f"S_{sensor}" for sensor in planted],
                 "found": [f"S_{sensor}" for sensor in found["attacked_sensors"]],
                 "frames attacked": len(take.attacked_frames),
-                "frames named": found["attacked"],
+                "frames named": sum(
+                    row["frames"] for row in incidents if row["attacked"] and row["name"] == take.file.name
+                ),
                 "exact": found["attacked_sensors"] == planted,
             }
         )

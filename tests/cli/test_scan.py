@@ -25,18 +25,29 @@ def summary(store: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[st
     return {row["name"]: row for row in json.loads(capfd.readouterr().out)}
 
 
+@pytest.mark.parametrize("method", ["robust", "paper"])
 def test_an_attack_is_found_identified_and_exits_with_1(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    method: str, fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     store = tmp_path / "audit"
-    assert run(["calibrate", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store)]) == 0
+    how = ["-r", "0", "--store", str(store), "--method", method]
+    assert run(["calibrate", str(fleet / "clean.mcap"), *how]) == 0
     recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
-    assert run(["scan", *recordings, "-r", "0", "--store", str(store), "--jobs", "1"]) == 1
+    assert run(["scan", *recordings, *how, "--jobs", "1"]) == 1
     rows = summary(store, capfd)
+    assert {row["method"] for row in rows.values()} == {method}
     assert rows["clean.mcap"]["clean"] == 30
     assert rows["quiet.bag"]["clean"] == 30
     assert rows["attacked.db3"]["attacked_sensors"] == [0, 2]
-    assert (rows["attacked.db3"]["attacked"], rows["attacked.db3"]["clean"]) == (13, 17)
+    found = rows["attacked.db3"]
+    assert (found["attacked"] + found["suspect"], found["clean"]) == (13, 17)  # a wall may look like a late LiDAR
+    assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
+    incidents = json.loads(capfd.readouterr().out)
+    incidents = [row for row in incidents if row["kind"] == "attacked"]
+    assert [(row["attacked"], row["last_frame"]) for row in incidents] == [([2], 11), ([0], 25)]
+    says = ("S_2 and S_4 do not see the same", "contradict the LiDAR") if method == "robust" else ("E_0,2,4", "E_0,1,4")
+    assert all(words in row["evidence"] for words, row in zip(says, incidents, strict=True))
+    assert all("worse by" in row["alternatives"] for row in incidents)
 
 
 def test_a_clean_scan_exits_with_0_in_every_format(
@@ -79,7 +90,8 @@ def test_measuring_only_says_so_and_judging_comes_later(
     assert run(["scan", str(fleet / "attacked.db3"), "--measure-only", "--store", str(store)]) == 3
     assert "no verdicts were reached" in capfd.readouterr().err
     assert run(["judge", str(store), "-r", "0"]) == 1
-    assert summary(store, capfd)["attacked.db3"]["attacked"] == 13
+    found = summary(store, capfd)["attacked.db3"]
+    assert found["attacked"] + found["suspect"] == 13
 
 
 def test_judging_again_at_another_r_needs_no_recording(
@@ -90,8 +102,9 @@ def test_judging_again_at_another_r_needs_no_recording(
     run(["calibrate", str(copy), "--store", str(store)])
     assert run(["scan", str(copy), "-r", "0", "--store", str(store)]) == 0
     copy.unlink()
-    assert run(["judge", str(store), "-r", "0.5"]) == 1
-    assert run(["judge", str(store), "-r", "0"]) == 0
+    assert run(["judge", str(store), "-r", "0.5", "--method", "paper"]) == 1
+    assert run(["judge", str(store), "-r", "0", "--method", "paper"]) == 0
+    assert run(["judge", str(store), "-r", "0.5"]) == 0, "floors keep an easy drive from setting low thresholds"
     assert summary(store, capfd)["drive.mcap"]["clean"] == 30
 
 
@@ -109,16 +122,66 @@ def test_a_rate_below_one_sample_is_marked_and_strict_refuses_it(
     assert run(["calibrate", str(fleet / "clean.mcap"), "-r", "1%", "--strict", "--store", str(store)]) == 2
 
 
-def test_three_sensors_detect_but_name_nobody(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_store_judged_by_both_methods_answers_by_the_latest(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
+    assert run(["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store)]) == 1
+    assert run(["judge", str(store), "-r", "0", "--method", "paper"]) == 1
+    assert {row["method"] for row in summary(store, capfd).values()} == {"paper"}
+    page = tmp_path / "page.html"
+    assert run(["report", "--store", str(store), "--out", str(page)]) == 0
+    assert "Method <code>paper</code> on the gated disparity error" in page.read_text()
+    assert run(["judge", str(store), "-r", "0"]) == 1
+    assert run(["report", "--store", str(store), "--out", str(page)]) == 0
+    assert "Method <code>robust</code> at" in page.read_text()
+    assert "contradict the LiDAR in " in page.read_text()
+
+
+def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "audit"
+    run(["calibrate", str(fleet / "clean.mcap"), str(fleet / "quiet.bag"), "--store", str(store)])
+    capfd.readouterr()
+    scan = ["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store), "--incidents-per-hour"]
+    assert run([*scan, "1"]) == 1
+    assert "too few to tell so many incidents" in capfd.readouterr().err
+    sql = "SELECT incidents_per_hour, score_threshold FROM judgements"
+    assert run(["query", "--store", str(store), "--format", "json", "--sql", sql]) == 0
+    assert json.loads(capfd.readouterr().out) == [{"incidents_per_hour": 1.0, "score_threshold": 0.0}]
+    assert run([*scan, "1", "--strict"]) == 2
+    assert "cannot be told from none" in capfd.readouterr().err
+    assert run([*scan, "1", "--method", "paper"]) == 2
+    assert "--incidents-per-hour" in capfd.readouterr().err
+
+
+def test_calibrating_says_what_is_held_out_or_that_nothing_can_be(
+    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    clean, quiet = str(fleet / "clean.mcap"), str(fleet / "quiet.bag")
+    assert run(["calibrate", clean, "-r", "0", "--store", str(tmp_path / "one")]) == 0
+    assert "nothing can be held out" in capfd.readouterr().err
+    assert run(["calibrate", clean, quiet, "-r", "0", "--store", str(tmp_path / "two")]) == 0
+    shown = capfd.readouterr()
+    assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames raised" in shown.err
+    assert "raised by paper" in shown.out
+    assert "60 clean frames resolve r = 0 and r from 0.017 up" in shown.err
+
+
+@pytest.mark.parametrize("method", ["robust", "paper"])
+def test_three_sensors_detect_but_name_nobody(method: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for name, positions, lidar, sensor in (("two", (0.6, 0.0), True, 1), ("three", (0.6, 0.3, 0.0), False, 2)):
         store = tmp_path / name
         how = {"positions_m": positions, "lidar": lidar, "count": 12}
         clean = write_drive(tmp_path / f"{name}_clean.mcap", **how)
         attacked = write_drive(tmp_path / f"{name}_attacked.mcap", attacked={sensor: range(4, 8)}, **how)
         run(["calibrate", str(clean), "--store", str(store)])
-        assert run(["scan", str(clean), str(attacked), "-r", "0", "--store", str(store), "--jobs", "1"]) == 1
+        scan = ["scan", str(clean), str(attacked), "-r", "0", "--store", str(store), "--jobs", "1", "--method", method]
+        assert run(scan) == 1
         row = summary(store, capfd)[attacked.name]
-        assert (row["unidentified"], row["attacked"], row["clean"]) == (4, 0, 8)
+        assert (row["unidentified"] + row["suspect"], row["attacked"], row["clean"]) == (4, 0, 8)
 
 
 def test_a_rig_file_takes_the_place_of_the_recordings_own(
