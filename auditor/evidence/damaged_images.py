@@ -42,7 +42,8 @@ def damaged_pixels(evidence: Evidence, camera: int) -> Mask:
     small = {number: _shrunk(half) for number, half in evidence.views.items()}
     still = small[camera].astype(np.float32)
     nearness, sure = _nearness(camera, rig, evidence.lidar, evidence.maps, evidence.testimony.likenesses, still.shape)
-    row, column = np.indices(still.shape, dtype=np.float32)
+    place = np.indices(still.shape).astype(np.float32)
+    row, column = place[0], place[1]
     differences = []
     for other, seen in small.items():
         if other != camera:
@@ -83,7 +84,7 @@ def _nearness(
     def put(k: int, u: Floats, v: NDArray[np.integer], value: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Take points of view k over into the camera's picture."""
         moved = u if k == camera else u - value * np.float32(_direction(rig, k, camera))
-        column, row = (moved / np.float32(REGION_STEP)).astype(np.intp), v // REGION_STEP
+        column, row = (moved / np.float32(REGION_STEP)).astype(np.intp), (v // REGION_STEP).astype(np.intp)
         inside = (moved >= 0) & (column < shape[1]) & (row < shape[0])
         row, column = row[inside], column[inside]
         known[row, column] = value[inside]
@@ -123,7 +124,7 @@ def _fitted(warped: Floats, still: Floats, sure: Mask) -> Floats:
         spread = x[best] - x[best].mean()
         gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *_GAINS)
         offset = y[best].mean() - gain * x[best].mean()
-    return np.clip(gain * warped + offset, 0, 255)
+    return np.asarray(np.clip(gain * warped + offset, 0, 255), dtype=np.float32)
 
 
 def _solid(difference: Floats) -> Mask:

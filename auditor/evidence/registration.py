@@ -36,8 +36,8 @@ def corners(half: Image) -> Points:
     height, width = (size // count for size, count in zip(half.shape, (_ROWS, _COLUMNS), strict=True))
     if height == 0 or width == 0:
         return np.zeros((0, 2), dtype=np.float32)
-    blocks = strength[: height * _ROWS, : width * _COLUMNS].reshape(_ROWS, height, _COLUMNS, width)
-    blocks = blocks.transpose(0, 2, 1, 3).reshape(_ROWS, _COLUMNS, height * width)
+    cut = strength[: height * _ROWS, : width * _COLUMNS].reshape(_ROWS, height, _COLUMNS, width)
+    blocks = cut.transpose(0, 2, 1, 3).reshape(_ROWS, _COLUMNS, height * width)
     place = blocks.argmax(axis=2)
     row = np.arange(_ROWS)[:, None] * height + place // width
     column = np.arange(_COLUMNS) * width + place % width
