@@ -95,7 +95,9 @@ class Seeds:
                 self._messages(container.name, path)
                 if path.is_dir():
                     path = max(path.glob("*.[md][cb]*"), key=lambda file: file.stat().st_size)
-                self.files[f"{container.name} {form}"] = (path.suffix, path.read_bytes())
+                log = path.with_name(f"{path.name}-wal")
+                content = (path.read_bytes(), log.read_bytes() if log.exists() else b"")
+                self.files[f"{container.name} {form}"] = ("".join(path.suffixes), *content)
 
     def add_videos(self) -> None:
         """Key pictures and others, where the extra `video` is installed."""
@@ -121,9 +123,12 @@ def one(seed: int, seeds: Seeds, folder: Path) -> str:
     rng = random.Random(seed)
     if rng.random() < CONTAINER_SHARE:
         name = rng.choice(list(seeds.files))
-        suffix, content = seeds.files[name]
-        path = folder / f"a{suffix}"
-        path.write_bytes(mutate(content, rng))
+        suffix, content, log = seeds.files[name]
+        path, log_path = folder / f"a{suffix}", folder / f"a{suffix}-wal"
+        path.write_bytes(mutate(content, rng) if not log or rng.random() < 0.3 else content)
+        log_path.unlink(missing_ok=True)
+        if log:
+            log_path.write_bytes(mutate(log, rng))
         read_all(path)
         return name
     name = rng.choice(list(seeds.payloads))
