@@ -16,6 +16,7 @@ _AREA = _SIDE * _SIDE
 _PATCH_FLOOR = 9.0  # grey levels, added to each patch's norm: a patch without texture is like nothing
 _TEXTURED = 40.0  # norm of a patch in grey levels: 5.7 a pixel
 _UNLIKE = 0.2
+_WHITE = np.float32(255)
 _BRIGHTER = 40.0  # grey levels, either way
 _NEARBY = np.ones((5, 5), dtype=np.uint8)
 _AROUND_HIDDEN = np.ones((3, 3), dtype=np.uint8)
@@ -68,12 +69,16 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
 
 
 def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple[Mask, Mask]:
-    """Where the darker of two pictures is not saturated, and where the reference's brightness is nowhere near."""
+    """Where one of two pictures at least is not saturated, and where the reference's brightness is nowhere near.
+
+    What is saturated in the witness may be as bright as it likes: the reference shows at least what was fitted to it.
+    """
     target, source = (np.asarray(mean[::_SPARSE, ::_SPARSE], dtype=np.float32) for mean in (mean_r, mean_w))
     gain, offset = fit_gain(target, source)
-    fitted = gain * mean_w + offset
-    beyond = np.maximum(mean_r - cv2.dilate(fitted, _NEARBY), cv2.erode(fitted, _NEARBY) - mean_r)
-    return np.asarray(np.minimum(mean_r, fitted) < SATURATED), np.asarray(beyond > _BRIGHTER)
+    darkest = np.minimum(gain * mean_w + offset, _WHITE)
+    brightest = np.where(np.asarray(mean_w) < SATURATED, darkest, _WHITE)
+    beyond = np.maximum(mean_r - cv2.dilate(brightest, _NEARBY), cv2.erode(darkest, _NEARBY) - mean_r)
+    return np.asarray(np.minimum(mean_r, mean_w) < SATURATED), np.asarray(beyond > _BRIGHTER)
 
 
 def _inside(valid: Mask) -> Mask:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from auditor.evidence.gain import fit_gain
 
 _ROWS, _COLUMNS = 24, 78
+_WHITE = np.float32(255)
 _MARK = 75.0  # grey levels
 _WINDOW = 6  # cells, about 96 px
 _SHIFTS = 6  # 0 to 5 cells: up to 80 px of an image 1242 px wide
@@ -49,7 +50,7 @@ def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> L
     ones (24, 78), where something is so near that its partner lies farther away.
     """
     gain, offset = fit_gain(coarse_k[:, _USUAL_SHIFT:], coarse_i[:, :-_USUAL_SHIFT])
-    fitted_i = gain * coarse_i + offset
+    fitted_i = np.minimum(gain * coarse_i + offset, _WHITE)
     brighter_i = fitted_i - _brightest(coarse_k, ahead=True) > _MARK
     brighter_k = coarse_k - _brightest(fitted_i, ahead=False) > _MARK
     if near is not None:

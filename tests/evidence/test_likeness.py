@@ -70,6 +70,17 @@ def test_light_or_darkness_that_only_one_camera_sees_is_unlike_where_there_is_no
     assert not found[:, 120:].any()
 
 
+@pytest.mark.parametrize("gain", [0.8, 1.2])
+def test_a_sky_that_saturates_in_one_camera_is_not_unlike_where_the_other_s_lens_darkens_it(gain):
+    scene = np.random.default_rng(1).uniform(20, 180, (60, 160))
+    scene = np.repeat(np.repeat(scene[::6, ::6], 6, axis=0), 6, axis=1)[:60, :160]
+    scene[:20] = 400
+    fade = np.linspace(1, 0.6, 160)  # to 240 at the right edge of the reference
+    reference = np.clip(scene * np.where(scene > 255, fade, 1), 0, 255).astype(np.uint8)
+    witness = np.clip(scene / gain, 0, 255).astype(np.uint8)
+    assert not likeness(reference, witness, flat_map(0)).unlike[:16].any()
+
+
 def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(halves):
     stereo = flat_map(20)
     stereo.disparity_px[:, 90:120] = 80  # lands at columns 50 to 80: what lies there at a disparity of 20 is hidden
