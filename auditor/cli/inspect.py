@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
+@options.rig_option
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
     "--format",
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="How it is printed.",
 )
-def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> int:
+def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | None, form: str) -> int:
     """Read recordings through and tell their topics, their health, the rigs in them and what these can identify.
 
     Where the messages of each sensor went adds up: read = used + unused + damaged + skipped.
@@ -33,6 +34,7 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
     \b
     auditor inspect night.mcap
     auditor inspect night.mcap --write-rig vehicle.toml
+    auditor inspect night.mcap --rig vehicle.toml
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
@@ -47,7 +49,7 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
     descriptions = []
     for path in found.recordings:
         try:
-            description = _describe(path, write_rig)
+            description = _describe(path, rig, write_rig)
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True
@@ -62,11 +64,10 @@ def command(recordings: tuple[Path, ...], write_rig: Path | None, form: str) -> 
     return tally.exit_code()
 
 
-def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
+def _describe(path: Path, told: Path | None, written: Path | None) -> dict[str, Any]:
     from auditor.errors import RigError  # noqa: PLC0415
-    from auditor.pipeline import misfits_of  # noqa: PLC0415
+    from auditor.pipeline import misfits_of, rigs_of  # noqa: PLC0415
     from auditor.recordings import (  # noqa: PLC0415
-        find_rigs,
         look_for_rigs,
         look_through,
         open_recording,
@@ -80,11 +81,13 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
         rigs: tuple[Rig, ...] = ()
         missing = ""
         try:
-            rigs = find_rigs(surveyed)
+            rigs = rigs_of(surveyed, told)
         except RigError as error:
+            if told:
+                raise
             missing = error.what
-        if rigs and rig_file:
-            write_rig(rigs[0], rig_file)
+        if rigs and written:
+            write_rig(rigs[0], written)
         misfits = [misfits_of(recording, surveyed, rig) for rig in rigs]
         described = [
             {**_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}
@@ -103,7 +106,7 @@ def _describe(path: Path, rig_file: Path | None) -> dict[str, Any]:
             "damage": [str(piece) for piece in recording.damage],
             "problems": list(surveyed.problems),
             "rigs": described,
-            "left_out": list(look_for_rigs(surveyed).reasons) if rigs else [],
+            "left_out": list(look_for_rigs(surveyed).reasons) if rigs and not told else [],
             "missing": missing,
         }
 

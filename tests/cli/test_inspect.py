@@ -75,3 +75,16 @@ def test_offsets_given_in_a_rig_file_reach_the_store(tmp_path: Path, capfd: pyte
     query = "SELECT DISTINCT sensor, skew_ns FROM sensors WHERE sensor < 2 ORDER BY sensor"
     assert run(["query", "--sql", query, "--store", str(store), "--format", "json"]) == 0
     assert [row["skew_ns"] for row in json.loads(capfd.readouterr().out)] == [3_000_000, 0]
+
+
+def test_a_rig_file_is_tried_before_a_scan_needs_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    recording, rig = str(tmp_path / "a.mcap"), tmp_path / "rig.toml"
+    write_mcap(tmp_path / "a.mcap", RIG, drive_frames(RIG, 4))
+    assert run(["inspect", recording, "--write-rig", str(rig)]) == 0
+    rig.write_text(rig.read_text().replace("camera_1", "renamed"))
+    capfd.readouterr()
+    assert run(["inspect", recording, "--rig", str(rig)]) in {0, 2}
+    first = capfd.readouterr()
+    assert "renamed" in first.out + first.err
+    assert run(["inspect", recording, "--rig", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml" in capfd.readouterr().err
