@@ -16,6 +16,12 @@ from auditor.symptoms import Pair, PairSymptoms
 COUNTING_VERSION = 2
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
+EXPERIMENTS_VERSION = 1
+"""Raised whenever an evaluation would try other cases from the same seed, or an attack does something else.
+
+Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
+"""
+
 MIN_VALID_PX = 200
 """Fewer valid pixels than this and a disparity error is not measured."""
 
@@ -155,10 +161,14 @@ class Cause(StrEnum):
     GLARE = "glare"
 
 
+CauseIn = tuple[Cause, int | None]
+"""A cause and the sensor that it is seen in, None for all cameras."""
+
+
 class Suspicion(NamedTuple):
     """A cause and the sensor that it is seen in, None for all cameras.
 
-    `score` is 0 to 1; an attack's is 0.5, so that from there on the cause explains a frame about as well.
+    `score` is 0 to 1; from 0.5 on the cause is seen more strongly than in clean frames.
     """
 
     cause: Cause

@@ -20,9 +20,10 @@ from auditor.evidence.matchers import find_matcher
 from auditor.identification.local_ratio import local_ratios
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.recordings import write_mcap
-from auditor.results import AttackLabel
+from auditor.results import AttackLabel, Procedure
 from auditor.rig import LIDAR, Triple
 from auditor.store import Store, run_query, run_sql
+from auditor.store.evaluations import EvaluationPart
 from tests.evidence.scenes import plane_frame, plane_rig
 from tests.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -223,6 +224,35 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
     sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
     drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
     assert len({one["u_px"] for one in drawn if one["radius_px"] > 0}) >= 2
+
+
+@pytest.fixture
+def nothing_measured(monkeypatch):
+    """Cases without counts: which there are takes no matching."""
+    monkeypatch.setattr(Bench, "counts", lambda bench, *_: [None] * len(bench.rig.triples))
+    monkeypatch.setattr(Bench, "ratios", lambda bench, *_: [None] * len(bench.elements))
+
+
+@pytest.mark.usefixtures("short_stretches", "nothing_measured")
+def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alone(drive, tmp_path):
+    def cases(store):
+        columns = "frame, experiment, draw, attacked, attack, strength, size, parameters"
+        return run_sql(Store.open(store), f"SELECT {columns} FROM cases ORDER BY ALL").to_pylist()
+
+    run(drive, tmp_path / "some", attack_every=4)
+    assert not run(drive, tmp_path / "some", attack_every=4).fresh
+    run(drive, tmp_path / "all")
+    some, everything = cases(tmp_path / "some"), cases(tmp_path / "all")
+    kept = [case for case in everything if case["experiment"] in ("clean", "intervals") or case["frame"] in (0, 4)]
+    assert some == kept
+    assert run(drive, tmp_path / "some").cases > 0  # the same attacks in more frames
+    assert cases(tmp_path / "some") == everything  # and nothing twice
+
+
+def test_what_decides_the_attacks_decides_the_id_of_a_part():
+    first = EvaluationPart("a" * 64, "a", False, "rig", Procedure("sgbm", "{}"), "combinations", 0, 1, 0, None, 1)
+    others = [replace(first, **one) for one in ({"attack_every": 10}, {"experiments_version": 0}, {"seed": 1})]
+    assert len({part.evaluation_id for part in (first, *others)}) == 4
 
 
 def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):

@@ -30,6 +30,14 @@ _FIRST_STREET = 1000
     "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked anew."
 )
 @click.option(
+    "--attack-every",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Measure all frames clean, and attack only each N-th.",
+)
+@click.option(
     "--pattern",
     "patterns",
     multiple=True,
@@ -58,6 +66,7 @@ def command(
     synthetic: int | None,
     seed: int,
     draws: int,
+    attack_every: int,
     patterns: tuple[Path, ...],
     detectors: tuple[str, ...],
     labels: Path | None,
@@ -73,7 +82,7 @@ def command(
     \b
     auditor evaluate clean_logs/*.mcap
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
-    auditor evaluate --synthetic 40
+    auditor evaluate --synthetic 40 --attack-every 10
     auditor evaluate clean_logs/*.mcap --detector geometric
     auditor evaluate clean_logs/*.mcap --matcher psmnet --weights network/psmnet.safetensors
 
@@ -112,14 +121,16 @@ def command(
     network, jobs = shared(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     tasks = [
-        EvaluateTask(source, store, matcher, network, seed, draws, patterns, share, shares)
+        EvaluateTask(source, store, matcher, network, seed, draws, attack_every, patterns, share, shares)
         for source in sources
         for share in range(shares)
     ]
     done = _evaluate_all(evaluate_source, tasks, jobs)
     if detectors:
         found_by = [
-            ObjectTask(task.source, store, detectors, labels, matcher, network, seed, draws, task.share, task.of)
+            ObjectTask(
+                task.source, store, detectors, labels, matcher, network, seed, draws, attack_every, task.share, task.of
+            )
             for task in tasks
         ]
         done &= _evaluate_all(evaluate_objects, found_by, jobs)

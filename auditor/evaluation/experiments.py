@@ -68,7 +68,8 @@ class Experiment:
     """Cases for every frame and draw; `triples` are the ones that they are measured for.
 
     `cases` also gets the frames before, the latest last. `drawn` is False where nothing is left to chance, so that one
-    draw is all there is; `inputs` tells apart the files that its attacks are made from.
+    draw is all there is; `inputs` tells apart the files that its attacks are made from. `attacks` is False where frames
+    are left clean.
     """
 
     name: str
@@ -76,6 +77,11 @@ class Experiment:
     cases: Callable[[Rig, Dice, Sequence[Frame]], Iterator[Case]]
     drawn: bool = True
     inputs: str | None = None
+    attacks: bool = True
+
+    def takes(self, frame: int, every: int) -> bool:
+        """Whether it looks at the frame of this number where each `every`-th is attacked: at clean ones always."""
+        return not self.attacks or frame % every == 0
 
 
 def scenario_1(rig: Rig) -> Triple | None:
@@ -150,7 +156,7 @@ def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
 
 
 EXPERIMENTS = (
-    Experiment("clean", all_triples, _clean, drawn=False),
+    Experiment("clean", all_triples, _clean, drawn=False, attacks=False),
     Experiment("combinations", all_triples, _combinations),
     Experiment("sensitivity", _scenario_1_only, _sensitivity),
 )

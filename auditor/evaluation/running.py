@@ -30,7 +30,8 @@ _VERSIONED = ("numpy", "opencv-python-headless")
 class EvaluateTask:
     """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks.
 
-    `patterns` are picture files of laser patterns to lay over the images.
+    All frames are measured clean, each `attack_every`-th attacked as well, by their numbers. `patterns` are picture
+    files of laser patterns to lay over the images.
     """
 
     source: Source
@@ -39,6 +40,7 @@ class EvaluateTask:
     network: MatcherOptions = NO_NETWORK
     seed: int = 0
     draws: int = 1
+    attack_every: int = 1
     patterns: tuple[Path, ...] = ()
     share: int = 0
     of: int = 1
@@ -102,6 +104,7 @@ class _Run:
             draws=self._task.draws if experiment.drawn else None,
             stretch=stretch,
             inputs=experiment.inputs,
+            attack_every=self._task.attack_every if experiment.attacks else None,
         )
 
     def finished(self) -> bool:
@@ -124,18 +127,18 @@ class _Run:
             return
         with ExitStack() as stack:
             writers = [stack.enter_context(cases_writer(self._store, self.part(e, stretch))) for e in todo]
-            seconds = [0.0] * len(todo)
-            count = skipped = 0
+            seconds, counts = [0.0] * len(todo), [0] * len(todo)
+            skipped = 0
             for frame in frames:
                 if isinstance(frame, Skipped):
                     skipped += 1
                     continue
-                for at, spent in enumerate(self._measure_frame(frame, tuple(stretches.past), todo, writers)):
+                for at, spent in self._measure_frame(frame, tuple(stretches.past), todo, writers):
                     seconds[at] += spent
-                count += 1
+                    counts[at] += 1
                 self.frames += 1
                 progress(self._drive.name, self.frames)
-            for writer, spent in zip(writers, seconds, strict=True):
+            for writer, count, spent in zip(writers, counts, seconds, strict=True):
                 writer.commit(
                     frames=count,
                     skipped=skipped,
@@ -151,16 +154,18 @@ class _Run:
         past: Sequence[Frame],
         experiments: Sequence[Experiment],
         writers: Sequence[CasesWriter],
-    ) -> Iterator[float]:
-        """Measure all cases; yields the seconds of each experiment."""
+    ) -> Iterator[tuple[int, float]]:
+        """Measure all cases; yields the places of the experiments that look at this frame, and their seconds."""
         bench = Bench(frame, self._drive.rig, self._matcher)
-        for experiment, writer in zip(experiments, writers, strict=True):
+        for at, (experiment, writer) in enumerate(zip(experiments, writers, strict=True)):
+            if not experiment.takes(frame.number, self._task.attack_every):
+                continue
             started = perf_counter()
             for draw in range(self._task.draws if experiment.drawn else 1):
                 for case in self._measured(bench, past, experiment, draw):
                     writer.add(case)
                     self.cases += 1
-            yield perf_counter() - started
+            yield at, perf_counter() - started
 
     def _measured(
         self, bench: Bench, past: Sequence[Frame], experiment: Experiment, draw: int

@@ -77,6 +77,7 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
         seconds=sum(part["seconds"] for part in parts),
         clean_seconds=sum(part["seconds"] for part in clean),
         draws=max((part["draws"] for part in drawn), default=0),
+        attack_every=max((part["attack_every"] or 1 for part in parts), default=1),
         seeds=tuple(sorted({part["seed"] for part in drawn})),
         lidar=rig.lidar is not None,
         max_attacked=rig.max_attacked,

@@ -96,6 +96,7 @@ class Setup:
     seconds: float
     clean_seconds: float
     draws: int
+    attack_every: int
     seeds: tuple[int, ...]
     lidar: bool
     max_attacked: int

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from decimal import Decimal
 
-from auditor.results import Counts, Procedure, VerdictKind
+from auditor.results import EXPERIMENTS_VERSION, Counts, Procedure, VerdictKind
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
@@ -26,7 +26,8 @@ _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 class EvaluationPart:
     """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn.
 
-    `inputs` tells apart the files that its attacks were made from, where there are any.
+    `inputs` tells apart the files that its attacks were made from, where there are any. Each `attack_every`-th frame
+    was attacked; None where none was.
     """
 
     recording_id: str
@@ -39,12 +40,15 @@ class EvaluationPart:
     draws: int | None
     stretch: int
     inputs: str | None = None
+    attack_every: int | None = None
+    experiments_version: int = EXPERIMENTS_VERSION
 
     @property
     def evaluation_id(self) -> str:
         """The id that follows from what decides every count of the part."""
-        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiment, self.seed, self.draws)
-        return content_id("evaluation", *decides, self.inputs, self.stretch)
+        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
+        drawn = (self.seed, self.draws, self.attack_every, self.inputs)
+        return content_id("evaluation", *decides, *drawn, self.stretch)
 
 
 @dataclass(frozen=True)

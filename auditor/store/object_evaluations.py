@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
 
-from auditor.results import Procedure
+from auditor.results import EXPERIMENTS_VERSION, Procedure
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
@@ -16,7 +16,8 @@ from auditor.store.tables import TableWriter, read_rows, write_rows, writing
 class ObjectPart:
     """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn.
 
-    `labels` is the hash of the files of labels, None without any.
+    `labels` is the hash of the files of labels, None without any. Each `attack_every`-th frame was attacked; None where
+    none was.
     """
 
     recording_id: str
@@ -31,12 +32,15 @@ class ObjectPart:
     draws: int | None
     labels: str | None
     stretch: int
+    attack_every: int | None = None
+    experiments_version: int = EXPERIMENTS_VERSION
 
     @property
     def evaluation_id(self) -> str:
         """The id that follows from what decides every box of the part."""
-        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.detector_settings, self.experiment)
-        return content_id("objects", *decides, self.seed, self.draws, self.labels, self.stretch)
+        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
+        drawn = (self.seed, self.draws, self.attack_every)
+        return content_id("objects", *decides, self.detector_settings, *drawn, self.labels, self.stretch)
 
 
 @dataclass(frozen=True)

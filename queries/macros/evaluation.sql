@@ -1,8 +1,8 @@
 -- What the queries on evaluations share.
 
 -- What counts may be pooled with: those made alike, on one rig kind, of real or of synthetic drives.
-CREATE MACRO setup_of(kind, synthetic, matcher, settings, counting_version) AS
-    left(md5(concat_ws('|', kind, synthetic, matcher, settings, counting_version)), 8);
+CREATE MACRO setup_of(kind, synthetic, matcher, settings, counting_version, experiments_version) AS
+    left(md5(concat_ws('|', kind, synthetic, matcher, settings, counting_version, experiments_version)), 8);
 
 -- E of every triple by the statistic named.
 CREATE MACRO errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS

@@ -46,6 +46,7 @@ class ObjectTask:
     network: MatcherOptions = NO_NETWORK
     seed: int = 0
     draws: int = 1
+    attack_every: int = 1
     share: int = 0
     of: int = 1
 
@@ -126,6 +127,7 @@ class _Run:
             draws=self._task.draws if experiment.drawn else None,
             labels=self._labels.content if self._labels else None,
             stretch=stretch,
+            attack_every=self._task.attack_every if experiment.attacks else None,
         )
 
     def compare(
@@ -140,21 +142,23 @@ class _Run:
             return
         with ExitStack() as stack:
             writers = [stack.enter_context(object_cases_writer(self._store, self.part(e, stretch))) for e in todo]
-            seconds = [0.0] * len(todo)
-            count = skipped = 0
+            seconds, counts = [0.0] * len(todo), [0] * len(todo)
+            skipped = 0
             for frame in frames:
                 if isinstance(frame, Skipped):
                     skipped += 1
                     continue
                 bench = Bench(frame, self._drive.rig, self._matcher)
                 for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
+                    if not experiment.takes(frame.number, self._task.attack_every):
+                        continue
                     started = perf_counter()
                     self._compare_frame(bench, experiment, writer)
                     seconds[at] += perf_counter() - started
-                count += 1
+                    counts[at] += 1
                 self.frames += 1
                 progress(self._drive.name, self.frames)
-            for writer, spent in zip(writers, seconds, strict=True):
+            for writer, count, spent in zip(writers, counts, seconds, strict=True):
                 writer.commit(
                     frames=count,
                     skipped=skipped,
