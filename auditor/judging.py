@@ -13,13 +13,14 @@ from auditor.elements import rig_elements
 from auditor.errors import ThresholdsError
 from auditor.frames import SensorState
 from auditor.identification.accusing import System
+from auditor.identification.causes import suspicions
 from auditor.identification.local_ratio import local_ratios
 from auditor.identification.robust import Heard, judge_heard
 from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
-from auditor.identification.strengths import Observed
+from auditor.identification.strengths import Observed, strengths
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.identification.verdicts import judge_frames
-from auditor.results import Method, Procedure, Statistic, Verdict
+from auditor.results import CauseIn, Method, Procedure, Statistic, Verdict
 from auditor.rig import Rig, RigKind
 from auditor.store import JudgementRecord, Store, StoredJudgement, make_calibration
 from auditor.thresholds import Calibration, CleanFrames, RobustThresholds, Thresholds
@@ -83,7 +84,15 @@ def _clean_frames(store: Store, known: str, recording_id: str, rig: Rig, frames:
             for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
         },
         dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
+        {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
     )
+
+
+def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
+    """How strongly the stored symptoms of each frame speak for each cause."""
+    seen = store.load_symptoms(measurement)
+    observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
+    return strengths(observed, seen.stamps_ns, rig.sensors)
 
 
 def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
@@ -165,9 +174,8 @@ def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustTh
     frames, system = store.load_ratios(measurement), system_of(rig)
     heard = Heard(frames.stamps_ns, frames.ratios, frames.states == SensorState.PRESENT, frames.fingerprints)
     scales = [thresholds.yardsticks.get(element) for element in system.elements]
-    seen = store.load_symptoms(measurement)
-    observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
-    verdicts = judge_heard(heard, system, scales, thresholds.score, observed)
+    causes = suspicions(_strengths(store, measurement, rig), thresholds.causes)
+    verdicts = judge_heard(heard, system, scales, thresholds.score, causes)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element
-from auditor.results import Procedure, Statistic
+from auditor.results import CauseIn, Procedure, Statistic
 from auditor.rig import RigKind, Triple
 
 LOWEST_MARGIN, HIGHEST_MARGIN = -2.0, 3.0
@@ -23,14 +23,15 @@ Floats = NDArray[np.float64]
 class CleanFrames:
     """The F frames of one clean recording, in the order of its measurement: all that thresholds come from.
 
-    `errors` holds the disparity errors E by statistic and triple, `ratios` the local ratios by element; each is (F,),
-    NaN where it was not measured.
+    `errors` holds the disparity errors E by statistic and triple, `ratios` the local ratios by element, `strengths` how
+    strongly symptoms speak for each cause that is not an attack; each is (F,), NaN where it was not measured.
     """
 
     recording_id: str
     stamps_ns: NDArray[np.int64]
     errors: Mapping[tuple[Statistic, Triple], Floats]
     ratios: Mapping[Element, Floats]
+    strengths: Mapping[CauseIn, Floats]
 
     @property
     def frames(self) -> int:
@@ -72,6 +73,11 @@ class Calibration:
         """(F, M) local ratios of all clean frames in the order of `elements`, NaN where not measured."""
         return np.vstack([np.empty((0, len(elements))), *(one.ratios_of(elements) for one in self.clean)])
 
+    @cached_property
+    def strengths(self) -> Mapping[CauseIn, tuple[float, ...]]:
+        """For each cause in a sensor the measured strengths of all clean frames, in ascending order."""
+        return strengths_of(self.clean)
+
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -92,7 +98,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """theta of one element and the scale of its margins, from N clean samples."""
+    """theta of one element or cause and the scale of its margins, from N clean samples."""
 
     theta: float
     scale: float
@@ -101,18 +107,26 @@ class Yardstick:
 
 @dataclass(frozen=True)
 class RobustThresholds:
-    """The robust method's: a yardstick for each element at r, and the threshold of the half seconds' score.
+    """The robust method's: a yardstick for each element and cause at r, and the threshold of the half seconds' score.
 
-    `score` is 0, or what clean recordings need for no more than `incidents_per_hour` incidents.
+    Causes without clean samples have none and are not told. `score` is 0, or what clean recordings need for no more
+    than `incidents_per_hour` incidents.
     """
 
     calibration_id: str
     r: Decimal
     yardsticks: Mapping[Element, Yardstick]
+    causes: Mapping[CauseIn, Yardstick]
     resolvable: bool
     score: float = 0.0
     incidents_per_hour: float | None = None
     transferred: bool = False
+
+
+def strengths_of(clean: Sequence[CleanFrames]) -> dict[CauseIn, tuple[float, ...]]:
+    """For each cause in a sensor the measured strengths of some recordings, in ascending order."""
+    keys = dict.fromkeys(key for one in clean for key in one.strengths)
+    return {key: _samples([one.strengths[key] for one in clean if key in one.strengths]) for key in keys}
 
 
 def _samples(columns: Sequence[Floats]) -> tuple[float, ...]:

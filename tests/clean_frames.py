@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from auditor.elements import Element
-from auditor.results import Statistic
+from auditor.results import Cause, CauseIn, Statistic
 from auditor.rig import Triple
 from auditor.thresholds import CleanFrames
 
@@ -16,10 +16,11 @@ def clean_frames(
     samples: Mapping[tuple[Statistic, Triple], Sequence[float]],
     recordings: Sequence[str] = ("r1",),
     ratios: Mapping[Element, Sequence[float]] | None = None,
+    strengths: Mapping[CauseIn, Sequence[float]] | None = None,
 ) -> tuple[CleanFrames, ...]:
     """Clean recordings whose frames have these samples, dealt out in turn; short columns end with unmeasured frames."""
-    ratios = ratios or {}
-    F = max((len(values) for values in (*samples.values(), *ratios.values())), default=0)
+    ratios, strengths = ratios or {}, strengths or {(Cause.DARK, None): []}
+    F = max((len(values) for values in (*samples.values(), *ratios.values(), *strengths.values())), default=0)
 
     def column(values: Sequence[float], first: int) -> np.ndarray:
         padded = np.full(F, np.nan)
@@ -32,6 +33,7 @@ def clean_frames(
             np.arange(F, dtype=np.int64)[first :: len(recordings)] * PERIOD_NS,
             {key: column(values, first) for key, values in samples.items()},
             {element: column(values, first) for element, values in ratios.items()},
+            {cause: column(values, first) for cause, values in strengths.items()},
         )
         for first, recording in enumerate(recordings)
     )

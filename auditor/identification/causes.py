@@ -10,29 +10,35 @@ from dataclasses import replace
 import numpy as np
 
 from auditor.elements import Element, Witness
-from auditor.identification.strengths import Floats, Who
-from auditor.results import FINDINGS, Cause, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.identification.margins import margins
+from auditor.identification.strengths import Floats
+from auditor.results import FINDINGS, Cause, CauseIn, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.thresholds import HIGHEST_MARGIN, Yardstick
 
 ENOUGH = 0.5
-"""The score from which a cause explains a frame about as well as an attack does: that of a strength of 1."""
+"""The score of a margin of zero: from here on a cause is seen more strongly than clean frames show it."""
 
-FAULTS = frozenset({Cause.FROZEN})
-"""Causes that are findings by themselves; the others only say why a frame may have been raised.
+FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
+"""Causes that are findings by themselves; the others only say why a frame may have been raised."""
 
-Nothing is calibrated for them: a LiDAR that lies a tenth of a degree beside its calibration, as many do, or points that
-would fit the frame before as well, are told and raise nothing.
-"""
+_CLEARLY = 1.0
+"""An attack whose strongest margin leads that of a cause by more than this is not doubted for it."""
 
 _MOSTLY = 0.5
 """Share of the raised margins that a sensor with a fault must be able to raise, to explain them."""
 
-_LEAST_TOLD = 0.1
+_LEAST_TOLD = 0.2  # of a margin of -1.8
 
 
-def suspicions(strength: Mapping[Who, Floats]) -> list[tuple[Suspicion, ...]]:
-    """The causes of each frame worth telling, the likeliest first; a score is half the strength, at most 1."""
+def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yardstick]) -> list[tuple[Suspicion, ...]]:
+    """The causes of each frame worth telling, the likeliest first, from their (F,) strengths.
+
+    Their margins are those of the witnesses, above the threshold of clean frames; a score is 0.5 at a margin of zero
+    and 1 at the highest. A cause without a yardstick is not told.
+    """
     keys = list(strength)
-    scores = np.clip(np.nan_to_num(np.stack([strength[key] for key in keys], axis=1)) * ENOUGH, 0, 1)
+    z = margins(np.stack([strength[key] for key in keys], axis=1), [scales.get(key) for key in keys])
+    scores = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_MARGIN))
     told: list[tuple[Suspicion, ...]] = [()] * len(scores)
     for frame in np.flatnonzero((scores >= _LEAST_TOLD).any(axis=1)).tolist():
         ranked = sorted(zip(scores[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
@@ -44,17 +50,26 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
     A fault is a finding by itself; darkness and glare are told where nothing was raised, and are none. A sensor that
-    the verdict was reached without cannot have raised anything.
+    the verdict was reached without cannot have raised anything. What stands out much further in one place than a cause
+    does over the whole picture is that place's own: an attack.
     """
     raised = verdict.kind in FINDINGS
+    least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if raised else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict) if raised else _by_itself(one)))
     enough = any(
-        one.score >= ENOUGH and (one.sensor not in verdict.out_of_system if raised else one.cause in FAULTS)
+        one.score >= ENOUGH
+        and _margin(one) >= least
+        and (one.sensor not in verdict.out_of_system if raised else one.cause in FAULTS)
         for one in kept
     )
     if not enough:
         return replace(verdict, causes=kept) if kept else verdict
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), causes=kept)
+
+
+def _margin(suspicion: Suspicion) -> float:
+    """The margin that a cause's score was made of."""
+    return (suspicion.score / ENOUGH - 1) * HIGHEST_MARGIN
 
 
 def _by_itself(suspicion: Suspicion) -> bool:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.accusing import System, raising_score
+from auditor.identification.causes import FAULTS
 from auditor.identification.joint import explain
-from auditor.identification.margins import margins, yardsticks
+from auditor.identification.margins import margins, strength_yardsticks, yardsticks
 from auditor.identification.robust import WINDOW_S
 from auditor.identification.thresholds import threshold
 from auditor.identification.windows import window_means
 from auditor.results import Statistic
-from auditor.thresholds import Calibration, CleanFrames
+from auditor.thresholds import Calibration, CleanFrames, strengths_of
 
 NS_PER_HOUR = 3600 * 10**9
 _Z = 1.959963984540054
@@ -41,7 +42,8 @@ def hold_out_robust(calibration: Calibration, system: System, r: Decimal) -> lis
 
     def raised(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         scores = _scores(others, held, system, r)
-        alone, around = (score > 0 for score in scores)
+        faulty = _faulty(others, held, r)
+        alone, around = (faulty | (score > 0) for score in scores)
         return alone, alone & around
 
     return _hold_out(calibration, raised)
@@ -126,6 +128,15 @@ def _scores(learnt: Sequence[CleanFrames], judged: CleanFrames, system: System, 
         for part in (z, window_means(z, judged.stamps_ns, WINDOW_S))
     )
     return alone, around
+
+
+def _faulty(learnt: Sequence[CleanFrames], judged: CleanFrames, r: Decimal) -> NDArray[np.bool_]:
+    """(F,) whether a fault is seen that is a finding by itself."""
+    found = np.zeros(judged.frames, dtype=np.bool_)
+    for key, scale in strength_yardsticks(strengths_of(learnt), r).items():
+        if key[0] in FAULTS and key in judged.strengths:
+            found |= judged.strengths[key] > scale.theta
+    return found
 
 
 def _known(columns: Sequence[Floats]) -> Floats:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
 from auditor.identification.thresholds import threshold
+from auditor.results import CauseIn
 from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
@@ -29,7 +30,12 @@ FLOORS: Mapping[Witness, float] = {
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
+_JUST_ENOUGH = 1.0
+"""theta of a cause's strength is never smaller."""
+
 _MARGIN = 0.1
+_STRENGTH_MARGIN = 0.25
+_LARGEST_R = Decimal("0.01")
 _SPREAD_QUANTILE = 0.95
 
 Floats = NDArray[np.float64]
@@ -45,6 +51,22 @@ def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardsti
     theta = min(max(quantile + _MARGIN * (1 - quantile), FLOORS[witness]), CEILINGS[witness])
     spread = float(np.quantile(samples, _SPREAD_QUANTILE) - np.median(samples))
     return Yardstick(theta, max(spread, theta / 4), len(samples))
+
+
+def strength_yardstick(samples: Sequence[float], r: Decimal) -> Yardstick:
+    """Take theta of a cause at r from N clean strengths in ascending order, and a quarter more; at least just enough.
+
+    No r above 1 % is taken: a fault is a finding by itself, and no other witness has to agree. The scale is a quarter
+    of theta: a strength of 1.75 theta has the largest margin. There is no ceiling: a tilt or a row bias that a rig has
+    always had is its own. Raises ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
+    """
+    theta = max((1 + _STRENGTH_MARGIN) * threshold(samples, min(r, _LARGEST_R)), _JUST_ENOUGH)
+    return Yardstick(theta, theta / 4, len(samples))
+
+
+def strength_yardsticks(samples: Mapping[CauseIn, Sequence[float]], r: Decimal) -> dict[CauseIn, Yardstick]:
+    """One yardstick a cause that was measured in clean frames."""
+    return {key: strength_yardstick(values, r) for key, values in samples.items() if values}
 
 
 def yardsticks(ratios: Floats, elements: Sequence[Element], r: Decimal) -> tuple[Yardstick | None, ...]:

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.accusing import System, accuse, heard
-from auditor.identification.causes import suspicions, weigh
+from auditor.identification.causes import weigh
 from auditor.identification.freezing import frozen
 from auditor.identification.margins import margins
-from auditor.identification.strengths import Observed, strengths
 from auditor.identification.windows import window_means
 from auditor.results import FINDINGS, Cause, Finding, Suspicion, Verdict
 from auditor.thresholds import Yardstick
@@ -19,6 +18,7 @@ WINDOW_S = 0.5
 """Attacks last, most mistakes do not: incidents are made of what half a second says."""
 
 Floats = NDArray[np.float64]
+Told = Sequence[tuple[Suspicion, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,27 +40,22 @@ def judge_heard(
     system: System,
     scales: Sequence[Yardstick | None],
     threshold: float = 0.0,
-    observed: Observed | None = None,
+    causes: Told = (),
 ) -> list[Verdict]:
     """The verdicts on F frames.
 
     Each is that of its frame alone; `finding` is what the half second around it says, where both raise it: incidents
     are made of these. `threshold` is that of the half seconds' score. A sensor that stands still while others go on is
-    left out, and the frame is at least suspect; so it is where other causes than an attack, of the frames `observed`,
-    explain it as well.
+    left out, and the frame is at least suspect; so it is where one of the other `causes` explains it as well. These are
+    by frame, or none at all.
     """
     still = frozen(frames.fingerprints, frames.present)
     missing = _sensors(system, ~frames.present | still)
     z = heard(margins(frames.ratios, scales), system, missing)
     alone = accuse(z, system, missing)
     around = accuse(window_means(z, frames.stamps_ns, WINDOW_S), system, missing, threshold)
-    told: Sequence[tuple[Suspicion, ...]] = [()] * len(z)
-    if observed is not None:
-        told = suspicions(strengths(observed, frames.stamps_ns, system.sensors))
-    causes = [_with_frozen(s, others) for s, others in zip(_sensors(system, still), told, strict=True)]
-    return [
-        _joined(weigh(one, why), weigh(moment, why)) for one, moment, why in zip(alone, around, causes, strict=True)
-    ]
+    told = [_with_frozen(s, others) for s, others in zip(_sensors(system, still), causes or [()] * len(z), strict=True)]
+    return [_joined(weigh(one, why), weigh(moment, why)) for one, moment, why in zip(alone, around, told, strict=True)]
 
 
 def _sensors(system: System, chosen: NDArray[np.bool_]) -> list[frozenset[int]]:

@@ -7,7 +7,7 @@ import numpy as np
 from auditor.errors import ThresholdsError
 from auditor.identification.accusing import System
 from auditor.identification.false_alarms import held_out_scores, hours_of, score_threshold
-from auditor.identification.margins import yardsticks
+from auditor.identification.margins import strength_yardsticks, yardsticks
 from auditor.identification.thresholds import resolvable
 from auditor.thresholds import Calibration, RobustThresholds
 
@@ -40,6 +40,7 @@ def robust_thresholds(
         calibration_id=calibration.calibration_id,
         r=r,
         yardsticks=known,
+        causes=strength_yardsticks(calibration.strengths, r),
         resolvable=all(resolvable(r, scale.samples) for scale in known.values()),
         score=score,
         incidents_per_hour=incidents_per_hour,

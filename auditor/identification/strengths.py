@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.windows import window_means
-from auditor.results import Cause
+from auditor.results import Cause, CauseIn
 from auditor.rig import LIDAR
 from auditor.symptoms import Pair
 
@@ -16,7 +16,7 @@ _LATE_LIDAR = 0.025  # more of the LiDAR's points agree with the frame before th
 _LAGGING = 0.06  # ... and than points of the frame before with this one
 _TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
 _BIASED, _LEAST_BIAS_PX = 0.25, 3.0
-_TURNED = 0.02
+_TURNED, _LEAST_TURN_PX = 0.02, 6.0  # half a degree: LiDARs lie up to a quarter beside their calibration
 _DARKER = 4.0  # grey levels
 _FEWEST_UNLIKE_PX = 200
 _DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
@@ -25,8 +25,6 @@ _WINDOW_S = 0.5
 _DIRT_WINDOW_S = 2.0  # dirt stays
 
 Floats = NDArray[np.float64]
-Who = tuple[Cause, int | None]
-"""A cause and its sensor, None for all cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +42,12 @@ class Observed:
     saturated: Floats
 
 
-def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int]) -> dict[Who, Floats]:
+def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int]) -> dict[CauseIn, Floats]:
     """(F,) strength of each cause over the half second around each frame (dirt: two); 1 is just enough.
 
     `stamp_ns` (F,) are the frames' stamps. NaN where nothing was measured.
     """
-    found: dict[Who, Floats] = {}
+    found: dict[CauseIn, Floats] = {}
     for camera in seen.cameras:
         found[Cause.LATE, camera] = _late(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
@@ -96,7 +94,8 @@ def _turned(seen: Observed) -> Floats:
     columns = seen.columns
     now = np.where(np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX, columns["biased"], columns["agreeing"])
     gain = columns["turned"] - now - 1 / np.sqrt(columns["compared"])
-    return _least(list(gain.T), seen) / _TURNED
+    far = np.hypot(columns["right_px"], columns["down_px"]) >= _LEAST_TURN_PX
+    return _least(list(np.where(far, gain, np.minimum(gain, 0)).T), seen) / _TURNED
 
 
 def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:

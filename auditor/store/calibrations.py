@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
 from auditor.errors import StoreError, ThresholdsError
-from auditor.results import Procedure, Statistic
+from auditor.results import Cause, CauseIn, Procedure, Statistic
 from auditor.rig import RigKind, Triple
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
 from auditor.thresholds import Calibration, CleanFrames
 
 _AGAIN = "make one with auditor calibrate"
-_NO_J = -1
+_NONE = -1
 
 
 class OutdatedCalibrationError(ThresholdsError):
@@ -62,7 +62,7 @@ def read_calibration(path: Path) -> Calibration:
     """Read a calibration from its file.
 
     Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an older
-    one that did not keep clean recordings apart.
+    one that did not keep clean recordings apart, or what they show of causes.
     """
     try:
         rows = read_rows("calibrations", path)
@@ -75,6 +75,12 @@ def read_calibration(path: Path) -> Calibration:
     if any(row["recording_id"] is None for row in rows):
         raise OutdatedCalibrationError(
             "it was made by an older auditor, which did not keep clean recordings apart", where=path, remedy=_AGAIN
+        )
+    if not any(row["statistic"] in set(Cause) for row in rows):
+        raise OutdatedCalibrationError(
+            "it was made by an older auditor, which did not keep what clean recordings show of causes",
+            where=path,
+            remedy=_AGAIN,
         )
     try:
         calibration = _calibration(rows)
@@ -99,11 +105,16 @@ def rig_kind_fields(kind: RigKind) -> dict[str, object]:
 
 
 def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
-    """The columns of a recording with what they are of: a statistic's triple, or an element, whose j is -1."""
+    """The columns of a recording with what they are of: a statistic's triple, an element, or a cause in a sensor.
+
+    The last have no j and no k, and no i where they are of all cameras: -1.
+    """
     for (statistic, triple), errors in clean.errors.items():
         yield (statistic.value, *triple), errors
     for element, ratios in clean.ratios.items():
-        yield (element.witness.value, element.i, _NO_J, element.k), ratios
+        yield (element.witness.value, element.i, _NONE, element.k), ratios
+    for (cause, sensor), strengths in clean.strengths.items():
+        yield (cause.value, _NONE if sensor is None else sensor, _NONE, _NONE), strengths
 
 
 def _digest(column: NDArray[Any]) -> str:
@@ -125,9 +136,7 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
                 "recordings": list(calibration.recordings),
                 "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
                 "statistic": statistic,
-                "i": i,
-                "j": None if j == _NO_J else j,
-                "k": k,
+                **{name: None if number == _NONE else number for name, number in (("i", i), ("j", j), ("k", k))},
                 "part": number,
                 "recording_id": clean.recording_id,
                 "stamps_ns": clean.stamps_ns.tolist(),
@@ -159,19 +168,19 @@ def _calibration(rows: list[dict[str, Any]]) -> Calibration:
 
 
 def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
-    statistics = {statistic.value for statistic in Statistic}
-    errors = {
-        (Statistic(row["statistic"]), Triple(row["i"], row["j"], row["k"])): _column(row)
-        for row in rows
-        if row["statistic"] in statistics
-    }
-    ratios = {
-        Element(Witness(row["statistic"]), row["i"], row["k"]): _column(row)
-        for row in rows
-        if row["statistic"] not in statistics
-    }
+    errors: dict[tuple[Statistic, Triple], NDArray[np.float64]] = {}
+    ratios: dict[Element, NDArray[np.float64]] = {}
+    strengths: dict[CauseIn, NDArray[np.float64]] = {}
+    for row in rows:
+        what, i, k, column = row["statistic"], row["i"], row["k"], _column(row)
+        if what in set(Statistic):
+            errors[Statistic(what), Triple(i, row["j"], k)] = column
+        elif what in set(Cause):
+            strengths[Cause(what), i] = column
+        else:
+            ratios[Element(Witness(what), i, k)] = column
     stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
-    return CleanFrames(rows[0]["recording_id"], stamps_ns, errors, ratios)
+    return CleanFrames(rows[0]["recording_id"], stamps_ns, errors, ratios, strengths)
 
 
 def _column(row: Mapping[str, Any]) -> NDArray[np.float64]:

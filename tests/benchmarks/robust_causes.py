@@ -3,7 +3,7 @@
 All frames of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, reference cam2) under each fault, which
 lasts, and under each attack, drawn anew for every frame; thresholds at r = 1 % from the clean frames of drive 0001.
 With --synthetic SCENES also streets of each style by thresholds of the other two, eight frames a scene. Of faults:
-how often the verdict's likeliest cause is the fault in that sensor (on all frames, and on those that were raised) and
+how often the verdict's likeliest cause is the fault in that sensor, how often the frame is `suspect` for it, and
 how often a sensor was accused without doubt; of attacks how often the verdict is only `suspect`.
 """
 
@@ -24,18 +24,20 @@ from auditor.evidence import Watch, measure, use_one_thread
 from auditor.evidence.matchers import find_matcher
 from auditor.frames import Frame
 from auditor.identification.accusing import System
+from auditor.identification.causes import suspicions
 from auditor.identification.local_ratio import local_ratios
-from auditor.identification.margins import yardsticks
+from auditor.identification.margins import strength_yardsticks, yardsticks
 from auditor.identification.robust import Heard, judge_heard
-from auditor.identification.strengths import Observed
+from auditor.identification.strengths import Observed, strengths
 from auditor.lab.attacks import STRENGTHS, draw_facula, draw_wall
 from auditor.lab.drives import make_drive
 from auditor.lab.faults import DimmedCamera, ShiftedCamera, SoiledLens, TurnedLidar
 from auditor.lab.patterns import LaserPattern
 from auditor.lab.streets import STYLES
-from auditor.results import FINDINGS, Cause, Measurement, Verdict, VerdictKind
+from auditor.results import FINDINGS, Cause, CauseIn, Measurement, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
 from auditor.symptoms import COLUMNS
+from auditor.thresholds import Yardstick
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 
@@ -156,21 +158,43 @@ def ratios(part: Sequence[Measurement], rig: Rig) -> np.ndarray:
     return np.array([[np.nan if ratio is None else ratio for ratio in row] for row in found])
 
 
-def judged(part: Sequence[Measurement], clean: np.ndarray, rig: Rig) -> list[Verdict]:
-    """The verdicts of the robust method."""
-    elements = rig_elements(rig)
-    stamps_ns = np.array([m.stamp_ns for m in part], dtype=np.int64)
-    prints = np.array([[m.fingerprints[s] for s in rig.sensors] for m in part], dtype=np.int64)
+def told(part: Sequence[Measurement], rig: Rig) -> dict[CauseIn, np.ndarray]:
+    """(F,) strength of each cause."""
     pairs = tuple(part[0].symptoms)
     values = np.array([[m.symptoms[pair].values for pair in pairs] for m in part])
     cameras = tuple(camera.number for camera in rig.cameras)
     covered = [[m.coverage[c] for c in cameras] for m in part]
     level = np.array([[c.level for c in row] for row in covered])
     saturated = np.array([[c.saturated_share for c in row] for row in covered])
-    heard = Heard(stamps_ns, ratios(part, rig), np.ones(prints.shape, dtype=np.bool_), prints)
     observed = Observed(pairs, {name: values[:, :, n] for n, name in enumerate(COLUMNS)}, cameras, level, saturated)
-    scales = yardsticks(clean, elements, Decimal("0.01"))
-    return judge_heard(heard, System(elements, rig.triples, rig.sensors), scales, 0.0, observed)
+    return strengths(observed, np.array([m.stamp_ns for m in part], dtype=np.int64), rig.sensors)
+
+
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """What clean recordings teach."""
+
+    scales: Sequence[Yardstick | None]
+    causes: Mapping[CauseIn, Yardstick]
+
+
+def learn(recordings: Sequence[Sequence[Measurement]], rig: Rig) -> Learnt:
+    """Thresholds at r = 1 %."""
+    r = Decimal("0.01")
+    strong = [told(part, rig) for part in recordings]
+    samples = {key: np.concatenate([one[key] for one in strong]) for key in strong[0]}
+    known = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in samples.items()}
+    clean = np.concatenate([ratios(part, rig) for part in recordings])
+    return Learnt(yardsticks(clean, rig_elements(rig), r), strength_yardsticks(known, r))
+
+
+def judged(part: Sequence[Measurement], learnt: Learnt, rig: Rig) -> list[Verdict]:
+    """The verdicts of the robust method."""
+    stamps_ns = np.array([m.stamp_ns for m in part], dtype=np.int64)
+    prints = np.array([[m.fingerprints[s] for s in rig.sensors] for m in part], dtype=np.int64)
+    heard = Heard(stamps_ns, ratios(part, rig), np.ones(prints.shape, dtype=np.bool_), prints)
+    system = System(rig_elements(rig), rig.triples, rig.sensors)
+    return judge_heard(heard, system, learnt.scales, 0.0, suspicions(told(part, rig), learnt.causes))
 
 
 def outcome(series: Series, verdict: Verdict) -> Counter[str]:
@@ -182,7 +206,7 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
         all=1,
         raised=raised,
         named=named,
-        raised_named=raised and named,
+        suspect_named=verdict.kind is VerdictKind.SUSPECT and named,
         accused=verdict.kind is VerdictKind.ATTACKED,
         right=verdict.kind is VerdictKind.ATTACKED and verdict.attacked == (series.sensor,),
         suspect=verdict.kind is VerdictKind.SUSPECT,
@@ -190,14 +214,14 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
     )
 
 
-def report(title: str, parts: Mapping[str, tuple[Rig, np.ndarray, list[Series]]]) -> None:
+def report(title: str, parts: Sequence[tuple[Rig, Learnt, Sequence[Series]]]) -> None:
     """Print every row, all sensors apart, then all faults and attacks."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    for rig, clean, told in parts.values():
-        for series in told:
+    for rig, learnt, happened in parts:
+        for series in happened:
             kind = "fault" if series.cause else "clean" if series.sensor is None else "attack"
             who = "" if series.sensor is None else f" S_{series.sensor}"
-            for verdict in judged(series.frames, clean, rig):
+            for verdict in judged(series.frames, learnt, rig):
                 counted = outcome(series, verdict)
                 for name in {f"{series.name}{who}": 0, series.name: 0, "all": 0}:
                     rows[kind, name].update(counted)
@@ -205,7 +229,7 @@ def report(title: str, parts: Mapping[str, tuple[Rig, np.ndarray, list[Series]]]
     for (kind, name), n in rows.items():
         text = f"  {kind:6} {name:36} raised {n['raised']:4}/{n['all']:<4}"
         if kind == "fault":
-            text += f" named {share(n['named'], n['all'])}, of those raised {n['raised_named']}/{n['raised']};"
+            text += f" named {share(n['named'], n['all'])}, suspect for it {share(n['suspect_named'], n['all'])};"
         elif kind == "attack":
             text += f" named {share(n['right'], n['all'])};"
         print(f"{text} accused {share(n['accused'], n['all'])}; suspect {share(n['suspect'], n['all'])}")
@@ -221,26 +245,32 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
+    parser.add_argument("--first", type=int, default=0, help="number of each style's first scene")
     parser.add_argument("--streets-only", action="store_true")
     options = parser.parse_args()
     use_one_thread()
     if not options.streets_only:
         rig, stream = frames("0001")
-        clean = ratios(measured(stream, rig), rig)
+        learnt = learn([measured(stream, rig)], rig)
         rig, stream = frames("0009")
-        report("drive 0009, thresholds of 0001", {"0009": (rig, clean, list(all_series(list(stream), rig)))})
-    if not options.synthetic:
-        return
-    told: dict[str, list[list[Series]]] = defaultdict(list)
+        report("drive 0009, thresholds of 0001", [(rig, learnt, list(all_series(list(stream), rig)))])
+    if options.synthetic:
+        streets(range(options.first, options.first + options.synthetic))
+
+
+def streets(scenes: range) -> None:
+    """These scenes of each style, each style judged by the others' thresholds."""
+    happened: dict[str, list[list[Series]]] = defaultdict(list)
     for s, style in enumerate(STYLES):
-        for scene in range(options.synthetic):
+        for scene in scenes:
             number = 1000 * (s + 1) + scene
             drive = make_drive(number, FRAMES_A_SCENE, style=style, vehicle=number)
-            told[style].append(list(all_series(list(drive.frames()), drive.rig)))
+            happened[style].append(list(all_series(list(drive.frames()), drive.rig)))
     rig = drive.rig
-    clean_of = {style: np.concatenate([ratios(scene[0].frames, rig) for scene in told[style]]) for style in told}
-    others = {style: np.concatenate([clean_of[other] for other in told if other != style]) for style in told}
-    parts = {style: (rig, others[style], list(chain.from_iterable(told[style]))) for style in told}
+    parts = []
+    for style in STYLES:
+        clean = [scene[0].frames for other in STYLES if other != style for scene in happened[other]]
+        parts += [(rig, learn(clean, rig), list(chain.from_iterable(happened[style])))]
     report("synthetic streets, thresholds of the other styles", parts)
 
 

@@ -1,15 +1,20 @@
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
 
 from auditor.identification.causes import suspicions, weigh
+from auditor.identification.margins import strength_yardstick, strength_yardsticks
 from auditor.identification.strengths import Observed, strengths
 from auditor.results import Cause, Evidence, Suspicion, Verdict, VerdictKind
 from auditor.symptoms import COLUMNS
+from auditor.thresholds import Yardstick
 
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
+JUST_ENOUGH = Yardstick(1.0, 0.25, 100)
+TILTED = {"agreeing": 0.6, "biased": 0.6, "turned": 0.68, "right_px": 8, "compared": 2500}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
 HEALTHY = {
     "tracked": 60,
@@ -42,7 +47,8 @@ def seen(level=90.0, saturated=0.0, **changed):
 
 def likeliest(**changed):
     """The causes that are as likely as an attack, as (cause, sensor), the likeliest first."""
-    causes = suspicions(strengths(seen(**changed), STAMPS_NS, SENSORS))[FRAMES // 2]
+    strength = strengths(seen(**changed), STAMPS_NS, SENSORS)
+    causes = suspicions(strength, dict.fromkeys(strength, JUST_ENOUGH))[FRAMES // 2]
     return [(one.cause, one.sensor) for one in causes if one.score >= 0.5]
 
 
@@ -58,7 +64,8 @@ def likeliest(**changed):
         ({"in_step": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
         ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
         ({"agreeing": 0.6, "biased": 0.6, "turned": 0.8, "right_px": 12}, [(Cause.DISPLACED, 0)]),
-        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.66, "compared": 250}, []),
+        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.8, "right_px": 4}, []),
+        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.66, "right_px": 12, "compared": 250}, []),
         ({"unlike_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
         ({"unlike_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
         ({"unlike_px": 2000, "difference": 100}, []),
@@ -79,8 +86,28 @@ def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
 
 def test_what_was_not_measured_speaks_for_nothing():
     nothing = dict.fromkeys(COLUMNS, np.nan)
-    [causes] = set(suspicions(strengths(seen(**nothing), STAMPS_NS, SENSORS)))
+    strength = strengths(seen(**nothing), STAMPS_NS, SENSORS)
+    [causes] = set(suspicions(strength, dict.fromkeys(strength, JUST_ENOUGH)))
     assert causes == ()
+
+
+def test_what_a_rig_has_always_shown_is_not_told_and_what_came_since_is():
+    always = strengths(seen(**TILTED), STAMPS_NS, SENSORS)
+    samples = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in always.items()}
+    assert samples[Cause.DISPLACED, 0][-1] > 2
+    scales = strength_yardsticks(samples, Decimal("0.01"))
+    assert not [one for frame in suspicions(always, scales) for one in frame if one.score >= 0.5]
+    since = strengths(seen(**{**TILTED, "turned": 0.8}), STAMPS_NS, SENSORS)
+    assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in suspicions(since, scales)} == {
+        (Cause.DISPLACED, 0, True)
+    }
+    assert suspicions(since, {}) == [()] * FRAMES, "nothing is told of what no clean frame has shown"
+
+
+def test_quiet_clean_frames_leave_a_cause_at_just_enough():
+    assert strength_yardstick([-6.0, -5.0], Decimal("0.01")) == Yardstick(1.0, 0.25, 2)
+    assert strength_yardstick([0.5, 4.0], Decimal(0)) == Yardstick(5.0, 1.25, 2)
+    assert strength_yardstick([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
 
 
 def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3, **fields):
@@ -90,12 +117,18 @@ def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
 
 
-def test_a_fault_doubts_an_accusation_and_is_told_where_there_is_none():
+def test_a_fault_doubts_an_accusation_and_is_a_finding_where_there_is_none():
     late = (Suspicion(Cause.LATE, 1, 0.8),)
-    for one in (verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
+    for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
         weighed = weigh(one, late)
         assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
-    assert weigh(CLEAN, late) == replace(CLEAN, causes=late)
+
+
+def test_an_attack_that_stands_out_much_further_than_a_fault_is_not_doubted_for_it():
+    barely, clearly = (Suspicion(Cause.LATE, 1, 0.6),), (Suspicion(Cause.LATE, 1, 0.7),)  # margins of 0.6 and 1.2
+    assert weigh(verdict(), barely) == verdict(causes=barely)
+    assert weigh(verdict(), clearly).kind is VerdictKind.SUSPECT
+    assert weigh(CLEAN, barely).kind is VerdictKind.SUSPECT
 
 
 def test_less_likely_causes_are_only_told():
@@ -134,4 +167,4 @@ def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
         CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("contradicted", 2, None, 3, 2.0),)
     )
     assert weigh(lidar, turned).kind is VerdictKind.SUSPECT
-    assert weigh(CLEAN, turned) == replace(CLEAN, causes=turned)
+    assert weigh(CLEAN, turned).kind is VerdictKind.SUSPECT

@@ -14,7 +14,7 @@ from auditor.identification.false_alarms import (
     wilson,
 )
 from auditor.identification.robust_thresholds import robust_thresholds
-from auditor.results import Procedure, Statistic
+from auditor.results import Cause, Procedure, Statistic
 from auditor.rig import RigKind, triples_of
 from auditor.thresholds import Calibration, CleanFrames
 
@@ -27,14 +27,15 @@ R = Decimal("0.01")
 PERIOD_NS = 100_000_000
 
 
-def recording(name, frames=20, contradicted=(), E=0.1, system=SYSTEM):
-    """Quiet frames, in some of which every pair contradicts the LiDAR and E is 0.3."""
+def recording(name, frames=20, contradicted=(), late=(), E=0.1, system=SYSTEM):
+    """Quiet frames, in some of which every pair contradicts the LiDAR and E is 0.3, or S_1 lags."""
     hit = np.isin(np.arange(frames), contradicted)
     return CleanFrames(
         name,
         np.arange(frames, dtype=np.int64) * PERIOD_NS,
         {(Statistic.GATED, t): np.where(hit, 0.3, E) for t in system.triples},
         {e: np.where(hit & (e.witness is Witness.CONTRADICTED), 0.9, 0.0) for e in system.elements},
+        {(Cause.LATE, 1): np.where(np.isin(np.arange(frames), late), 2.0, -5.0)},
     )
 
 
@@ -54,6 +55,13 @@ def test_each_recording_is_judged_by_the_others_alone():
     twice = calibration(recording("hard", 30, contradicted=range(15)), recording("like it", 30, contradicted=range(15)))
     assert [one.raised for one in hold_out_robust(twice, SYSTEM, R)] == [15, 15]
     assert [one.raised for one in hold_out_paper(twice, Statistic.GATED, R)] == [0, 0]
+
+
+def test_a_fault_in_clean_frames_is_a_false_alarm_unless_others_show_it_too():
+    hard, easy = recording("hard", late=range(5, 8)), recording("easy")
+    assert counts(hold_out_robust(calibration(easy, hard), SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 20, 3, 1)]
+    both = calibration(hard, recording("as hard", late=range(2)))
+    assert [one.raised for one in hold_out_robust(both, SYSTEM, R)] == [0, 0]
 
 
 def test_three_sensors_raise_false_alarms_too():

@@ -5,7 +5,7 @@ import pytest
 
 from auditor.elements import rig_elements
 from auditor.errors import StoreError, ThresholdsError
-from auditor.results import Statistic
+from auditor.results import Cause, Statistic
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
 from auditor.store.queries import run_query
 from auditor.store.schema import table_schema
@@ -18,10 +18,11 @@ SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.tripl
 
 
 RATIOS = {element: [0.3, 0.2, 0.1] for element in rig_elements(RIG)}
+STRENGTHS = {(Cause.LATE, 0): [-2.0, 0.5, 1.0], (Cause.DARK, None): [0.1, 0.2]}
 
 
-def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind, ratios=RATIOS):
-    return make_calibration(kind, PROCEDURE, clean_frames(samples, recordings, ratios))
+def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind, ratios=RATIOS, strengths=STRENGTHS):
+    return make_calibration(kind, PROCEDURE, clean_frames(samples, recordings, ratios, strengths))
 
 
 def columns(calibration):
@@ -30,7 +31,7 @@ def columns(calibration):
         (
             one.recording_id,
             one.stamps_ns.tolist(),
-            {k: repr(v.tolist()) for k, v in {**one.errors, **one.ratios}.items()},
+            {k: repr(v.tolist()) for k, v in {**one.errors, **one.ratios, **one.strengths}.items()},
         )
         for one in calibration.clean
     ]
@@ -44,6 +45,7 @@ def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
     assert (again.rig_kind, again.procedure) == (calibration.rig_kind, calibration.procedure)
     assert again.calibrated_at == calibration.calibrated_at
     assert again.recordings == ("a" * 64, "b" * 64)
+    assert again.strengths == {(Cause.LATE, 0): (-2.0, 0.5, 1.0), (Cause.DARK, None): (0.1, 0.2)}
     assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
 
 
@@ -59,7 +61,7 @@ def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
 
 
 def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
-    clean = clean_frames(SAMPLES, ("b" * 64, "a" * 64), RATIOS)
+    clean = clean_frames(SAMPLES, ("b" * 64, "a" * 64), RATIOS, STRENGTHS)
     assert make().calibration_id == make_calibration(RIG.kind, PROCEDURE, reversed(clean)).calibration_id
     first = next(iter(SAMPLES))
     changed = {**SAMPLES, first: [*SAMPLES[first][:-1], SAMPLES[first][-1] + 2**-50]}
@@ -70,8 +72,9 @@ def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
         make(kind=make_rig(4, focal_px=701.0).kind),
         make(ratios=louder),
         make(ratios={}),
+        make(strengths={(Cause.LATE, 0): [-2.0, 0.5, 1.0]}),
     ]
-    assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 6
+    assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 7
 
 
 def test_a_triple_without_samples_is_kept_as_one(tmp_path):
@@ -131,3 +134,11 @@ def test_an_older_file_that_did_not_keep_recordings_apart_is_refused_and_does_no
         read_calibration(old)
     assert [one.calibration_id for one in store.calibrations()] == [new.calibration_id]
     assert {row["calibration_id"] for row in run_query(store, "thresholds").to_pylist()} == {new.calibration_id}
+
+
+def test_an_older_file_that_did_not_keep_causes_is_refused(tmp_path):
+    write_calibration(make(), tmp_path / "c")
+    rows = [row for row in pq.read_table(tmp_path / "c").to_pylist() if row["statistic"] not in set(Cause)]
+    write_rows("calibrations", tmp_path / "old", rows)
+    with pytest.raises(OutdatedCalibrationError, match="causes"):
+        read_calibration(tmp_path / "old")

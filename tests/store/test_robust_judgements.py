@@ -36,7 +36,7 @@ def judged(tmp_path):
     scales = [yardsticks.get(element) for element in ELEMENTS]
     heard = Heard(loaded.stamps_ns, loaded.ratios, loaded.states == "present", loaded.fingerprints)
     verdicts = judge_heard(heard, system, scales)
-    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), yardsticks, resolvable=True, incidents_per_hour=2.0)
+    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), yardsticks, {}, resolvable=True, incidents_per_hour=2.0)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
     return store, known, verdicts, margins(loaded.ratios, scales)

@@ -1,0 +1,55 @@
+"""Synthetic streets from images to verdicts: what a vehicle's own tilt, a camera that lags and a wall are called."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from auditor.frames import Frame
+from auditor.lab.attacks import BogusWall
+from auditor.lab.drives import make_drive
+from auditor.results import Cause, Verdict, VerdictKind
+from auditor.rig import LIDAR, Rig
+from tests.benchmarks.robust_causes import Learnt, judged, learn, measured, on, taken
+
+FRAMES = 4
+LEARNT_ON, TILTED = 1001, 1003  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration
+
+
+@dataclass(frozen=True, eq=False)
+class Street:
+    """The frames of a vehicle, and what another one's clean frames teach."""
+
+    rig: Rig
+    frames: list[Frame]
+    learnt: Learnt
+
+    def verdicts(self, frames: Iterable[Frame]) -> list[Verdict]:
+        """The verdicts on frames as they were changed."""
+        return judged(measured(frames, self.rig), self.learnt, self.rig)
+
+
+@pytest.fixture(scope="module")
+def street() -> Street:
+    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (LEARNT_ON, TILTED))
+    tilt = other.vehicle.lidar.tilt
+    assert np.rad2deg(np.arccos((np.trace(tilt) - 1) / 2)) > 0.1
+    return Street(other.rig, list(other.frames()), learn([measured(one.frames(), one.rig)], one.rig))
+
+
+def test_a_lidar_that_has_always_been_a_little_askew_is_no_finding(street: Street) -> None:
+    assert {verdict.kind for verdict in street.verdicts(street.frames)} == {VerdictKind.CLEAN}
+
+
+def test_a_camera_a_frame_behind_is_suspect_and_named(street: Street) -> None:
+    late = [taken(frame, before, 1) for before, frame in pairwise(street.frames)]
+    for verdict in street.verdicts(late)[1:]:
+        assert verdict.kind is VerdictKind.SUSPECT
+        assert verdict.causes[0][:2] == (Cause.LATE, 1)
+
+
+def test_a_wall_is_an_attack_on_the_lidar(street: Street) -> None:
+    walls = map(on(LIDAR, BogusWall(8.0, 0.0), street.rig), street.frames)
+    assert {(verdict.kind, verdict.attacked) for verdict in street.verdicts(walls)} == {(VerdictKind.ATTACKED, (0,))}
