@@ -1,7 +1,7 @@
 -- What an evaluation cost: time of measuring by experiment, and that of one attacked frame beside one clean frame.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
--- column experiment: What was tried: clean, combinations, sensitivity, further or patterns.
+-- column experiment: What was tried: clean, combinations, sensitivity, further, intervals or patterns.
 -- column frames: Clean frames that were attacked.
 -- column cases: Attacked frames that were measured.
 -- column seconds: Time that it took, without reading recordings.

@@ -22,6 +22,8 @@
 -- column accused: Those whose verdict names a sensor.
 -- column hours: Time that the frames stand for: their number times the usual time between two.
 -- column raised_an_hour: Raised frames per hour of driving.
+-- column low_an_hour: Lower end of its interval.
+-- column high_an_hour: Upper end of its interval; how many incidents they make says evaluation_incidents.
 WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
@@ -106,7 +108,9 @@ SELECT
     wilson(raised, frames, 1) AS high,
     accused,
     frames * period_s / 3600 AS hours,
-    raised / (frames * period_s / 3600) AS raised_an_hour
+    raised / (frames * period_s / 3600) AS raised_an_hour,
+    wilson(raised, frames, -1) * 3600 / period_s AS low_an_hour,
+    wilson(raised, frames, 1) * 3600 / period_s AS high_an_hour
 FROM counted
 JOIN period USING (setup)
 ORDER BY setup, method, held_out, len(system), system, r

@@ -15,6 +15,7 @@ from auditor.errors import RecordingError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, stretches
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
+from auditor.evaluation.stretches import STRETCH_FRAMES
 from auditor.evidence import measure
 from auditor.evidence.matchers import find_matcher
 from auditor.identification.local_ratio import local_ratios
@@ -23,7 +24,7 @@ from auditor.recordings import write_mcap
 from auditor.results import AttackLabel, Procedure
 from auditor.rig import LIDAR, Triple
 from auditor.store import Store, run_query, run_sql
-from auditor.store.evaluations import EvaluationPart
+from auditor.store.evaluations import INTERVAL_FRAMES, EvaluationPart
 from tests.evidence.scenes import plane_frame, plane_rig
 from tests.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -186,7 +187,7 @@ def short_stretches(monkeypatch):
 def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
     whole = run(drive, tmp_path / "whole")
     delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
-    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7) + delayed)
+    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7 + 2 * 5) + delayed)
     assert not run(drive, tmp_path / "whole").fresh
 
     killed_at = 5
@@ -302,6 +303,18 @@ def test_what_is_not_left_to_chance_is_tried_once_however_often_the_rest_is_draw
     assert {case.attack for case in first} - {case.attack for case in second} == once
     assert len(second) == len([case for case in first if case.attack not in once])
     assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
+
+
+def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_stretch():
+    assert STRETCH_FRAMES % INTERVAL_FRAMES == 0
+    experiment = next(e for e in experiments_of(()) if e.name == "intervals")
+    first, next_one, later = (list(experiment.cases(RIG, Dice(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
+    for case, after, other in zip(first, next_one, later, strict=True):
+        assert (case.attacks == after.attacks) == (case.strength == "still")
+        assert case.attacks != other.attacks
+    sets = [(0,), (1,), (2,), (3,), (4,), (0, 4)]
+    assert [(c.strength, c.attacked) for c in first] == [(v, s) for v in ("still", "moving") for s in sets]
+    assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
 
 
 def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, tmp_path):

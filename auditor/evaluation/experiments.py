@@ -69,7 +69,7 @@ class Experiment:
 
     `cases` also gets the frames before, the latest last. `drawn` is False where nothing is left to chance, so that one
     draw is all there is; `inputs` tells apart the files that its attacks are made from. `attacks` is False where frames
-    are left clean.
+    are left clean; so many frames as `together` says are attacked one after the other.
     """
 
     name: str
@@ -78,10 +78,11 @@ class Experiment:
     drawn: bool = True
     inputs: str | None = None
     attacks: bool = True
+    together: int = 1
 
     def takes(self, frame: int, every: int) -> bool:
         """Whether it looks at the frame of this number where each `every`-th is attacked: at clean ones always."""
-        return not self.attacks or frame % every == 0
+        return not self.attacks or frame // self.together % every == 0
 
 
 def scenario_1(rig: Rig) -> Triple | None:
@@ -120,12 +121,13 @@ def _clean(_rig: Rig, _dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
 def _combinations(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
     """Each sensor has one attack in a draw, whatever others are attacked with it; strengths change nothing else."""
     for strength in STRENGTHS:
-        attacks = {sensor: _drawn(rig, sensor, strength, dice.of(sensor)) for sensor in rig.sensors}
+        attacks = {sensor: drawn_attack(rig, sensor, strength, dice.of(sensor)) for sensor in rig.sensors}
         for attacked in attacked_sets(rig):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, strength)
 
 
-def _drawn(rig: Rig, sensor: int, strength: str, rng: np.random.Generator) -> Facula | BogusWall:
+def drawn_attack(rig: Rig, sensor: int, strength: str, rng: np.random.Generator) -> Facula | BogusWall:
+    """The paper's attack on a sensor: a wall on the LiDAR, a facula on a camera."""
     if sensor == LIDAR:
         return draw_wall(rng)
     camera = rig.camera(sensor)

@@ -13,6 +13,7 @@ from auditor import __version__
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, Experiment, all_triples
 from auditor.evaluation.further import FURTHER, pattern_cases, read_patterns
+from auditor.evaluation.intervals import INTERVALS
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence import use_one_thread
@@ -195,11 +196,11 @@ class _Run:
 def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
     """All experiments, those with the user's laser patterns last. Raises SettingError where one cannot be read."""
     if not patterns:
-        return (*EXPERIMENTS, FURTHER)
+        return (*EXPERIMENTS, FURTHER, INTERVALS)
     read = read_patterns(patterns)
     inputs = content_id("patterns", *((one.title, hashlib.sha256(one.pixels.tobytes()).hexdigest()) for one in read))
     on_each = Experiment("patterns", all_triples, pattern_cases(read), drawn=False, inputs=inputs)
-    return (*EXPERIMENTS, FURTHER, on_each)
+    return (*EXPERIMENTS, FURTHER, INTERVALS, on_each)
 
 
 def versions_of(matcher: Matcher) -> dict[str, str]:

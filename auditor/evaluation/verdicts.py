@@ -13,14 +13,18 @@ from auditor.elements import Element, rig_elements
 from auditor.evaluation.experiments import scenario_1
 from auditor.identification.accusing import System, accuse
 from auditor.identification.margins import margins, yardsticks
-from auditor.results import VerdictKind
+from auditor.identification.robust import WINDOW_S
+from auditor.identification.windows import window_means
+from auditor.results import FINDINGS, VerdictKind
 from auditor.rig import LIDAR, Rig
 from auditor.store import Store, run_sql
-from auditor.store.evaluations import BLOCK_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
+from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
 from auditor.thresholds import Yardstick
 
 _CASES = """
-SELECT setup, rig_id, recording_id, evaluation_id, experiment, frame, draw, attacked, attack, strength, size, ratios
+SELECT
+    setup, rig_id, recording_id, evaluation_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size,
+    ratios
 FROM cases
 WHERE ratios IS NOT NULL
 ORDER BY setup, evaluation_id, frame, draw
@@ -37,6 +41,7 @@ class Case:
     recording_id: str
     experiment: str
     frame: int
+    stamp_ns: int
     draw: int
     attacked: tuple[int, ...]
     attack: str | None
@@ -82,6 +87,8 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
             continue
         scales = yardsticks(ratios[calibrated], elements, JUDGED_R)
         z = margins(ratios, scales)
+        around_z = _around(z, cases, np.flatnonzero(tested).tolist())
+        everyone = systems(rig)[-1]
         for sensors in systems(rig):
             chosen = [place for place in np.flatnonzero(tested).tolist() if _is_judged(cases[place], sensors, rig)]
             columns = [c for c, element in enumerate(elements) if set(element.needed) <= set(sensors)]
@@ -89,13 +96,17 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
                 tuple(elements[c] for c in columns), tuple(t for t in rig.triples if set(t) <= set(sensors)), sensors
             )
             samples = _fewest([scales[c] for c in columns])
-            found = accuse(z[np.ix_(chosen, columns)], system, _missing(ratios[np.ix_(chosen, columns)], system))
-            for place, verdict in zip(chosen, found, strict=True):
+            missing = _missing(ratios[np.ix_(chosen, columns)], system)
+            found = accuse(z[np.ix_(chosen, columns)], system, missing)
+            around = accuse(around_z[np.ix_(chosen, columns)], system, missing)
+            for place, verdict, moment in zip(chosen, found, around, strict=True):
                 case = cases[place]
+                finding = sensors == everyone and verdict.kind in FINDINGS and moment.kind in FINDINGS
                 yield (
                     case.evaluation_id,
                     CaseVerdict(
                         frame=case.frame,
+                        stamp_ns=case.stamp_ns,
                         draw=case.draw,
                         attacked=case.attacked,
                         attack=case.attack,
@@ -106,8 +117,38 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
                         samples=samples,
                         verdict=verdict.kind,
                         accused=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
+                        lasting=moment.kind if finding else None,
+                        lasting_accused=moment.attacked if finding else (),
                     ),
                 )
+
+
+def _around(z: Floats, cases: Sequence[Case], tested: Sequence[int]) -> Floats:
+    """Margins of the half seconds around clean frames, and around those of each attacked interval of a clean drive.
+
+    NaN for all other cases: their neighbours were not attacked alike.
+    """
+    found = np.full_like(z, np.nan)
+    drives: dict[str, list[int]] = defaultdict(list)
+    for place, case in enumerate(cases):
+        if case.experiment == "clean":
+            drives[case.recording_id].append(place)
+    series: dict[tuple[object, ...], list[int]] = defaultdict(list)
+    for place in tested:
+        case = cases[place]
+        if case.experiment == "clean":
+            series[case.recording_id,].append(place)
+        elif case.experiment == "intervals":
+            interval = case.evaluation_id, case.frame // INTERVAL_FRAMES
+            series[case.recording_id, *interval, case.draw, case.attacked, case.strength].append(place)
+    for places in series.values():
+        drive = sorted(drives[cases[places[0]].recording_id], key=lambda place: cases[place].frame)
+        row_of = {cases[place].frame: row for row, place in enumerate(drive)}
+        rows, attacked = z[drive], [row_of[cases[place].frame] for place in places]
+        rows[attacked] = z[places]
+        stamps = np.array([cases[place].stamp_ns for place in drive], dtype=np.int64)
+        found[places] = window_means(rows, stamps, WINDOW_S)[attacked]
+    return found
 
 
 def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
@@ -144,6 +185,8 @@ def _is_judged(case: Case, sensors: tuple[int, ...], rig: Rig) -> bool:
         return False
     if case.experiment == "sensitivity":
         return sensors == scenario_1(rig)
+    if case.experiment == "intervals":
+        return sensors == systems(rig)[-1]
     if len(sensors) == 3:
         return case.experiment in ("clean", "combinations")
     return case.experiment != "combinations" or len(case.attacked) <= len(sensors) - 3

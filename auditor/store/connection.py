@@ -10,7 +10,7 @@ import duckdb
 from auditor.errors import StoreError
 from auditor.results import MIN_VALID_PX
 from auditor.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
-from auditor.store.evaluations import BLOCK_FRAMES
+from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -24,6 +24,7 @@ _SHUT: dict[str, str | bool | int | float | list[str]] = {
 }
 _CONSTANTS = {
     "robust_block_frames": BLOCK_FRAMES,
+    "interval_frames": INTERVAL_FRAMES,
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,

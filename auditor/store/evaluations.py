@@ -19,6 +19,9 @@ JUDGED_R = Decimal("0.01")
 BLOCK_FRAMES = 10
 """Frames that it holds out together, in blocks of time."""
 
+INTERVAL_FRAMES = 10
+"""Frames that an attack of the experiment `intervals` lasts."""
+
 _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px")
 
 
@@ -144,6 +147,7 @@ class CaseVerdict:
     """
 
     frame: int
+    stamp_ns: int
     draw: int
     attacked: tuple[int, ...]
     attack: str | None
@@ -154,6 +158,8 @@ class CaseVerdict:
     samples: int
     verdict: VerdictKind
     accused: tuple[int, ...]
+    lasting: VerdictKind | None = None
+    lasting_accused: tuple[int, ...] = ()
 
 
 def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
@@ -167,6 +173,8 @@ def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[Cas
             "r": JUDGED_R,
             "verdict": one.verdict.value,
             "accused": list(one.accused),
+            "lasting": one.lasting and one.lasting.value,
+            "lasting_accused": list(one.lasting_accused),
         }
         for one in verdicts
     )

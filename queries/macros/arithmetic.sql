@@ -28,6 +28,20 @@ CREATE MACRO wilson(k, n, side) AS
         ) / (1 + 1.959963984540054 ** 2 / n)
     END;
 
+-- The chance of no more than k events where `mean` are expected.
+CREATE MACRO poisson_cdf(k, mean) AS
+    list_sum(list_transform(range(k + 1), lambda i: exp(i * ln(mean) - mean - lgamma(i + 1))));
+
+-- The upper 95 % bound of a Poisson mean of which k events were seen, by halving.
+CREATE MACRO poisson_at_most(k) AS
+    list_reduce(
+        list_prepend([0.0::DOUBLE, 10.0::DOUBLE * k + 10], list_transform(range(60), lambda s: [0.0::DOUBLE, 0.0::DOUBLE])),
+        lambda x, s: CASE
+            WHEN poisson_cdf(k, (x[1] + x[2]) / 2) > 0.05 THEN [(x[1] + x[2]) / 2, x[2]]
+            ELSE [x[1], (x[1] + x[2]) / 2]
+        END
+    )[2];
+
 -- True where two lists of lengths agree element by element within a share, or a tolerance.
 CREATE MACRO lengths_agree(a, b, tolerance) AS
     len(a) = len(b)

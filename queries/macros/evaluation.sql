@@ -83,10 +83,10 @@ JOIN block ON block.setup = theta.setup
     AND (fold_recording IS NULL OR fold_recording = block.recording_id)
     AND (fold_block IS NULL OR fold_block = block.block);
 
--- What Algorithm 2 says of all cases that were measured for every triple, counted: by system, truth and verdict.
+-- The e vector of every case that was measured for every triple, by system, r and what theta was not taken from.
 -- Systems are all sensors, and of more than three cameras with a LiDAR also the LiDAR with S_n, S_1 and S_2: the
 -- leftmost camera and the two farthest from it. `source` names the cases, `sensors` the triples.
-CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames) AS TABLE
+CREATE MACRO evaluation_states(source, sensors, rates, statistic, block_frames) AS TABLE
 WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(source, rates, statistic, block_frames)
 ),
@@ -111,7 +111,11 @@ error AS MATERIALIZED (
         setup,
         rig_id,
         recording_id,
+        evaluation_id,
         frame // block_frames AS block,
+        frame,
+        stamp_ns,
+        draw,
         experiment,
         attack,
         strength,
@@ -120,38 +124,69 @@ error AS MATERIALIZED (
         errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS E
     FROM query_table(source)
     WHERE experiment <> 'sensitivity'
-),
-counted AS MATERIALIZED (
+)
+SELECT
+    error.setup,
+    error.recording_id,
+    error.evaluation_id,
+    error.frame,
+    error.stamp_ns,
+    error.draw,
+    threshold_of.held_out,
+    system.system,
+    system.triples,
+    error.experiment,
+    error.attack,
+    error.strength,
+    error.size,
+    error.attacked,
+    threshold_of.r,
+    states_of(
+        list_transform(
+            error.E,
+            lambda x, p: CASE
+                WHEN list_has_all(
+                    system.system, [system.triples[p]['i'], system.triples[p]['j'], system.triples[p]['k']]
+                ) THEN x
+            END
+        ),
+        theta
+    ) AS e,
+    list_min(samples) AS samples,
+    len(list_filter(samples, lambda N: NOT resolvable_with(N, threshold_of.r))) = 0 AS resolvable
+FROM error
+JOIN system USING (rig_id)
+JOIN threshold_of USING (setup, recording_id, block)
+WHERE list_has_all(system.system, error.attacked)
+    AND (error.experiment <> 'combinations' OR len(error.attacked) <= len(system.system) - 3);
+
+-- What is said of e, with Algorithm 2's answer on it: the sensors that it heard, and those that it names.
+CREATE MACRO said_of(e, triples, heard, named) AS CASE
+    WHEN heard = [] THEN 'not_auditable'
+    WHEN NOT contains(e, '1') THEN 'clean'
+    WHEN len(heard) >= 4 AND len(named) BETWEEN 1 AND len(heard) - 3 AND explains(named, e, triples) THEN 'attacked'
+    ELSE 'unidentified'
+END;
+
+-- What Algorithm 2 says of them, counted: by system, truth and verdict.
+CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames) AS TABLE
+WITH counted AS MATERIALIZED (
     SELECT
-        error.setup,
-        threshold_of.held_out,
-        system.system,
-        system.triples,
-        error.experiment,
-        error.attack,
-        error.strength,
-        error.size,
-        error.attacked,
-        threshold_of.r,
-        states_of(
-            list_transform(
-                error.E,
-                lambda x, p: CASE
-                    WHEN list_has_all(
-                        system.system, [system.triples[p]['i'], system.triples[p]['j'], system.triples[p]['k']]
-                    ) THEN x
-                END
-            ),
-            theta
-        ) AS e,
-        min(list_min(samples)) AS samples,
-        bool_and(len(list_filter(samples, lambda N: NOT resolvable_with(N, threshold_of.r))) = 0) AS resolvable,
+        setup,
+        held_out,
+        system,
+        triples,
+        experiment,
+        attack,
+        strength,
+        size,
+        attacked,
+        r,
+        e,
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable,
         count(*) AS cases
-    FROM error
-    JOIN system USING (rig_id)
-    JOIN threshold_of USING (setup, recording_id, block)
-    WHERE list_has_all(system.system, error.attacked)
-        AND (error.experiment <> 'combinations' OR len(error.attacked) <= len(system.system) - 3)
+    FROM evaluation_states(source, sensors, rates, statistic, block_frames)
     GROUP BY ALL
 ),
 pattern AS MATERIALIZED (
@@ -170,13 +205,7 @@ SELECT
     counted.size,
     counted.attacked,
     counted.r,
-    CASE
-        WHEN answer.system = [] THEN 'not_auditable'
-        WHEN NOT contains(counted.e, '1') THEN 'clean'
-        WHEN len(answer.system) >= 4 AND len(answer.named) BETWEEN 1 AND len(answer.system) - 3
-            AND explains(answer.named, counted.e, counted.triples) THEN 'attacked'
-        ELSE 'unidentified'
-    END AS verdict,
+    said_of(counted.e, counted.triples, answer.system, answer.named) AS verdict,
     answer.named,
     contains(counted.e, '1') AS raised,
     counted.samples,

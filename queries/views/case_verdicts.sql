@@ -1,7 +1,7 @@
 -- One row a case of an evaluation, system and way of calibrating: what the robust method says of it at r = 1 %.
 --
 -- column setup: What it was calibrated with: made alike, on one rig kind, of real or of synthetic drives.
--- column experiment: What was tried: clean, combinations, sensitivity, further or patterns.
+-- column experiment: What was tried: clean, combinations, sensitivity, further, intervals or patterns.
 -- column recording_id: The recording, taken to be clean.
 SELECT
     judged.*,

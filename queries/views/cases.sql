@@ -1,7 +1,7 @@
 -- One row a case of an evaluation: a clean frame, or one that was attacked in memory.
 --
 -- column setup: What its counts may be pooled with: made alike, on one rig kind, of real or of synthetic drives.
--- column experiment: What was tried: clean, combinations, sensitivity, further or patterns.
+-- column experiment: What was tried: clean, combinations, sensitivity, further, intervals or patterns.
 -- column recording_id: The recording, taken to be clean.
 -- column rig_id: The rig.
 SELECT

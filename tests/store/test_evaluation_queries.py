@@ -258,6 +258,8 @@ def test_false_alarms_equal_python(made):
             assert row[column] == expected[*key, column], (key, column)
         assert row["hours"] == pytest.approx(26 * 0.1 / 3600)
         assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * 0.1 / 3600))
+        assert row["low_an_hour"] == pytest.approx(row["low"] * 36000)
+        assert row["high_an_hour"] == pytest.approx(row["high"] * 36000)
 
 
 def test_sensitivity_equals_python(made):

@@ -1,0 +1,182 @@
+-- Incidents of an evaluation, by all sensors: whether a second under attack is found as one, with whom and how soon, and how many false ones there are per hour of clean driving.
+--
+-- Incidents are runs of frames of which the same is said, as in a scan; by the robust method also the half second around a frame has to raise it, a quarter of which lies ahead. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
+--
+-- param r RATE[] = 0.01: The designated false-alarm rates.
+-- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
+-- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param gap_s DOUBLE = 0.5: Frames of which the same is said and that are no further apart than this, in seconds, are one incident.
+--
+-- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
+-- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
+-- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column system: The sensors that took part: all.
+-- column attacked: The attacked sensors; empty for clean drives.
+-- column variant: still or moving; NULL for clean drives.
+-- column r: The designated false-alarm rate.
+-- column samples: The smallest number N of clean samples that a theta came from.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column frames: Frames, attacked or clean.
+-- column incidents: Incidents in them.
+-- column intervals: Attacked intervals; NULL for clean drives, as all that follows on them.
+-- column found: Those with an incident.
+-- column rate: found / intervals.
+-- column low: Lower end of its interval.
+-- column high: Upper end of its interval.
+-- column named: Those whose longest incident names exactly the attacked sensors.
+-- column naming_rate: named / intervals.
+-- column naming_low: Lower end of its interval.
+-- column naming_high: Upper end of its interval.
+-- column delay_s: Median time from the first attacked frame to the first of an incident, where there is one, in seconds.
+-- column longest_delay_s: The longest such time, in seconds.
+-- column hours: Time that clean frames stand for: their number times the usual time between two; NULL for intervals, as all that follows.
+-- column incidents_an_hour: False incidents per hour of clean driving.
+-- column at_most_an_hour: Upper 95 % bound of that, as of a Poisson process.
+WITH state AS MATERIALIZED (
+    SELECT *
+    FROM evaluation_states(cases, triples, $r, $statistic, $block_frames)
+    WHERE experiment IN ('clean', 'intervals')
+    QUALIFY len(system) = max(len(system)) OVER (PARTITION BY setup)
+),
+pattern AS MATERIALIZED (
+    SELECT DISTINCT e, triples FROM state
+),
+answer AS MATERIALIZED (
+    FROM algorithm2(pattern)
+),
+told AS MATERIALIZED (
+    SELECT
+        state.* EXCLUDE (triples, e, attack, size),
+        'paper' AS method,
+        said_of(state.e, state.triples, answer.system, answer.named) AS said,
+        CASE WHEN said = 'attacked' THEN answer.named ELSE [] END AS accused
+    FROM state
+    JOIN answer ON answer.e = state.e AND answer.triples = state.triples
+    UNION ALL BY NAME
+    SELECT
+        setup,
+        recording_id,
+        evaluation_id,
+        frame,
+        stamp_ns,
+        draw,
+        held_out,
+        system,
+        experiment,
+        strength,
+        attacked,
+        r,
+        samples,
+        resolvable_with(samples, r) AS resolvable,
+        'robust' AS method,
+        lasting AS said,
+        lasting_accused AS accused
+    FROM case_verdicts
+    WHERE experiment IN ('clean', 'intervals')
+        AND list_contains(CAST($r AS DECIMAL(18, 17)[]), r)
+        AND (held_out <> 'block' OR $block_frames = robust_block_frames())
+    QUALIFY len(system) = max(len(system)) OVER (PARTITION BY setup)
+),
+-- a clean drive, or one interval under one attack
+placed AS MATERIALIZED (
+    SELECT
+        {setup: setup, method: method, held_out: held_out, system: system, attacked: attacked, variant: strength, r: r} AS what,
+        CASE
+            WHEN experiment = 'clean' THEN recording_id
+            ELSE concat_ws('|', evaluation_id, frame // interval_frames(), draw)
+        END AS line,
+        *
+    FROM told
+),
+line AS (
+    SELECT
+        what,
+        line,
+        min(stamp_ns) AS from_ns,
+        count(*) AS frames,
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable
+    FROM placed
+    GROUP BY what, line
+),
+numbered AS (
+    SELECT *, sum(CASE WHEN step_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END) OVER same AS run
+    FROM (
+        SELECT what, line, said, accused, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
+        FROM placed
+        WHERE said IN ('attacked', 'unidentified', 'suspect')
+        WINDOW same AS (PARTITION BY what, line, said, accused ORDER BY stamp_ns)
+    )
+    WINDOW same AS (PARTITION BY what, line, said, accused ORDER BY stamp_ns)
+),
+incident AS (
+    SELECT what, line, accused, count(*) AS frames, min(stamp_ns) AS from_ns
+    FROM numbered
+    GROUP BY what, line, said, accused, run
+),
+found AS (
+    SELECT
+        line.what,
+        line.frames,
+        line.samples,
+        line.resolvable,
+        count(incident.frames) AS incidents,
+        list(incident.accused ORDER BY incident.frames DESC, incident.from_ns)[1] AS accused,
+        (min(incident.from_ns) - line.from_ns) / 1e9 AS delay_s
+    FROM line
+    LEFT JOIN incident ON incident.what = line.what AND incident.line = line.line
+    GROUP BY line.what, line.line, line.frames, line.samples, line.resolvable, line.from_ns
+),
+tally AS (
+    SELECT
+        what,
+        what['attacked'] = [] AS clean,
+        min(samples) AS samples,
+        bool_and(resolvable) AS resolvable,
+        CAST(sum(frames) AS BIGINT) AS frames,
+        CAST(sum(incidents) AS BIGINT) AS incidents,
+        count(*) AS intervals,
+        CAST(count_if(incidents > 0) AS BIGINT) AS found,
+        CAST(count_if(coalesce(accused = what['attacked'], FALSE)) AS BIGINT) AS named,
+        median(delay_s) AS delay_s,
+        max(delay_s) AS longest_delay_s
+    FROM found
+    GROUP BY what
+),
+step AS (
+    SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id ORDER BY frame) AS step_ns
+    FROM cases
+    WHERE experiment = 'clean'
+),
+period AS (
+    SELECT setup, median(step_ns) / 1e9 AS period_s FROM step GROUP BY setup
+)
+SELECT
+    what['setup'] AS setup,
+    what['method'] AS method,
+    what['held_out'] AS held_out,
+    what['system'] AS system,
+    what['attacked'] AS attacked,
+    what['variant'] AS variant,
+    CAST(what['r'] AS DOUBLE) AS r,
+    samples,
+    resolvable,
+    frames,
+    incidents,
+    CASE WHEN NOT clean THEN intervals END AS intervals,
+    CASE WHEN NOT clean THEN found END AS found,
+    CASE WHEN NOT clean THEN found / tally.intervals END AS rate,
+    CASE WHEN NOT clean THEN wilson(found, tally.intervals, -1) END AS low,
+    CASE WHEN NOT clean THEN wilson(found, tally.intervals, 1) END AS high,
+    CASE WHEN NOT clean THEN named END AS named,
+    CASE WHEN NOT clean THEN named / tally.intervals END AS naming_rate,
+    CASE WHEN NOT clean THEN wilson(named, tally.intervals, -1) END AS naming_low,
+    CASE WHEN NOT clean THEN wilson(named, tally.intervals, 1) END AS naming_high,
+    CASE WHEN NOT clean THEN delay_s END AS delay_s,
+    CASE WHEN NOT clean THEN longest_delay_s END AS longest_delay_s,
+    CASE WHEN clean THEN frames * period_s / 3600 END AS hours,
+    CASE WHEN clean THEN incidents / (frames * period_s / 3600) END AS incidents_an_hour,
+    CASE WHEN clean THEN poisson_at_most(incidents) / (frames * period_s / 3600) END AS at_most_an_hour
+FROM tally
+JOIN period ON period.setup = what['setup']
+ORDER BY setup, method, held_out, len(attacked), attacked, variant, r
