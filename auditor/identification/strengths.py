@@ -14,6 +14,7 @@ from auditor.symptoms import Pair
 _LATE = 0.1  # more of a picture's points on their rows
 _LATE_LIDAR = 0.025  # more of the LiDAR's points agree with the frame before than with their own ...
 _LAGGING = 0.06  # ... and than points of the frame before with this one
+_FEWEST_COMPARED = 500
 _TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
 _BIASED, _LEAST_BIAS_PX = 0.25, 3.0
 _TURNED, _LEAST_TURN_PX = 0.02, 6.0  # half a degree: LiDARs lie up to a quarter beside their calibration
@@ -80,8 +81,12 @@ def _displaced(seen: Observed, camera: int) -> Floats:
 
 
 def _late_lidar(seen: Observed) -> Floats:
-    """The LiDAR lags where it agrees better with stereo of the frame before, and not the other way round."""
-    late, early = _mean(seen.columns["late_gain"]), _mean(seen.columns["early_gain"])
+    """The LiDAR lags where it agrees better with stereo of the frame before, and not the other way round.
+
+    Where stereo of this frame can be compared at few points only, that of the frame before is better by chance.
+    """
+    enough = seen.columns["compared"] >= _FEWEST_COMPARED
+    late, early = (_mean(np.where(enough, seen.columns[name], np.nan)) for name in ("late_gain", "early_gain"))
     return np.minimum(late / _LATE_LIDAR, (late - early) / _LAGGING)
 
 

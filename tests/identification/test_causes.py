@@ -60,6 +60,7 @@ def likeliest(**changed):
         ({"in_step": 0.2, "offset_share": 0.3, "late_k": 0.9}, [(Cause.LATE, 3)]),
         ({"late_gain": 0.08, "early_gain": -0.1}, [(Cause.LATE, 0)]),
         ({"late_gain": 0.0, "early_gain": 0.0}, []),
+        ({"late_gain": (0.3, 0.0), "early_gain": (-0.4, 0.0), "compared": (200, 1500)}, []),
         ({"in_step": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
         ({"in_step": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
         ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
