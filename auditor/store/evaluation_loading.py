@@ -4,11 +4,13 @@ import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 import auditor
 from auditor.errors import StoreError
 from auditor.rig import Rig
 from auditor.store.evaluation_answers import CURVE_RATES, R_SHOWN, SHORT_ROLES, Answers, Rows, names, size_of, subsets
+from auditor.store.evaluation_incidents import incident_grids
 from auditor.store.evaluation_methods import METHODS, by_method, method_grids
 from auditor.store.evaluation_objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.store.evaluation_page import Evaluated, EvaluationPage, Setup
@@ -38,6 +40,7 @@ def load_evaluation(store: Store) -> EvaluationPage:
             "distribution": {},
             "confusion": {},
             "further": {},
+            "incidents": {},
             "objects": {"r": list(OBJECT_RATES)},
             "average_precision": {},
         }.items()
@@ -83,7 +86,12 @@ def _setup(parts: Rows, rig: Rig, answers: Mapping[str, Rows]) -> Setup:
         max_attacked=rig.max_attacked,
         grids={
             name: tuple(tables)
-            for name, tables in (grids(found) | object_grids(found) | method_grids(found, robust)).items()
+            for name, tables in (
+                grids(found)
+                | object_grids(found)
+                | method_grids(found, robust)
+                | incident_grids(dict(zip(METHODS, (found, robust), strict=True)))
+            ).items()
         },
         sheets={name: tuple(plots) for name, plots in (sheets(found) | object_sheets(found)).items()},
         unseen=tuple(_unseen(robust if robust.modes else found)),
@@ -113,7 +121,7 @@ def _unseen(answers: Answers) -> Iterator[str]:
         everyone = len(row["system"]) == len(answers.rig.sensors)
         if row["held_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
             what = f"{described(row)} on {names(row['attacked'])}"
-            yield f"{what[0].upper()}{what[1:]}, was detected in {row['detected']} of {row['cases']} frames."
+            yield f"{what[0].upper()}{what[1:]}, {_how_seldom(row, _raised_clean(answers, mode))}"
     for number, triple in answers.scenarios.items():
         for strength in answers.strengths:
             for attacked in subsets(triple):
@@ -123,3 +131,17 @@ def _unseen(answers: Answers) -> Iterator[str]:
                         f"Scenario {number}: attacks with {strength} faculas on {names(attacked)} were detected in "
                         f"{rate.k} of {rate.n} frames."
                     )
+
+
+def _raised_clean(answers: Answers, mode: str) -> float:
+    """The share of clean frames that all sensors raise."""
+    rows = (row for row in answers.rows["false_alarms"] if row["held_out"] == mode and row["r"] == R_SHOWN)
+    return next((row["rate"] for row in rows if len(row["system"]) == len(answers.rig.sensors)), 0.0)
+
+
+def _how_seldom(row: Mapping[str, Any], clean: float) -> str:
+    """Whether an attack is seen at all: not where the clean share lies within or above its interval."""
+    counted = f"detected in {row['detected']} of {row['cases']} frames"
+    if row["low"] <= clean:
+        return f"cannot be seen on this rig: it was {counted}, which clean frames may be as well."
+    return f"was {counted}."

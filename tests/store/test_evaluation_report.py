@@ -11,8 +11,9 @@ from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.evaluation import judge_cases
 from auditor.evaluation.experiments import EXPERIMENTS, Dice
+from auditor.evaluation.intervals import INTERVALS
 from auditor.results import Counts
-from auditor.store.evaluation_loading import load_evaluation
+from auditor.store.evaluation_loading import _how_seldom, load_evaluation
 from auditor.store.evaluation_page import Grid, Rate
 from auditor.store.evaluation_plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
 from auditor.store.evaluation_report import percent, render_evaluation, render_evaluation_report
@@ -132,6 +133,31 @@ def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
     setup = load_evaluation(store).setups[0]
     assert setup.grids["methods"] == ()
     assert setup.grids["detection"][0].rows[1].cells[1] is not None
+
+
+def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
+    store = evaluated(tmp_path, make_rig(3), frames=20, experiments=(*EXPERIMENTS[:1], INTERVALS))
+    shown = load_evaluation(store)
+    [false] = shown.setups[0].grids["false_incidents"]
+    assert [row.label for row in false.rows] == ["E and Algorithm 2", "robust"]
+    assert not [row for row in false.rows if None in row.cells]
+    rows = run_query(store, "evaluation_incidents", {}).to_pylist()
+    for method, table in zip(("paper", "robust"), shown.setups[0].grids["intervals"], strict=True):
+        [row] = [
+            row
+            for row in rows
+            if (row["method"], row["held_out"], row["attacked"], row["variant"]) == (method, "block", [1], "still")
+        ]
+        cells = next(one.cells for one in table.rows if one.label == "S_1, still")
+        assert cells[3] == Rate(row["found"], 4, row["low"], row["high"], row["resolvable"])
+        assert cells[4].k == row["named"]
+    assert "Intervals of one second" in Page(render_evaluation(shown)).text
+
+
+def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():
+    row = {"detected": 3, "cases": 40, "low": 0.026}
+    assert _how_seldom(row, 0.03).startswith("cannot be seen on this rig: it was detected in 3 of 40 frames")
+    assert _how_seldom(row, 0.02) == "was detected in 3 of 40 frames."
 
 
 def test_a_rate_below_one_in_n_is_flagged(page):
