@@ -114,7 +114,7 @@ def _unseen(answers: Answers) -> Iterator[str]:
         if row["held_out"] == mode and row["rate"] < CLEARLY_SEEN:
             what = f"{row['strength']} facula" if row["strength"] else "bogus wall"
             yield (
-                f"A {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]} was detected in {row['detected']} of "
+                f"{'An' if what[0] == 'o' else 'A'} {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]} was detected in {row['detected']} of "
                 f"{row['cases']} frames."
             )
     for row in answers.rows["further"]:
@@ -141,7 +141,7 @@ def _raised_clean(answers: Answers, mode: str) -> float:
 
 def _how_seldom(row: Mapping[str, Any], clean: float) -> str:
     """Whether an attack is seen at all: not where the clean share lies within or above its interval."""
-    counted = f"detected in {row['detected']} of {row['cases']} frames"
     if row["low"] <= clean:
-        return f"cannot be seen on this rig: it was {counted}, which clean frames may be as well."
-    return f"was {counted}."
+        told = f"cannot be seen on this rig, as far as {row['cases']} frames tell"
+        return f"{told}: it was detected in {row['detected']}, no oftener than clean ones may be."
+    return f"was detected in {row['detected']} of {row['cases']} frames."

@@ -156,7 +156,9 @@ def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
 
 def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():
     row = {"detected": 3, "cases": 40, "low": 0.026}
-    assert _how_seldom(row, 0.03).startswith("cannot be seen on this rig: it was detected in 3 of 40 frames")
+    assert _how_seldom(row, 0.03).startswith(
+        "cannot be seen on this rig, as far as 40 frames tell: it was detected in 3,"
+    )
     assert _how_seldom(row, 0.02) == "was detected in 3 of 40 frames."
 
 
