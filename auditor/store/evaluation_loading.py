@@ -113,10 +113,8 @@ def _unseen(answers: Answers) -> Iterator[str]:
     for row in answers.rows["sensitivity"]:
         if row["held_out"] == mode and row["rate"] < CLEARLY_SEEN:
             what = f"{row['strength']} facula" if row["strength"] else "bogus wall"
-            yield (
-                f"{'An' if what[0] == 'o' else 'A'} {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]} was detected in {row['detected']} of "
-                f"{row['cases']} frames."
-            )
+            where = f"{'An' if what[0] == 'o' else 'A'} {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]}"
+            yield f"{where} was detected in {row['detected']} of {row['cases']} frames."
     for row in answers.rows["further"]:
         everyone = len(row["system"]) == len(answers.rig.sensors)
         if row["held_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
