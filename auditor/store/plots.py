@@ -9,7 +9,7 @@ from statistics import median
 from auditor.rig import Triple
 
 WIDTH_PX = 1020
-LEFT_PX = 112
+LEFT_PX = 138
 RIGHT_PX = 930
 NS_PER_S = 1e9
 MINUS = "\u2212"

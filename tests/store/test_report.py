@@ -170,7 +170,7 @@ def test_an_unresolvable_rate_is_marked(store, tmp_path):
     add_recording(store, r="0.001")
     words = page_of(store, tmp_path).words
     assert "r is not resolvable with N" in words
-    assert "0.1 % r a triple, not resolvable" in words
+    assert "0.1 % r of each statistic, not resolvable" in words
 
 
 def test_incidents_are_runs_of_the_same_finding(store):
