@@ -95,7 +95,7 @@ def _orientation(rig: Rig) -> Matrix:
 
 def _window(rig: Rig, view_SO3_rig: Matrix, focal: float) -> tuple[int, int, int, int]:
     """Left and top against the principal point, width and height, in pixels, of what every camera sees."""
-    reach = int(min(_WIDEST * focal, _FARTHEST_PX) / _CELL_PX)
+    reach = max(int(min(_WIDEST * focal, _FARTHEST_PX) / _CELL_PX), 1)  # a damaged calibration may see next to nothing
     places = np.arange(-reach, reach + 1) * _CELL_PX / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:

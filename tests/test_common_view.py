@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from auditor.common_view import largest_rectangle
+from auditor.common_view import common_view, largest_rectangle
+from auditor.errors import RigError
+from auditor.rig import Camera, Rig
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -23,3 +25,20 @@ def test_the_largest_rectangle_is_as_large_as_the_best_of_all(seed: int) -> None
 def test_an_empty_mask_has_none_and_a_full_one_is_all() -> None:
     assert largest_rectangle(np.zeros((4, 5), dtype=np.bool_)) == (0, 0, 0, 0)
     assert largest_rectangle(np.ones((4, 5), dtype=np.bool_)) == (0, 0, 4, 5)
+
+
+@pytest.mark.parametrize("focal_px", [1e-9, 1e-3, 2.0])
+def test_cameras_that_see_next_to_nothing_have_no_view_in_common(focal_px: float) -> None:
+    cameras = tuple(
+        Camera(
+            n,
+            f"c{n}",
+            f"/c{n}",
+            640,
+            480,
+            np.array([[focal_px, 0, 320, n * focal_px], [0, focal_px, 240, 0], [0, 0, 1, 0]]),
+        )
+        for n in (1, 2)
+    )
+    with pytest.raises(RigError, match="no view in common"):
+        common_view(Rig(None, cameras))

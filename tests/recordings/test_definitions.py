@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from auditor.errors import DecodingError
 from auditor.recordings import convert, open_recording
-from auditor.recordings.decoding.ros import parse_definition
+from auditor.recordings.decoding.ros import RosTypes, parse_definition
 from auditor.recordings.interface import Definition
 from auditor.recordings.schemas import TRANSFORMS
 from tests.recordings.idl import idl_definition
@@ -74,3 +74,12 @@ def test_a_type_name_in_idl_that_is_no_plain_name_is_refused(before: str, after:
     assert parse_definition(TRANSFORMS, Definition("ros2idl", text.encode()))
     with pytest.raises(DecodingError, match="its definition"):
         parse_definition(TRANSFORMS, Definition("ros2idl", text.replace(before, after).encode()))
+
+
+def test_only_the_names_that_ros_1_writes_in_capitals_may_be_written_so() -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    text, _ = store.generate_msgdef("geometry_msgs/msg/Quaternion")
+    definition = Definition("ros2msg", text.replace("float64 y", "float64 Y").encode())
+    assert definition.data != text.encode()
+    with pytest.raises(DecodingError, match="defined otherwise"):
+        RosTypes(lambda _: definition).store("geometry_msgs/msg/Quaternion")

@@ -22,6 +22,9 @@ _MAX_FRAME_ID_BYTES = 1024
 MAX_DEFINITION_BYTES = 2**17
 """CameraInfo with all it is made of has 12 kB as text."""
 
+_ROS1_NAMES = {"D": "d", "K": "k", "R": "r", "P": "p"}
+"""Of CameraInfo, which ROS 1 writes in capitals and ROS 2 does not."""
+
 _IDL_RULER = "=" * 80 + "\n"
 _TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,2}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
@@ -120,8 +123,7 @@ def _check_layout(schema: str, store: Typestore) -> None:
 
 
 def _layout(fields: Any) -> list[tuple[str, Any]]:  # noqa: ANN401  # rosbags' parse trees
-    # ROS 1 writes K where ROS 2 writes k, and its header has a counter.
-    return [(name.lower() if len(name) == 1 else name, kind) for name, kind in fields if name != "seq"]
+    return [(_ROS1_NAMES.get(name, name), kind) for name, kind in fields if name != "seq"]  # ROS 1's header counts
 
 
 def parse_definition(schema: str, definition: Definition) -> Types:
