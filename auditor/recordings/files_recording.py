@@ -17,6 +17,7 @@ from auditor.recordings.packed_files import Source, source_of
 from auditor.results import AttackLabel
 
 _PEEK_BYTES = 32 * 2**20
+_RECORD_BYTES = 64  # of what stands about a message: empty ones are no less work
 
 
 class FileRead(Protocol):
@@ -107,7 +108,7 @@ class FilesRecording(ABC):
         """Learn topics where no index tells them."""
         seen = 0
         for message in self._read(None, DamageLog())[1]:
-            seen += len(message.data)
+            seen += _RECORD_BYTES + len(message.data)
             if seen > _PEEK_BYTES:
                 break
 

@@ -102,8 +102,8 @@ class FileRead:
         if channel is None or not channel.wanted:
             return
         body = read_body(stream, record._replace(length=record.length - len(head)), self._damage)
-        if body is not None:
-            yield from self._made(channel, head, 0, body, record.offset)
+        if body is not None and (message := self._made(channel, head, 0, body, record.offset)) is not None:
+            yield message
 
     def _chunk(self, body: bytes, offset: int) -> Iterator[Message]:
         try:
@@ -136,14 +136,14 @@ class FileRead:
                 channel = self.channels.met(inside[start] | inside[start + 1] << 8)
                 if channel is not None and channel.wanted:
                     data = bytes(inside[start + _MESSAGE_HEAD.size : position])
-                    yield from self._made(channel, inside, start, data, offset)
+                    message = self._made(channel, inside, start, data, offset)
+                    if message is not None:
+                        yield message
             elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
                 self.learn(opcode, inside[start:position], offset)
         return position
 
-    def _made(
-        self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int
-    ) -> Iterator[Message]:
+    def _made(self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int) -> Message | None:
         log_time_ns = _MESSAGE_HEAD.unpack_from(head, start)[2]
         if log_time_ns > _MAX_LOG_TIME_NS:
             self._damage.add(f"a log time of {log_time_ns} ns cannot be: taken as 0", offset)
@@ -154,8 +154,8 @@ class FileRead:
                 data = unpack_message(data, self._messages_expansion)
             except BadChunkError as error:
                 self._damage.add(f"a message of {topic.name!r} is left out: {error}", offset)
-                return
-        yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
+                return None
+        return Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
 
     def learn_summary(self, summary: bytes) -> None:
         """Take in the schemas and channels of a summary section, and where it says that chunks begin."""
