@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -215,6 +216,15 @@ def test_a_full_disk_is_one_line_and_leaves_finished_tables_whole(clean: Path, s
     assert scan(store, another) in (0, 1)
 
 
+@pytest.fixture
+def _heeds_ctrl_c() -> Iterator[None]:
+    """What a shell starts in the background ignores Ctrl-C, and so would all that it starts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_heeds_ctrl_c")
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, store: Path, tmp_path: Path) -> None:
     long = [str(write_drive(tmp_path / f"long{n}.mcap", count=80, seed=n)) for n in range(2)]
