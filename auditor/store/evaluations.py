@@ -4,14 +4,13 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from datetime import datetime
 from decimal import Decimal
 
 from auditor.results import EXPERIMENTS_VERSION, Counts, Procedure, VerdictKind
-from auditor.store.records import content_id, to_utc
-from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.parts import PartWriter, finished_in
+from auditor.store.records import content_id
 from auditor.store.store import Store
-from auditor.store.tables import TableWriter, read_rows, write_rows, writing
+from auditor.store.tables import write_rows, writing
 
 JUDGED_R = Decimal("0.01")
 """The designated false-alarm rate that the robust method judges cases at."""
@@ -74,69 +73,32 @@ class MeasuredCase:
     ratios: Sequence[float | None]
 
 
-class CasesWriter:
-    """Takes the cases of one part, and makes them finished with `commit`."""
-
-    def __init__(self, part: EvaluationPart, store: Store, table: TableWriter) -> None:
-        self.part = part
-        self._store = store
-        self._table = table
-        self._cases = 0
+class CasesWriter(PartWriter):
+    """Takes the cases of one part."""
 
     def add(self, case: MeasuredCase) -> None:
         """Take one case."""
-        self._table.add(
+        self.take(
             {
                 **vars(case),
-                "evaluation_id": self.part.evaluation_id,
                 "attacked": list(case.attacked),
                 "ratios": list(case.ratios),
                 "parameters": json.dumps(case.parameters, sort_keys=True),
                 **{name: [c and getattr(c, name) for c in case.counts] for name in _PIXELS},
             }
         )
-        self._cases += 1
-
-    def commit(
-        self,
-        *,
-        frames: int,
-        skipped: int,
-        last: bool,
-        seconds: float,
-        versions: Mapping[str, str],
-        evaluated_at: datetime,
-    ) -> None:
-        """Put the cases in their place, then write the row that makes them finished."""
-        self._table.commit()
-        part = self.part
-        row = {
-            **vars(part),
-            "evaluation_id": part.evaluation_id,
-            **asdict(part.procedure),
-            "last": last,
-            "frames": frames,
-            "skipped": skipped,
-            "cases": self._cases,
-            "seconds": seconds,
-            "versions": dict(sorted(versions.items())),
-            "evaluated_at": to_utc(evaluated_at),
-            "schema_version": SCHEMA_VERSION,
-        }
-        write_rows("evaluations", self._store.path("evaluations", part.evaluation_id), [row])
 
 
 @contextmanager
 def cases_writer(store: Store, part: EvaluationPart) -> Iterator[CasesWriter]:
     """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
     with writing("cases", store.path("cases", part.evaluation_id)) as table:
-        yield CasesWriter(part, store, table)
+        yield CasesWriter(part, store, table, "evaluations")
 
 
 def finished_part(store: Store, part: EvaluationPart) -> bool | None:
     """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
-    path = store.path("evaluations", part.evaluation_id)
-    return bool(read_rows("evaluations", path)[0]["last"]) if path.is_file() else None
+    return finished_in(store, "evaluations", part)
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from datetime import datetime
 
 from auditor.results import EXPERIMENTS_VERSION, Procedure
-from auditor.store.records import content_id, to_utc
-from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.parts import PartWriter, finished_in
+from auditor.store.records import content_id
 from auditor.store.store import Store
-from auditor.store.tables import TableWriter, read_rows, write_rows, writing
+from auditor.store.tables import writing
 
 
 @dataclass(frozen=True)
@@ -61,57 +60,21 @@ class ObjectCase:
     scored: Sequence[Mapping[str, object]]
 
 
-class ObjectCasesWriter:
-    """Takes the cases of one part, and makes them finished with `commit`."""
-
-    def __init__(self, part: ObjectPart, store: Store, table: TableWriter) -> None:
-        self._part = part
-        self._store = store
-        self._table = table
-        self._cases = 0
+class ObjectCasesWriter(PartWriter):
+    """Takes the cases of one part."""
 
     def add(self, case: ObjectCase) -> None:
         """Take one case."""
-        self._table.add({**vars(case), "evaluation_id": self._part.evaluation_id, "attacked": list(case.attacked)})
-        self._cases += 1
-
-    def commit(
-        self,
-        *,
-        frames: int,
-        skipped: int,
-        last: bool,
-        seconds: float,
-        versions: Mapping[str, str],
-        evaluated_at: datetime,
-    ) -> None:
-        """Put the cases in their place, then write the row that makes them finished."""
-        self._table.commit()
-        part = self._part
-        row = {
-            **vars(part),
-            "evaluation_id": part.evaluation_id,
-            **asdict(part.procedure),
-            "last": last,
-            "frames": frames,
-            "skipped": skipped,
-            "cases": self._cases,
-            "seconds": seconds,
-            "versions": dict(sorted(versions.items())),
-            "evaluated_at": to_utc(evaluated_at),
-            "schema_version": SCHEMA_VERSION,
-        }
-        write_rows("object_evaluations", self._store.path("object_evaluations", part.evaluation_id), [row])
+        self.take({**vars(case), "attacked": list(case.attacked)})
 
 
 @contextmanager
 def object_cases_writer(store: Store, part: ObjectPart) -> Iterator[ObjectCasesWriter]:
     """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
     with writing("object_cases", store.path("object_cases", part.evaluation_id)) as table:
-        yield ObjectCasesWriter(part, store, table)
+        yield ObjectCasesWriter(part, store, table, "object_evaluations")
 
 
 def finished_object_part(store: Store, part: ObjectPart) -> bool | None:
     """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
-    path = store.path("object_evaluations", part.evaluation_id)
-    return bool(read_rows("object_evaluations", path)[0]["last"]) if path.is_file() else None
+    return finished_in(store, "object_evaluations", part)
