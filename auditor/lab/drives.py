@@ -126,9 +126,10 @@ def make_drive(
     """A drive along a street.
 
     `seed` decides the street and what is parked there; `trip` the light, the traffic, the speed and the noise: trips of
-    one seed, and of as many frames, go along the same street on different days. `vehicle` decides the flaws of the
-    sensors, which drives of one vehicle share. `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as
-    many cameras. Raises SettingError for an unknown style, no frames, or positions that do not fit.
+    one seed, and of as many frames, go along the same street on different days. `vehicle` decides the calibration and
+    the flaws of the sensors, which drives of one vehicle share; vehicle 0 is built just as it was drawn. `positions_m`
+    are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises SettingError for an unknown style, no
+    frames, or positions that do not fit.
     """
     if frames < 1:
         raise SettingError(f"{frames} frames make no drive", where="synthetic drive", remedy="ask for one at least")

@@ -1,6 +1,6 @@
-"""The vehicles of a fleet: one rig, and each vehicle's own small imperfections."""
+"""The vehicles of a fleet: one rig kind, and each vehicle's own calibration and small imperfections."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,12 @@ KITTI_POSITIONS_M = {2: (0.47, -0.06), 3: (0.54, 0.47, -0.06), 4: (0.54, 0.47, 0
 """x of S_1, S_2, ... by number of cameras."""
 
 _SPACING_M = 0.3
+_FOCAL_TOLERANCE = 0.008
+_PRINCIPAL_TOLERANCE = 4 / 1242  # of the width
+_PLACE_TOLERANCE_M = 0.0012
+_LIDAR_TOLERANCES = 0.005, np.deg2rad(0.3)
+"""How far what is built differs from what was drawn: of one rig kind they all remain."""
+
 _LIDAR_SE3_AXES = ((0, 0, 1), (-1, 0, 0), (0, -1, 0))
 _RIG_AT_LIDAR_M = (-0.004, -0.076, -0.272)
 
@@ -105,8 +111,35 @@ def evenly_spaced_m(n_cameras: int) -> tuple[float, ...]:
     return tuple(_SPACING_M * (n_cameras - number) for number in range(1, n_cameras + 1))
 
 
+def as_built(rig: Rig, seed: int) -> Rig:
+    """The rig of one vehicle of a fleet, calibrated for itself; seed 0 is built just as it was drawn.
+
+    Focal length, principal point and the places of the cameras and the LiDAR differ a little, and are known.
+    """
+    if seed == 0:
+        return rig
+    rng = np.random.default_rng([seed, 9])
+    first = rig.cameras[0]
+    aside, down = rng.uniform(-_PRINCIPAL_TOLERANCE, _PRINCIPAL_TOLERANCE, 2) * first.width_px
+    K = first.intrinsics.copy()
+    K[[0, 1], [0, 1]] *= rng.uniform(1 - _FOCAL_TOLERANCE, 1 + _FOCAL_TOLERANCE)
+    K[:2, 2] += aside, down
+    cameras = tuple(
+        replace(camera, projection=K @ np.column_stack([np.eye(3), -camera.centre_m - moved * np.eye(3)[0]]))
+        for camera, moved in zip(rig.cameras, rng.uniform(-_PLACE_TOLERANCE_M, _PLACE_TOLERANCE_M, rig.n), strict=True)
+    )
+    lidar = rig.lidar
+    if lidar is not None:
+        moved_m, turned = (rng.uniform(-most, most, 3) for most in _LIDAR_TOLERANCES)
+        lidar = replace(lidar, rig_SE3_lidar=lidar.rig_SE3_lidar @ motion(rotation(*turned), moved_m))
+    return Rig(lidar, cameras)
+
+
 def make_vehicle(rig: Rig, seed: int) -> Vehicle:
-    """A vehicle's imperfections, drawn from its seed; angles in radians, grey levels where a camera's unit is."""
+    """A vehicle as it was built, and its imperfections, drawn from its seed.
+
+    Angles are in radians, grey levels where a camera's unit is.
+    """
     rng = np.random.default_rng([seed, 7])
     cameras = tuple(
         CameraFlaws(
@@ -123,7 +156,7 @@ def make_vehicle(rig: Rig, seed: int) -> Vehicle:
     )
     angles = rng.normal(0, np.deg2rad(0.1), 3)
     return Vehicle(
-        rig=rig,
+        rig=as_built(rig, seed),
         cameras=cameras,
         lidar=LidarFlaws(
             tilt=rotation(*angles),

@@ -1,8 +1,9 @@
 """A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import duckdb
@@ -117,14 +118,8 @@ def _needed(text: str) -> set[str]:
         found |= behind
 
 
-def _in_order(needed: set[str]) -> Iterator[str]:
-    """The views among `needed`, each after those that it reads."""
-    waiting = [name for name in views() if name in needed]
-    done: set[str] = set()
-    while waiting:
-        for name in waiting:
-            reads = set(_WORD.findall(views()[name].sql)) & views().keys() - {name}
-            if reads <= done:
-                yield name
-                done.add(name)
-        waiting = [name for name in waiting if name not in done]
+def _in_order(needed: set[str]) -> Iterable[str]:
+    """The views among `needed`, each after those that it reads; graphlib's CycleError where two read each other."""
+    known = [name for name in views() if name in needed]
+    reads = {name: set(_WORD.findall(views()[name].sql)) & set(known) - {name} for name in known}
+    return TopologicalSorter(reads).static_order()

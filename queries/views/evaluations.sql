@@ -9,7 +9,7 @@ SELECT
     rig.kind,
     setup_of(rig.kind, synthetic, matcher, settings, counting_version, experiments_version) AS setup
 FROM stored_evaluations AS evaluation
-JOIN stored_rigs AS rig USING (rig_id)
+JOIN rigs AS rig USING (rig_id)
 QUALIFY row_number() OVER (
     PARTITION BY recording_id, rig_id, matcher, settings, counting_version, experiments_version, experiment, seed, inputs,
         stretch

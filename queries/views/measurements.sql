@@ -12,4 +12,4 @@ SELECT
     rig.kind
 FROM stored_measurements AS measurement
 LEFT JOIN stored_recordings AS recording USING (recording_id)
-LEFT JOIN stored_rigs AS rig USING (rig_id)
+LEFT JOIN rigs AS rig USING (rig_id)

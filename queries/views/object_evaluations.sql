@@ -11,7 +11,7 @@ SELECT
     setup_of(rig.kind, synthetic, matcher, settings, counting_version, experiments_version) AS setup,
     left(md5(detector_settings), 8) AS detector_id
 FROM stored_object_evaluations AS evaluation
-JOIN stored_rigs AS rig USING (rig_id)
+JOIN rigs AS rig USING (rig_id)
 QUALIFY row_number() OVER (
     PARTITION BY recording_id, rig_id, matcher, settings, counting_version, experiments_version, detector_settings,
         experiment, seed, labels, stretch

@@ -50,10 +50,18 @@ def test_another_seed_is_another_street_and_another_vehicle_the_same_one(city: S
     assert other_vehicle.vehicle.cameras != city.vehicle.cameras
 
 
-def test_drives_of_one_vehicle_share_its_flaws() -> None:
+def test_drives_of_one_vehicle_share_its_calibration_and_its_flaws() -> None:
     a, b = (make_drive(seed, 1, vehicle=4, **SMALL).vehicle for seed in (1, 2))
+    assert a.rig.rig_id == b.rig.rig_id
     assert a.cameras == b.cameras
     np.testing.assert_array_equal(a.lidar.tilt, b.lidar.tilt)
+
+
+def test_every_vehicle_has_a_calibration_of_its_own_and_all_are_of_one_kind() -> None:
+    rigs = [make_drive(1, 1, vehicle=vehicle).rig for vehicle in range(30)]
+    assert len({rig.rig_id for rig in rigs}) == 30
+    assert all(a.kind.matches(b.kind) for a in rigs for b in rigs)
+    assert np.ptp([rig.camera(1).focal_px for rig in rigs]) > 5
 
 
 def test_a_frame_holds_every_sensor_at_ten_hertz(city: SyntheticDrive) -> None:

@@ -335,3 +335,12 @@ def test_a_triple_without_samples_is_not_measured(attacked_store):
     attacked_store.write_calibration(partly)
     row = rates(attacked_store, calibration=partly.calibration_id, r="0")[0.0, (1,)]
     assert (row["detected"], row["named"], row["not_auditable"]) == (6, 0, 1)
+
+
+def test_vehicles_of_one_kind_are_one_kind_in_words(store):
+    rigs = [make_rig(3, focal_px=focal_px) for focal_px in (700.0, 704.0, 710.0, 900.0)]
+    for rig in rigs:
+        store.write_rig(rig)
+    words = {row["rig_id"]: row["kind"] for row in run_sql(store, "SELECT rig_id, kind FROM rigs").to_pylist()}
+    first = min(rigs[:3], key=lambda rig: rig.rig_id)
+    assert [words[rig.rig_id] for rig in rigs] == [str(first.kind)] * 3 + [str(rigs[3].kind)]
