@@ -1,12 +1,14 @@
 """Rigs that fit real recordings, and rigs that do not."""
 
 import re
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from auditor.frames import Frame
+from auditor.lab.attacks import Facula
 from auditor.rig import Rig
 from tests.benchmarks.fitting import CASES, complaints
 from tests.benchmarks.real_drives import frames
@@ -38,3 +40,13 @@ def test_a_broken_geometry_is_told_and_a_sound_one_is_not(
     else:
         assert len(told) == 1
         assert re.search(said, told[0])
+
+
+def test_an_attack_on_two_frames_of_three_is_no_broken_geometry(some: tuple[Rig, list[Frame]]) -> None:
+    rig, clean = some
+    dazzled = [
+        replace(frame, images={**frame.images, 3: Facula(2000, 375, 600, 180).apply(frame.images[3])})
+        for frame in clean * 2
+    ]
+    assert complaints(CASES["as it is"], rig, dazzled)
+    assert complaints(CASES["as it is"], rig, [clean[0], *dazzled[:2], clean[1], *dazzled[2:]]) == ()
