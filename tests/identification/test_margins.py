@@ -11,7 +11,7 @@ R = Decimal("0.01")
 
 
 def test_a_tenth_of_what_is_left_is_added_to_the_quantile():
-    samples = sorted([*np.linspace(0, 0.4, 199).tolist(), 0.99])
+    samples = sorted([*np.linspace(0, 0.3, 199).tolist(), 0.99])
     assert yardstick(Witness.UNLIKE, samples, R).theta == pytest.approx(samples[197] + 0.1 * (1 - samples[197]))
 
 
@@ -46,9 +46,9 @@ def test_margins_are_zero_at_theta_clipped_and_nan_where_unmeasured():
 
 def test_each_element_is_measured_by_its_own_clean_frames():
     elements = (Element(Witness.UNLIKE, 1, 3), Element(Witness.LIGHT, 1, 2), Element(Witness.LIGHT, 1, 3))
-    ratios = np.array([[0.1, np.nan, 0.4], [0.4, np.nan, np.nan]])
+    ratios = np.array([[0.1, np.nan, 0.4], [0.3, np.nan, np.nan]])
     unlike, silent, light = yardsticks(ratios, elements, Decimal(0))
-    assert unlike.theta == pytest.approx(0.46)
+    assert unlike.theta == pytest.approx(0.37)
     assert silent is None
     assert (light.theta, light.samples) == (pytest.approx(0.46), 1)
 
