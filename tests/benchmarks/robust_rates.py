@@ -78,6 +78,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
     parser.add_argument("--frames", type=int, default=50, help="of each scene")
+    parser.add_argument("--period", type=int, default=10, help="the first five of so many frames are attacked")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path("robust-scenes"), help="where measured scenes are kept")
     parser.add_argument("--only-synthetic", action="store_true")
@@ -86,7 +87,7 @@ def main() -> None:
     if not options.only_synthetic:
         drives(options.cameras, options.draws, options.seed)
     if options.synthetic:
-        scenes = scenes_of(options.synthetic, options.cameras, options.frames, options.seed)
+        scenes = scenes_of(options.synthetic, options.cameras, options.frames, options.seed, options.period)
         everything = [scene for of_style in scenes.values() for scene in of_style]
         rig, measured = measure_scenes(everything, options.folder, options.processes)
         streets(rig, {style: [s for one in of_style for s in measured[one]] for style, of_style in scenes.items()})

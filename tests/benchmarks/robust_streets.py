@@ -20,7 +20,7 @@ from tests.benchmarks.robust_measuring import MATCHER, Sample, cases, measured
 
 EVENLY_SPACED_M = (0.54, 0.36, 0.18, 0.0)
 
-_PERIOD = 10
+_ATTACKED_TOGETHER = 5
 _SOURCES = (
     "evidence/*.py",
     "evidence/matchers/*.py",
@@ -32,23 +32,27 @@ _SOURCES = (
 
 @dataclass(frozen=True)
 class Scene:
-    """A street, driven along by a vehicle with flaws of its own: gain, offset, rows, where the LiDAR is mounted."""
+    """A street, driven along by a vehicle with a calibration and flaws of its own.
+
+    The first five of every `period` frames are attacked by everything; see `lasting`.
+    """
 
     style: str
     number: int
     cameras: int
     frames: int
+    period: int
 
     @property
     def name(self) -> str:
         """Of its file and its recording."""
-        return f"{self.style}-{self.number}-{self.cameras}-{self.frames}"
+        return f"{self.style}-{self.number}-{self.cameras}-{self.frames}-{self.period}"
 
 
-def scenes_of(each: int, cameras: int, frames: int, seed: int) -> dict[str, list[Scene]]:
+def scenes_of(each: int, cameras: int, frames: int, seed: int, period: int) -> dict[str, list[Scene]]:
     """So many scenes of each style; no two have a street, a vehicle or an attack in common, whatever the seed."""
     return {
-        style: [Scene(style, 100_000 * seed + 1000 * place + number, cameras, frames) for number in range(each)]
+        style: [Scene(style, 100_000 * seed + 1000 * place + number, cameras, frames, period) for number in range(each)]
         for place, style in enumerate(STYLES, start=1)
     }
 
@@ -87,12 +91,12 @@ def _frame(scene: Scene, rig: Rig, bench: Bench) -> Iterator[Sample]:
     number, stamp_ns = bench.frame.number, bench.frame.stamp_ns
     yield Sample(scene.name, number, stamp_ns, "clean", (), 0, *measured(bench, {}))
     for kind, attacks in cases(rig, np.random.default_rng([scene.number, number])):
-        if number % _PERIOD < _PERIOD // 2 or lasting(kind, tuple(attacks)):
+        if number % scene.period < _ATTACKED_TOGETHER or lasting(kind, tuple(attacks)):
             yield Sample(scene.name, number, stamp_ns, kind, tuple(sorted(attacks)), 0, *measured(bench, attacks))
 
 
 def lasting(kind: str, attacked: tuple[int, ...]) -> bool:
-    """Whether every frame of a scene is attacked like this; by all others the first half of every ten frames are."""
+    """Whether every frame of a scene is attacked like this; by all others only some are."""
     return kind in ("wall 2.5 m", "strong") and len(attacked) == 1
 
 
