@@ -251,7 +251,18 @@ def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alon
 
 
 def test_what_decides_the_attacks_decides_the_id_of_a_part():
-    first = EvaluationPart("a" * 64, "a", False, "rig", Procedure("sgbm", "{}"), "combinations", 0, 1, 0, None, 1)
+    first = EvaluationPart(
+        recording_id="a" * 64,
+        name="a",
+        synthetic=False,
+        rig_id="rig",
+        procedure=Procedure("sgbm", "{}"),
+        experiment="combinations",
+        seed=0,
+        draws=1,
+        stretch=0,
+        attack_every=1,
+    )
     others = [replace(first, **one) for one in ({"attack_every": 10}, {"experiments_version": 0}, {"seed": 1})]
     assert len({part.evaluation_id for part in (first, *others)}) == 4
 

@@ -33,7 +33,8 @@ LABEL = "{kind} 0.0 {occluded} 0.0 {box} 1.5 2.0 4.0 {x} 1.6 {z} 0.0"
 
 
 def run(drive: Path, store: Path, *detectors: str, **task: object):
-    return evaluate_objects(ObjectTask(Recorded(drive), store, detectors or ("geometric",), **task), lambda *_: None)
+    asked = ObjectTask(Recorded(drive), store, detectors=detectors or ("geometric",), **task)
+    return evaluate_objects(asked, lambda *_: None)
 
 
 def content(store: Path) -> list[dict[str, object]]:

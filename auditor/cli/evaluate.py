@@ -1,5 +1,6 @@
 """`auditor evaluate`: the paper's experiments on one's own clean recordings."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from auditor.evaluation import Evaluated, Source
     from auditor.evidence.matchers import MatcherOptions
 
-Task = TypeVar("Task")
+Asked = TypeVar("Asked")
 
 _STREET_FRAMES = 50
 _FIRST_STREET = 1000
@@ -96,6 +97,7 @@ def command(
         EvaluateTask,
         Recorded,
         Street,
+        Task,
         evaluate_source,
         experiments_of,
         judge_cases,
@@ -120,19 +122,12 @@ def command(
     Store.open(store, create=True)
     network, jobs = shared(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
-    tasks = [
-        EvaluateTask(source, store, matcher, network, seed, draws, attack_every, patterns, share, shares)
-        for source in sources
-        for share in range(shares)
-    ]
-    done = _evaluate_all(evaluate_source, tasks, jobs)
+    how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
+    tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
+    measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
+    done = _evaluate_all(evaluate_source, measured, jobs)
     if detectors:
-        found_by = [
-            ObjectTask(
-                task.source, store, detectors, labels, matcher, network, seed, draws, attack_every, task.share, task.of
-            )
-            for task in tasks
-        ]
+        found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
         done &= _evaluate_all(evaluate_objects, found_by, jobs)
     kept = Store.open(store)
     if kept.ids("evaluations"):
@@ -141,7 +136,7 @@ def command(
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 
 
-def _evaluate_all(evaluate: "Callable[[Task, Progress], Evaluated]", tasks: "Sequence[Task]", jobs: int) -> bool:
+def _evaluate_all(evaluate: "Callable[[Asked, Progress], Evaluated]", tasks: "Sequence[Asked]", jobs: int) -> bool:
     """Measure all; False where something could not be."""
     from auditor.engines import run_all  # noqa: PLC0415
 

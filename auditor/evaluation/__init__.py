@@ -1,6 +1,7 @@
 """The paper's experiments on clean recordings: attacked in memory, measured into a store, answered in SQL."""
 
-from auditor.evaluation.running import Evaluated, EvaluateTask, evaluate_source, experiments_of
+from auditor.evaluation.running import EvaluateTask, evaluate_source, experiments_of
+from auditor.evaluation.runs import Evaluated, Task
 from auditor.evaluation.sources import Recorded, Source, Street
 from auditor.evaluation.verdicts import judge_cases
 
@@ -10,6 +11,7 @@ __all__ = [
     "Recorded",
     "Source",
     "Street",
+    "Task",
     "evaluate_source",
     "experiments_of",
     "judge_cases",

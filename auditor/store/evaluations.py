@@ -1,16 +1,15 @@
 """Parts of an evaluation: what was measured of attacks made in memory, one file of cases a part."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass
 from decimal import Decimal
 
-from auditor.results import EXPERIMENTS_VERSION, Counts, Procedure, VerdictKind
-from auditor.store.parts import PartWriter, finished_in
+from auditor.results import Counts, VerdictKind
+from auditor.store.parts import Part
 from auditor.store.records import content_id
 from auditor.store.store import Store
-from auditor.store.tables import write_rows, writing
+from auditor.store.tables import Row, write_rows
 
 JUDGED_R = Decimal("0.01")
 """The designated false-alarm rate that the robust method judges cases at."""
@@ -25,25 +24,17 @@ _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 
 
 @dataclass(frozen=True)
-class EvaluationPart:
-    """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn.
+class EvaluationPart(Part):
+    """One of the paper's experiments, or of those beyond it.
 
-    `inputs` tells apart the files that its attacks were made from, where there are any. Each `attack_every`-th frame
-    was attacked; None where none was.
+    `inputs` tells apart the files that its attacks were made from, where there are any.
     """
 
-    recording_id: str
-    name: str
-    synthetic: bool
-    rig_id: str
-    procedure: Procedure
-    experiment: str
-    seed: int | None
-    draws: int | None
-    stretch: int
+    manifest = "evaluations"
+    table = "cases"
+
+    _: KW_ONLY
     inputs: str | None = None
-    attack_every: int | None = None
-    experiments_version: int = EXPERIMENTS_VERSION
 
     @property
     def evaluation_id(self) -> str:
@@ -72,33 +63,15 @@ class MeasuredCase:
     counts: Sequence[Counts | None]
     ratios: Sequence[float | None]
 
-
-class CasesWriter(PartWriter):
-    """Takes the cases of one part."""
-
-    def add(self, case: MeasuredCase) -> None:
-        """Take one case."""
-        self.take(
-            {
-                **vars(case),
-                "attacked": list(case.attacked),
-                "ratios": list(case.ratios),
-                "parameters": json.dumps(case.parameters, sort_keys=True),
-                **{name: [c and getattr(c, name) for c in case.counts] for name in _PIXELS},
-            }
-        )
-
-
-@contextmanager
-def cases_writer(store: Store, part: EvaluationPart) -> Iterator[CasesWriter]:
-    """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
-    with writing("cases", store.path("cases", part.evaluation_id)) as table:
-        yield CasesWriter(part, store, table, "evaluations")
-
-
-def finished_part(store: Store, part: EvaluationPart) -> bool | None:
-    """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
-    return finished_in(store, "evaluations", part)
+    def row(self) -> Row:
+        """Its columns."""
+        return {
+            **vars(self),
+            "attacked": list(self.attacked),
+            "ratios": list(self.ratios),
+            "parameters": json.dumps(self.parameters, sort_keys=True),
+            **{name: [c and getattr(c, name) for c in self.counts] for name in _PIXELS},
+        }
 
 
 @dataclass(frozen=True)

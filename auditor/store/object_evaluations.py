@@ -1,38 +1,27 @@
 """Parts of the object-level baseline: how well sensors agreed on objects, one file of cases a part."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass
 
-from auditor.results import EXPERIMENTS_VERSION, Procedure
-from auditor.store.parts import PartWriter, finished_in
+from auditor.store.parts import Part
 from auditor.store.records import content_id
-from auditor.store.store import Store
-from auditor.store.tables import writing
+from auditor.store.tables import Row
 
 
 @dataclass(frozen=True)
-class ObjectPart:
-    """One experiment on one stretch of a recording; `seed` and `draws` are None where nothing is drawn.
+class ObjectPart(Part):
+    """One of the experiments that the baseline is compared in.
 
-    `labels` is the hash of the files of labels, None without any. Each `attack_every`-th frame was attacked; None where
-    none was.
+    `labels` is the hash of the files of labels, None without any.
     """
 
-    recording_id: str
-    name: str
-    synthetic: bool
-    rig_id: str
-    procedure: Procedure
+    manifest = "object_evaluations"
+    table = "object_cases"
+
+    _: KW_ONLY
     detector: str
     detector_settings: str
-    experiment: str
-    seed: int | None
-    draws: int | None
     labels: str | None
-    stretch: int
-    attack_every: int | None = None
-    experiments_version: int = EXPERIMENTS_VERSION
 
     @property
     def evaluation_id(self) -> str:
@@ -59,22 +48,6 @@ class ObjectCase:
     best_iou: Sequence[Sequence[float] | None]
     scored: Sequence[Mapping[str, object]]
 
-
-class ObjectCasesWriter(PartWriter):
-    """Takes the cases of one part."""
-
-    def add(self, case: ObjectCase) -> None:
-        """Take one case."""
-        self.take({**vars(case), "attacked": list(case.attacked)})
-
-
-@contextmanager
-def object_cases_writer(store: Store, part: ObjectPart) -> Iterator[ObjectCasesWriter]:
-    """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
-    with writing("object_cases", store.path("object_cases", part.evaluation_id)) as table:
-        yield ObjectCasesWriter(part, store, table, "object_evaluations")
-
-
-def finished_object_part(store: Store, part: ObjectPart) -> bool | None:
-    """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
-    return finished_in(store, "object_evaluations", part)
+    def row(self) -> Row:
+        """Its columns."""
+        return {**vars(self), "attacked": list(self.attacked)}

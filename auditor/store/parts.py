@@ -1,39 +1,67 @@
 """Parts of an evaluation on their way into the store: one file of cases a part, finished by a row of its own."""
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, asdict, dataclass
 from datetime import datetime
-from typing import Protocol
+from typing import ClassVar, Protocol
 
-from auditor.results import Procedure
+from auditor.results import EXPERIMENTS_VERSION, Procedure
 from auditor.store.records import to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
-from auditor.store.tables import Row, TableWriter, read_rows, write_rows
+from auditor.store.tables import Row, TableWriter, read_rows, write_rows, writing
 
 
-class Part(Protocol):
-    """One experiment on one stretch of a recording, a dataclass of the columns of its manifest."""
+@dataclass(frozen=True)
+class Part(ABC):
+    """One experiment on one stretch of a recording: the columns of its row of the table `manifest`.
+
+    Its cases are rows of the table `table`. `seed` and `draws` are None where nothing is drawn; each `attack_every`-th
+    frame was attacked, None where none was.
+    """
+
+    manifest: ClassVar[str]
+    table: ClassVar[str]
+
+    _: KW_ONLY
+    recording_id: str
+    name: str
+    synthetic: bool
+    rig_id: str
+    procedure: Procedure
+    experiment: str
+    seed: int | None
+    draws: int | None
+    stretch: int
+    attack_every: int | None = None
+    experiments_version: int = EXPERIMENTS_VERSION
 
     @property
-    def procedure(self) -> Procedure: ...  # noqa: D102 - how it was measured
-    @property
-    def evaluation_id(self) -> str: ...  # noqa: D102 - follows from all that decides what is measured
+    @abstractmethod
+    def evaluation_id(self) -> str:
+        """The id that follows from what decides everything that is measured for the part."""
+
+
+class Case(Protocol):
+    """What was measured under one set of attacks."""
+
+    def row(self) -> Row: ...  # noqa: D102 - its columns, but for the part's id
 
 
 class PartWriter:
-    """Takes the rows of one part, and makes them finished with `commit`: by a row of the table `manifest`."""
+    """Takes the cases of one part, and makes them finished with `commit`."""
 
-    def __init__(self, part: Part, store: Store, table: TableWriter, manifest: str) -> None:
+    def __init__(self, part: Part, store: Store, table: TableWriter) -> None:
         self._part = part
-        self._path = store.path(manifest, part.evaluation_id)
+        self._store = store
         self._table = table
-        self._manifest = manifest
         self._cases = 0
 
-    def take(self, row: Row) -> None:
-        """Take the row of one case."""
-        self._table.add({**row, "evaluation_id": self._part.evaluation_id})
+    def add(self, case: Case) -> None:
+        """Take one case."""
+        self._table.add({**case.row(), "evaluation_id": self._part.evaluation_id})
         self._cases += 1
 
     def commit(
@@ -62,10 +90,17 @@ class PartWriter:
             "evaluated_at": to_utc(evaluated_at),
             "schema_version": SCHEMA_VERSION,
         }
-        write_rows(self._manifest, self._path, [row])
+        write_rows(part.manifest, self._store.path(part.manifest, part.evaluation_id), [row])
 
 
-def finished_in(store: Store, manifest: str, part: Part) -> bool | None:
+@contextmanager
+def part_writer(store: Store, part: Part) -> Iterator[PartWriter]:
+    """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
+    with writing(part.table, store.path(part.table, part.evaluation_id)) as table:
+        yield PartWriter(part, store, table)
+
+
+def finished_part(store: Store, part: Part) -> bool | None:
     """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
-    path = store.path(manifest, part.evaluation_id)
-    return bool(read_rows(manifest, path)[0]["last"]) if path.is_file() else None
+    path = store.path(part.manifest, part.evaluation_id)
+    return bool(read_rows(part.manifest, path)[0]["last"]) if path.is_file() else None

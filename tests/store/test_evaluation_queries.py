@@ -15,7 +15,8 @@ from auditor.identification.codewords import disagreements
 from auditor.identification.thresholds import resolvable, threshold
 from auditor.results import Counts, Statistic
 from auditor.rig import Triple
-from auditor.store.evaluations import EvaluationPart, MeasuredCase, cases_writer, finished_part
+from auditor.store.evaluations import EvaluationPart, MeasuredCase
+from auditor.store.parts import finished_part, part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
 
@@ -29,12 +30,20 @@ FRAMES = {"a": 17, "b": 9}
 def part(recording, experiment, stretch=0, *, synthetic=False):
     drawn = 3 if experiment != "clean" else None
     return EvaluationPart(
-        recording * 64, f"{recording}.mcap", synthetic, RIG.rig_id, PROCEDURE, experiment, drawn, drawn, stretch
+        recording_id=recording * 64,
+        name=f"{recording}.mcap",
+        synthetic=synthetic,
+        rig_id=RIG.rig_id,
+        procedure=PROCEDURE,
+        experiment=experiment,
+        seed=drawn,
+        draws=drawn,
+        stretch=stretch,
     )
 
 
 def write(store, which, cases, *, last=True):
-    with cases_writer(store, which) as writer:
+    with part_writer(store, which) as writer:
         for case in cases:
             writer.add(case)
         writer.commit(
@@ -369,7 +378,7 @@ def test_a_part_is_finished_only_once_its_row_is_there(tmp_path):
     store = new_store(tmp_path)
     store.write_rig(RIG)
     which = part("a", "clean")
-    with cases_writer(store, which) as writer:
+    with part_writer(store, which) as writer:
         writer.add(case_of(np.random.default_rng(1), 0, ()))
     assert finished_part(store, which) is None
     write(store, which, [], last=False)

@@ -17,7 +17,8 @@ from auditor.store.evaluation_loading import _how_seldom, load_evaluation
 from auditor.store.evaluation_page import Grid, Rate
 from auditor.store.evaluation_plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
 from auditor.store.evaluation_report import percent, render_evaluation, render_evaluation_report
-from auditor.store.evaluations import EvaluationPart, MeasuredCase, cases_writer
+from auditor.store.evaluations import EvaluationPart, MeasuredCase
+from auditor.store.parts import part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
 from tests.store.test_report import HOSTILE, Page
@@ -33,9 +34,17 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
         for experiment in experiments:
             draws = 1 if experiment.drawn else None
             part = EvaluationPart(
-                f"{number}" * 64, name, False, rig.rig_id, PROCEDURE, experiment.name, draws, draws, 0
+                recording_id=f"{number}" * 64,
+                name=name,
+                synthetic=False,
+                rig_id=rig.rig_id,
+                procedure=PROCEDURE,
+                experiment=experiment.name,
+                seed=draws,
+                draws=draws,
+                stretch=0,
             )
-            with cases_writer(store, part) as writer:
+            with part_writer(store, part) as writer:
                 for frame in range(frames):
                     for case in experiment.cases(rig, Dice(0, number, frame, 0), ()):
                         writer.add(measured(rig, frame, case, rng, seen))

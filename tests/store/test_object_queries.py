@@ -12,7 +12,8 @@ import pytest
 
 from auditor.identification.thresholds import resolvable, threshold
 from auditor.rig import Triple
-from auditor.store.object_evaluations import ObjectCase, ObjectPart, finished_object_part, object_cases_writer
+from auditor.store.object_evaluations import ObjectCase, ObjectPart
+from auditor.store.parts import finished_part, part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
 
@@ -27,15 +28,24 @@ DETECTORS = {"geometric": "{}", "yolo.onnx + geometric": '{"camera": 1}'}
 
 def part(recording, experiment, detector="geometric", stretch=0):
     drawn = 3 if experiment != "clean" else None
-    settings = DETECTORS[detector]
     return ObjectPart(
-        recording * 64, f"{recording}.mcap", False, RIG.rig_id, PROCEDURE, detector, settings, experiment, drawn, drawn,
-        None, stretch,
-    )  # fmt: skip
+        recording_id=recording * 64,
+        name=f"{recording}.mcap",
+        synthetic=False,
+        rig_id=RIG.rig_id,
+        procedure=PROCEDURE,
+        experiment=experiment,
+        seed=drawn,
+        draws=drawn,
+        stretch=stretch,
+        detector=detector,
+        detector_settings=DETECTORS[detector],
+        labels=None,
+    )
 
 
 def write(store, which, cases):
-    with object_cases_writer(store, which) as writer:
+    with part_writer(store, which) as writer:
         for case in cases:
             writer.add(case)
         writer.commit(
@@ -199,9 +209,9 @@ def test_a_detector_that_finds_everything_and_nothing_else_has_an_average_precis
 def test_a_part_is_finished_with_its_last_row_only(tmp_path):
     store = new_store(tmp_path)
     which = part("a", "clean")
-    with object_cases_writer(store, which):
+    with part_writer(store, which):
         pass
-    assert finished_object_part(store, which) is None
+    assert finished_part(store, which) is None
     write(store, which, [])
-    assert finished_object_part(store, which) is True
+    assert finished_part(store, which) is True
     assert part("a", "clean", "yolo.onnx + geometric").evaluation_id != which.evaluation_id

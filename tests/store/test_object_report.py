@@ -23,8 +23,21 @@ FRAMES = 12
 
 def add_objects(store, detector, settings, experiment, cases):
     drawn = None if experiment == "clean" else 1
-    name = "0" * 64, "a.mcap", False, RIG.rig_id, PROCEDURE
-    write(store, ObjectPart(*name, detector, settings, experiment, drawn, drawn, None, 0), cases)
+    part = ObjectPart(
+        recording_id="0" * 64,
+        name="a.mcap",
+        synthetic=False,
+        rig_id=RIG.rig_id,
+        procedure=PROCEDURE,
+        experiment=experiment,
+        seed=drawn,
+        draws=drawn,
+        stretch=0,
+        detector=detector,
+        detector_settings=settings,
+        labels=None,
+    )
+    write(store, part, cases)
 
 
 @pytest.fixture(scope="module")

@@ -1,57 +1,37 @@
 """The object-level baseline on one recording: its frames times the cases that compare with the method's."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass
 from pathlib import Path
-from time import perf_counter
 
 from auditor.errors import SettingError
 from auditor.evaluation.bench import Bench
-from auditor.evaluation.experiments import EXPERIMENTS, Case, Dice, Experiment
+from auditor.evaluation.experiments import EXPERIMENTS, Case, Experiment
 from auditor.evaluation.objects.scoring import Scored, score_in_image, score_on_ground
 from auditor.evaluation.objects.seeing import ObjectBench, in_view, scenarios
-from auditor.evaluation.running import Evaluated, versions_of
-from auditor.evaluation.sources import CleanDrive, Source
-from auditor.evaluation.stretches import Stretches, all_finished
+from auditor.evaluation.runs import Evaluated, Progress, Run, Task
+from auditor.evaluation.sources import CleanDrive
 from auditor.evidence import use_one_thread
 from auditor.evidence.detectors import Detectors, find_detectors
-from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
-from auditor.frames import Frame, Skipped
+from auditor.evidence.matchers import Matcher, find_matcher
 from auditor.recordings.object_labels import LabelledDrive, ObjectLabel, read_object_labels
-from auditor.results import Procedure
 from auditor.rig import LIDAR, Rig, Triple
 from auditor.store import Store
-from auditor.store.object_evaluations import (
-    ObjectCase,
-    ObjectCasesWriter,
-    ObjectPart,
-    finished_object_part,
-    object_cases_writer,
-)
+from auditor.store.object_evaluations import ObjectCase, ObjectPart
 
 _SENSITIVITY = "sensitivity"
 
 
 @dataclass(frozen=True)
-class ObjectTask:
-    """A share of one source's stretches, as in `EvaluateTask`; `detectors` are names, `labels` a folder of KITTI's."""
+class ObjectTask(Task):
+    """Compare objects; `detectors` are names, `labels` a folder of KITTI's."""
 
-    source: Source
-    store: Path
+    _: KW_ONLY
     detectors: tuple[str, ...]
     labels: Path | None = None
-    matcher: str = "sgbm"
-    network: MatcherOptions = NO_NETWORK
-    seed: int = 0
-    draws: int = 1
-    attack_every: int = 1
-    share: int = 0
-    of: int = 1
 
     def __str__(self) -> str:
-        return f"{self.source}, objects" + (f" ({self.share + 1}/{self.of})" if self.of > 1 else "")
+        return f"{super().__str__()}, objects"
 
 
 def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
@@ -63,7 +43,7 @@ def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
         )
 
 
-def evaluate_objects(task: ObjectTask, progress: Callable[[str, int], None]) -> Evaluated:
+def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
     """Compare the sensors' objects in every case; what is finished already is not looked at again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
@@ -73,118 +53,48 @@ def evaluate_objects(task: ObjectTask, progress: Callable[[str, int], None]) -> 
     store = Store.open(task.store, create=True)
     with task.source.open(colour=matcher.colour or detectors.camera is not None) as drive:
         labels = read_object_labels(task.labels, drive.name) if task.labels else None
-        run = _Run(task, drive, matcher, detectors, labels, store)
-        if run.finished():
-            return Evaluated(0, 0)
-        store.write_rig(drive.rig)
-        stretches = Stretches(drive.frames)
-        for stretch, frames in stretches:
-            if stretch % task.of == task.share:
-                run.compare(stretch, frames, stretches, progress)
-        return Evaluated(run.frames, run.cases)
+        return _Run(task, drive, matcher, store, detectors, labels).go(progress)
 
 
-class _Run:
+class _Run(Run):
     def __init__(
         self,
         task: ObjectTask,
         drive: CleanDrive,
         matcher: Matcher,
+        store: Store,
         detectors: Detectors,
         labels: LabelledDrive | None,
-        store: Store,
     ) -> None:
-        self._task = task
-        self._drive = drive
-        self._matcher = matcher
+        known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
+        experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
+        super().__init__(task, drive, matcher, store, experiments)
         self._detectors = detectors
         self._labels = labels
-        self._store = store
-        known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
-        self._experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
-        self.frames = 0
-        self.cases = 0
-
-    def finished(self) -> bool:
-        """True where every stretch of this share is there, and the last one is known."""
-        return all_finished(
-            lambda stretch: [finished_object_part(self._store, self.part(one, stretch)) for one in self._experiments],
-            share=self._task.share,
-            of=self._task.of,
-        )
 
     def part(self, experiment: Experiment, stretch: int) -> ObjectPart:
         return ObjectPart(
-            recording_id=self._drive.recording_id,
-            name=self._drive.name,
-            synthetic=self._drive.synthetic,
-            rig_id=self._drive.rig.rig_id,
-            procedure=Procedure(self._matcher.name, self._matcher.settings),
+            **self.shared_columns(experiment, stretch),
             detector=self._detectors.name,
             detector_settings=self._detectors.settings,
-            experiment=experiment.name,
-            seed=self._task.seed if experiment.drawn else None,
-            draws=self._task.draws if experiment.drawn else None,
             labels=self._labels.content if self._labels else None,
-            stretch=stretch,
-            attack_every=self._task.attack_every if experiment.attacks else None,
         )
 
-    def compare(
-        self,
-        stretch: int,
-        frames: Iterator[Frame | Skipped],
-        stretches: Stretches,
-        progress: Callable[[str, int], None],
-    ) -> None:
-        todo = [e for e in self._experiments if finished_object_part(self._store, self.part(e, stretch)) is None]
-        if not todo:
-            return
-        with ExitStack() as stack:
-            writers = [stack.enter_context(object_cases_writer(self._store, self.part(e, stretch))) for e in todo]
-            seconds, counts = [0.0] * len(todo), [0] * len(todo)
-            skipped = 0
-            for frame in frames:
-                if isinstance(frame, Skipped):
-                    skipped += 1
-                    continue
-                bench = Bench(frame, self._drive.rig, self._matcher)
-                for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
-                    if not experiment.takes(frame.number, self._task.attack_every):
-                        continue
-                    started = perf_counter()
-                    self._compare_frame(bench, experiment, writer)
-                    seconds[at] += perf_counter() - started
-                    counts[at] += 1
-                self.frames += 1
-                progress(self._drive.name, self.frames)
-            for writer, count, spent in zip(writers, counts, seconds, strict=True):
-                writer.commit(
-                    frames=count,
-                    skipped=skipped,
-                    last=stretches.ended,
-                    seconds=spent,
-                    versions=versions_of(self._matcher) | dict(self._detectors.libraries),
-                    evaluated_at=datetime.now(UTC),
-                )
+    def versions(self) -> Mapping[str, str]:
+        return {**super().versions(), **self._detectors.libraries}
 
-    def _compare_frame(self, bench: Bench, experiment: Experiment, writer: ObjectCasesWriter) -> None:
+    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
         frame, objects = bench.frame, ObjectBench(bench, self._detectors)
-        for draw in range(self._task.draws if experiment.drawn else 1):
-            dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), frame.number, draw)
-            cases = [case for case in experiment.cases(bench.rig, dice, ()) if set(case.attacked) <= set(bench.sensors)]
-            if self._detectors.camera is None and experiment.name != _SENSITIVITY:
-                compared = (case.attacks for case in cases if self._triples(bench, case, experiment))
-                bench.match_together(compared, scenarios(bench.rig))
-            for case in cases:
-                overlaps = self._overlaps(objects, bench, case, experiment)
-                scored = self._scored(objects, bench, case)
-                if scored or any(one is not None for one in overlaps):
-                    rows = [asdict(one) for one in scored]
-                    varied = case.strength, case.size, case.visible_share
-                    writer.add(ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows))
-                    self.cases += 1
-            bench.forget_attacks()
+        if self._detectors.camera is None and experiment.name != _SENSITIVITY:
+            compared = (case.attacks for case in cases if self._triples(bench, case, experiment))
+            bench.match_together(compared, scenarios(bench.rig))
+        for case in cases:
+            overlaps = self._overlaps(objects, bench, case, experiment)
+            scored = self._scored(objects, bench, case)
+            if scored or any(one is not None for one in overlaps):
+                rows = [asdict(one) for one in scored]
+                varied = case.strength, case.size, case.visible_share
+                yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows)
 
     def _overlaps(
         self, objects: ObjectBench, bench: Bench, case: Case, experiment: Experiment
