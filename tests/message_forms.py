@@ -179,11 +179,16 @@ def ros(
         maker = MessageMaker("ros1" if encoding == "ros1" else "cdr")
         images = {(rig.topic(n), i.stamp_ns): i.pixels for f in frames for n, i in f.images.items()}
         clouds = {f.cloud.stamp_ns: f.cloud.xyz_m for f in frames if f.cloud}
+        tracks = _tracks(rig, frames) if picture and picture[0] == "h264" else {}
         with mcap_file(folder / "a.mcap", profile="ros1" if encoding == "ros1" else "ros2", compression="zstd") as file:
             for topic, schema, stamp_ns, data in frames_writer._messages(maker, rig, frames, "raw"):
                 frame_id = topic.strip("/")
                 if schema == schemas.IMAGE and (raw or picture):
                     frame_id = rig.camera(int(topic[-1])).name
+                if tracks and schema == schemas.IMAGE:
+                    schema = schemas.COMPRESSED_IMAGE  # noqa: PLW2901
+                    data = maker.compressed_image(next(tracks[topic]), "h264", stamp_ns, frame_id)  # noqa: PLW2901
+                elif schema == schemas.IMAGE and (raw or picture):
                     schema, data = _ros_image(maker, images[topic, stamp_ns], stamp_ns, frame_id, raw, picture)  # noqa: PLW2901
                 elif schema == schemas.POINT_CLOUD and layout:
                     data = _ros_cloud(maker, packed(clouds[stamp_ns], layout), stamp_ns, layout)  # noqa: PLW2901
@@ -269,8 +274,13 @@ def as_raw(raw: Raw) -> Callable[[Rig, list[Frame], Iterator[Said]], Iterator[Sa
     return change
 
 
+def _tracks(rig: Rig, frames: list[Frame]) -> dict[str, Iterator[bytes]]:
+    """By topic the packets of a camera's video."""
+    return {rig.topic(n): iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, rig.n + 1)}
+
+
 def as_video(rig: Rig, frames: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
-    tracks = {rig.topic(n): iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, rig.n + 1)}
+    tracks = _tracks(rig, frames)
     for one in messages:
         if one.schema == "foxglove.RawImage":
             head = {name: one.fields[name] for name in ("timestamp", "frame_id")}
@@ -341,6 +351,8 @@ FORMS = (
         ros(picture=("jpeg", "bgr8; jpeg compressed bgr8")),
         lossless=False,
     ),
+    MessageForm("ROS 2 CompressedImage h264", ros(picture=("h264", "h264")), lossless=False),
+    MessageForm("ROS 1 CompressedImage h264", ros("ros1", picture=("h264", "h264")), lossless=False),
     MessageForm("ROS 1 Image rgb8", ros("ros1", raw=RAW[3])),
     MessageForm("ROS 1 CompressedImage png", ros("ros1", picture=("png", "png"))),
     MessageForm("ROS 1 CompressedImage jpeg", ros("ros1", picture=("jpeg", "jpeg")), lossless=False),

@@ -228,9 +228,17 @@ def test_a_png_that_declares_a_huge_picture_is_refused_unread() -> None:
         pixels(picture_message(bytes(picture)), size_px=None)
 
 
-def test_video_frames_inside_a_compressed_image_are_not_understood() -> None:
-    with pytest.raises(DecodingError, match="neither PNG nor JPEG"):
+def test_a_broken_video_inside_a_compressed_image_is_refused() -> None:
+    with pytest.raises(DecodingError, match="video"):
         pixels(picture_message(b"\0\0\0\1\x67" + bytes(100), "h264"))
+
+
+def test_a_video_that_follows_a_picture_of_its_topic_is_refused() -> None:
+    decoder = Decoders(lambda _: None).image(schemas.COMPRESSED_IMAGE, "cdr")
+    assert decoder is not None
+    decoder.pixels(picture_message(encode_picture(GREY, "png")), colour=False)
+    with pytest.raises(DecodingError, match="neither PNG nor JPEG"):
+        decoder.pixels(picture_message(b"\0\0\0\1\x67" + bytes(100), "h264"), colour=False)
 
 
 def test_a_type_that_is_defined_otherwise_than_known_is_refused() -> None:

@@ -8,6 +8,7 @@ from auditor.recordings import schemas
 from auditor.recordings.decoding import foxglove, kitti
 from auditor.recordings.decoding.clouds import PointCloudDecoder
 from auditor.recordings.decoding.foxglove_layouts import COMPRESSED_VIDEO
+from auditor.recordings.decoding.foxglove_video import CompressedVideoDecoder
 from auditor.recordings.decoding.geometry import RosCameraInfoDecoder, RosTransformsDecoder
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.interface import (
@@ -22,7 +23,6 @@ from auditor.recordings.decoding.interface import (
     TransformsDecoder,
 )
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.decoding.video import CompressedVideoDecoder
 from auditor.recordings.interface import Definition
 
 __all__ = [

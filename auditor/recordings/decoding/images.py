@@ -1,5 +1,6 @@
 """sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
+from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import cv2
@@ -11,6 +12,7 @@ from auditor.frames import Message
 from auditor.recordings.decoding.interface import Header, SizePx
 from auditor.recordings.decoding.pictures import check_size, decode_picture, look_at_picture
 from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.decoding.video import Videos, is_h264
 
 
 class Encoding(NamedTuple):
@@ -140,25 +142,45 @@ def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> 
 
 
 class CompressedImageDecoder:
-    """sensor_msgs/CompressedImage with a PNG or JPEG inside, told by its first bytes: `format` is free text."""
+    """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, told by its first bytes: `format` is free text.
+
+    What a topic's first message holds, all of it holds.
+    """
 
     kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
         self._types = types
+        self._videos = Videos(lambda message: bytes(self.picture(message)))
+        self._is_video: dict[str, bool] = {}
 
     def header(self, message: Message) -> Header:
         """The header alone."""
         return read_header(message)
 
+    def follow(self, message: Message) -> None:
+        """Note a message, in the order of the recording."""
+        with suppress(DecodingError):  # what cannot be read is told when its pixels are asked for
+            if self._of_video(message):
+                self._videos.follow(message)
+
     def size_px(self, message: Message) -> SizePx:
         """What the picture's own header declares."""
+        if self._of_video(message):
+            return self._videos.size_px(message)
         return look_at_picture(self.picture(message)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
+        if self._of_video(message):
+            return self._videos.pixels(message, colour=colour, size_px=size_px)
         return decode_picture(self.picture(message), colour=colour, size_px=size_px)
 
     def picture(self, message: Message) -> memoryview:
         """The picture file inside the message."""
         return memoryview(self._types.decode(message).data)
+
+    def _of_video(self, message: Message) -> bool:
+        if message.topic not in self._is_video:
+            self._is_video[message.topic] = is_h264(self.picture(message))
+        return self._is_video[message.topic]

@@ -1,28 +1,26 @@
-"""foxglove.CompressedVideo with H.264 inside, decoded by FFmpeg through the package `av` (the extra `video`).
+"""Messages of H.264, decoded by FFmpeg through the package `av` (the extra `video`).
 
 A picture of a video is told by the differences to those before it: every message of a topic is noted as it is read
-(`follow`), and decoded in that order once one of them is asked for. Foxglove has each message hold one picture, none
-that waits for a later one, and its parameters with every key picture.
+(`follow`), and decoded in that order once one of them is asked for. Each message must hold one picture, none that waits
+for a later one, and parameters with every key picture, as Foxglove wants it.
 """
 
 from collections import deque
-from typing import Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.frames import Message
-from auditor.recordings.decoding.foxglove import FoxgloveMessages
 from auditor.recordings.decoding.h264 import Parameters, has_key_picture, parameter_sets, picture_number
-from auditor.recordings.decoding.interface import Header, SizePx
+from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import check_size
-from auditor.recordings.decoding.ros import RosTypes
 
 MAX_PENDING_BYTES = 32 * 2**20
 MAX_PENDING = 600
 _KEPT = 4
-_FORMAT = "h264"
 
 
 class _Track:
@@ -37,18 +35,20 @@ class _Track:
         self.done: deque[tuple[Message, Any]] = deque(maxlen=_KEPT)
 
 
-class CompressedVideoDecoder:
-    """foxglove.CompressedVideo; from a lost or damaged message to the next key picture all is damaged."""
+def is_h264(data: memoryview) -> bool:
+    """Whether bytes begin as a stream of H.264 does (ITU-T H.264, Annex B): with a start code."""
+    return bytes(data[:3]) == b"\0\0\1" or bytes(data[:4]) == b"\0\0\0\1"
 
-    kind: ClassVar[Literal["image"]] = "image"
 
-    def __init__(self, types: RosTypes) -> None:
-        self._messages = FoxgloveMessages(types)
+class Videos:
+    """The videos of a recording's topics; from a lost or damaged message to the next key picture all is damaged.
+
+    `data_of` gives the bytes inside a message, or raises DecodingError.
+    """
+
+    def __init__(self, data_of: Callable[[Message], bytes]) -> None:
+        self._data = data_of
         self._tracks: dict[str, _Track] = {}
-
-    def header(self, message: Message) -> Header:
-        """The header alone."""
-        return self._messages.header(message)
 
     def size_px(self, message: Message) -> SizePx:
         """What a key picture's parameters declare; other messages have none: DecodingError."""
@@ -107,12 +107,6 @@ class CompressedVideoDecoder:
             track.codec = None
             return "the video picture is damaged"
         return pictures[0]
-
-    def _data(self, message: Message) -> bytes:
-        values = self._messages.decode(message)
-        if values["format"] != _FORMAT:
-            raise DecodingError(f"the video format {values['format'][:20]!r} is not understood", where=message.topic)
-        return bytes(values["data"])
 
 
 def _follows(track: _Track, data: bytes) -> bool:
