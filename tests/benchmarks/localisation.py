@@ -151,24 +151,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--synthetic", type=int, default=0, metavar="SCENES", help="scenes of each style")
+    parser.add_argument("--first", type=int, default=0, help="number of each style's first scene")
+    parser.add_argument("--streets-only", action="store_true")
     options = parser.parse_args()
     use_one_thread()
-    rig, stream = frames("0001")
-    clean = [ratios_of(frame, rig)[0] for frame in stream]
-    rig, stream = frames("0009")
-    kept = [frame for frame in stream if frame.number % options.every == 0]
-    report("drive 0009, thresholds of 0001", rig, [(clean, list(measured(kept, rig, 0)))])
+    if not options.streets_only:
+        rig, stream = frames("0001")
+        clean = [ratios_of(frame, rig)[0] for frame in stream]
+        rig, stream = frames("0009")
+        kept = [frame for frame in stream if frame.number % options.every == 0]
+        report("drive 0009, thresholds of 0001", rig, [(clean, list(measured(kept, rig, 0)))])
     if options.synthetic:
-        quiet: dict[str, list[tuple[float, ...]]] = defaultdict(list)
-        told: dict[str, list[Found]] = defaultdict(list)
-        for s, style in enumerate(STYLES):
-            for scene in range(options.synthetic):
-                drive = make_drive(1000 * (s + 1) + scene, FRAMES_A_SCENE, style=style, vehicle=1000 * (s + 1) + scene)
-                for frame in drive.frames():
-                    quiet[style].append(ratios_of(frame, drive.rig)[0])
-                    told[style].extend(measured([frame], drive.rig, scene))
-        parts = [([r for other in STYLES if other != style for r in quiet[other]], told[style]) for style in STYLES]
-        report("synthetic streets, thresholds of the other styles", drive.rig, parts)
+        streets(range(options.first, options.first + options.synthetic))
+
+
+def streets(scenes: range) -> None:
+    """These scenes of each style, each style judged by the others' thresholds."""
+    quiet: dict[str, list[tuple[float, ...]]] = defaultdict(list)
+    told: dict[str, list[Found]] = defaultdict(list)
+    for s, style in enumerate(STYLES):
+        for scene in scenes:
+            number = 1000 * (s + 1) + scene
+            drive = make_drive(number, FRAMES_A_SCENE, style=style, vehicle=number)
+            for frame in drive.frames():
+                quiet[style].append(ratios_of(frame, drive.rig)[0])
+                told[style].extend(measured([frame], drive.rig, scene))
+    parts = [([r for other in STYLES if other != style for r in quiet[other]], told[style]) for style in STYLES]
+    report("synthetic streets, thresholds of the other styles", drive.rig, parts)
 
 
 if __name__ == "__main__":
