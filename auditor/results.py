@@ -151,6 +151,7 @@ class Cause(StrEnum):
 
     FROZEN: the same data again and again. LATE: a frame behind the others. DISPLACED: turned since it was calibrated.
     SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
+    RAIN: the LiDAR sees drops all around.
     """
 
     FROZEN = "frozen"
@@ -159,6 +160,7 @@ class Cause(StrEnum):
     SOILED = "soiled"
     DARK = "dark"
     GLARE = "glare"
+    RAIN = "rain"
 
 
 CauseIn = tuple[Cause, int | None]
