@@ -29,8 +29,8 @@ _MOSTLY = 0.5
 
 _LEAST_TOLD = 0.2  # of a margin of -1.8
 
-_RAIN_RAISES = 0.5
-"""What rain can raise by itself, in margins, however hard it rains: drops lie apart, and a wall does not."""
+_RAIN_RAISES = 0.0
+"""The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
 
 
 def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yardstick]) -> list[tuple[Suspicion, ...]]:
@@ -71,7 +71,7 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
 
 
 def _margin(suspicion: Suspicion) -> float:
-    """The margin that a cause's score was made of; rain's is never larger than what it can raise."""
+    """The margin that a cause's score was made of; rain's is not larger than what it can raise."""
     margin = (suspicion.score / ENOUGH - 1) * HIGHEST_MARGIN
     return min(margin, _RAIN_RAISES) if suspicion.cause is Cause.RAIN else margin
 

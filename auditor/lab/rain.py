@@ -48,7 +48,7 @@ class Rain(Described):
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud in the rain, its points in their order. Raises SettingError for a rig without a LiDAR."""
         if rig.lidar is None:
-            raise SettingError("rain is seen by a LiDAR, and the rig has none", where="S_0")
+            raise SettingError("rain needs a LiDAR, and the rig has none", where="S_0")
         if self.rate_mm_h <= 0:
             return cloud
         rng = np.random.default_rng([self.seed, cloud.stamp_ns])
