@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
-from auditor.rig import Camera
 from auditor.symptoms import Specks
 
-_CELL = 0.022  # of the focal length: 1.3 degrees, three beams of 64
+_CELL = 0.011  # of the focal length: 0.6 degrees, one or two beams of 64
 _RANGE_STEP = 0.08  # of the natural logarithm of the range
 _RANGES_M = (1.0, 100.0)
 _MOST_TOGETHER = 2
@@ -24,14 +23,13 @@ Mask = NDArray[np.bool_]
 Counts = NDArray[np.intp]
 
 
-def specks(view: LidarView, camera: Camera) -> Specks:
-    """How many of the points in a camera's view stand alone, near the LiDAR and beyond; NaN where it has under 200."""
+def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
+    """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
     if view.row.size < _FEWEST:
         return Specks()
-    alone = isolated(view, camera.focal_px)
     distance = np.linalg.norm(view.point_m, axis=1)
     near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
-    part = view.column * _ACROSS // camera.width_px + _ACROSS * (view.row > np.median(view.row))
+    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
     return Specks(float(np.quantile(shares, _SPREAD_QUANTILE)), float(np.mean(beyond)))

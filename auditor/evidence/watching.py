@@ -29,7 +29,7 @@ class Watch:
     def observe(self, evidence: Evidence) -> dict[Pair, PairSymptoms]:
         """The symptoms of the next frame by matched pair (i, k)."""
         halves, maps, views = evidence.views, evidence.maps, evidence.lidar
-        likenesses, rig = evidence.testimony.likenesses, evidence.rig
+        likenesses, rig, isolated = evidence.testimony.likenesses, evidence.rig, evidence.testimony.alone
         points = {k: corners(halves[k]) for k in dict.fromkeys(k for _, k in maps)}
         rows = register(points, halves, self._halves, {(i, k): _at(maps[i, k], points[k]) for i, k in maps})
         smooth = {camera: smoothed(half) for camera, half in halves.items()}
@@ -40,7 +40,7 @@ class Watch:
             if k in views and resolves_depth(rig, j, k)
         }
         agreements = {pair: agreement(moment, self._moments.get(pair)) for pair, moment in moments.items()}
-        alone = {k: specks(views[k], rig.camera(k)) for k in dict.fromkeys(k for _, k in moments)}
+        alone = {k: specks(views[k], isolated[k], rig.camera(k).width_px) for k in {k for _, k in moments}}
         self._halves, self._moments = halves, moments
         return {
             pair: PairSymptoms(

@@ -23,7 +23,7 @@ _FEWEST_UNLIKE_PX = 200
 _DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
 _SATURATED_SHARE = 0.25
 _SPECKLED = 0.01  # of the LiDAR's points stand alone nearby ...
-_BEYOND = 2.5  # ... and so much less often farther away
+_BEYOND = 2.0  # ... and so much less often farther away
 _WINDOW_S = 0.5
 _DIRT_WINDOW_S = 2.0  # dirt stays
 

@@ -137,6 +137,9 @@ def attacks(kept: Sequence[Frame], rig: Rig) -> Iterator[tuple[str, int, Iterabl
         for strength in STRENGTHS:
             faculas = drawn(camera.number, lambda rng, size=size, of=strength: draw_facula(rng, *size, of), rig)
             yield f"facula, {strength}", camera.number, map(faculas, kept)
+        mild = list(map(drawn(camera.number, lambda rng, size=size: draw_facula(rng, *size, "mild"), rig), kept))
+        for rate in RATES_MM_H[1::2]:
+            yield f"facula, mild, rain {rate} mm/h", camera.number, map(on(LIDAR, Rain(rate, seed=7), rig), mild)
         for pattern in patterns():
             yield f"pattern, {pattern.title}", camera.number, map(on(camera.number, pattern, rig), kept)
 
