@@ -13,7 +13,7 @@ from auditor.frames import Presence
 from auditor.regions import Region
 from auditor.symptoms import Pair, PairSymptoms
 
-COUNTING_VERSION = 2
+COUNTING_VERSION = 3
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 EXPERIMENTS_VERSION = 1
@@ -151,6 +151,7 @@ class Cause(StrEnum):
 
     FROZEN: the same data again and again. LATE: a frame behind the others. DISPLACED: turned since it was calibrated.
     SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
+    RAIN: the LiDAR sees drops all around.
     """
 
     FROZEN = "frozen"
@@ -159,6 +160,7 @@ class Cause(StrEnum):
     SOILED = "soiled"
     DARK = "dark"
     GLARE = "glare"
+    RAIN = "rain"
 
 
 CauseIn = tuple[Cause, int | None]

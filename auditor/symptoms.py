@@ -52,17 +52,29 @@ class Agreement(NamedTuple):
     early_gain: float = nan
 
 
+class Specks(NamedTuple):
+    """LiDAR points that stand alone in the view of k: shares of all its points, 0 to 1.
+
+    `specks_near`: of those nearer than 8 m, in all but the most bare quarter of the view's parts. `specks_beyond`: of
+    those 8 to 40 m away. NaN where it could not be measured.
+    """
+
+    specks_near: float = nan
+    specks_beyond: float = nan
+
+
 class PairSymptoms(NamedTuple):
     """The symptoms of a matched pair (i, k) in one frame; of the LiDAR only where the pair may deny it."""
 
     rows: Rows = Rows()
     contrast: Contrast = Contrast()
     agreement: Agreement = Agreement()
+    specks: Specks = Specks()
 
     @property
     def values(self) -> tuple[float, ...]:
         """All numbers in the order of COLUMNS."""
-        return (*self.rows, *self.contrast, *self.agreement)
+        return (*self.rows, *self.contrast, *self.agreement, *self.specks)
 
 
-COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields)
+COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *Specks._fields)

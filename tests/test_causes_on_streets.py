@@ -1,4 +1,4 @@
-"""Synthetic streets from images to verdicts: what a vehicle's own tilt, a camera that lags and a wall are called."""
+"""Synthetic streets from images to verdicts: what a tilt, a camera that lags, rain and a wall are called."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ import pytest
 from auditor.frames import Frame
 from auditor.lab.attacks import BogusWall
 from auditor.lab.drives import make_drive
+from auditor.lab.rain import Rain
 from auditor.results import Cause, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
 from tests.benchmarks.robust_causes import Learnt, judged, learn, measured, on, taken
@@ -53,3 +54,15 @@ def test_a_camera_a_frame_behind_is_suspect_and_named(street: Street) -> None:
 def test_a_wall_is_an_attack_on_the_lidar(street: Street) -> None:
     walls = map(on(LIDAR, BogusWall(8.0, 0.0), street.rig), street.frames)
     assert {(verdict.kind, verdict.attacked) for verdict in street.verdicts(walls)} == {(VerdictKind.ATTACKED, (0,))}
+
+
+def test_rain_is_told_and_no_finding_and_a_wall_in_it_is_an_attack(street: Street) -> None:
+    rain = on(LIDAR, Rain(10, seed=1), street.rig)
+    wet = list(map(rain, street.frames))
+    for verdict in street.verdicts(wet):
+        assert verdict.kind is VerdictKind.CLEAN
+        assert verdict.causes[0][:2] == (Cause.RAIN, LIDAR)
+    walls = map(rain, map(on(LIDAR, BogusWall(8.0, 0.0), street.rig), street.frames))
+    for verdict in street.verdicts(walls):
+        assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, (0,))
+        assert verdict.causes[0][:2] == (Cause.RAIN, LIDAR)

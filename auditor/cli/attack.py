@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _SECOND_NS = 10**9
 _KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
-_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned")
+_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
 _EITHER = ("delayed", "frozen")
 
 
@@ -44,8 +44,8 @@ class _Sensor(click.ParamType[int]):
     "--size",
     type=click.FloatRange(min=0),
     help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
-    "hidden sector or turned LiDAR (degrees), scattered points, delay (frames), shift (rows), soil (blobs), share of "
-    "light that dims.",
+    "hidden sector or turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
+    "(blobs), share of light that dims.",
 )
 @click.option(
     "--pattern",

@@ -14,6 +14,7 @@ from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness
 from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light
 from auditor.evidence.sectors import emptiness
+from auditor.evidence.specks import isolated
 from auditor.evidence.stereo import StereoMap
 from auditor.evidence.visibility import too_near
 from auditor.results import Cells
@@ -28,8 +29,8 @@ class Testimony:
 
     `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
     same thing. `light`: brightness that one of them alone sees. `emptiness`: what the emptiest strip of the
-    LiDAR's view lacks. `adjudications` and `likenesses` hold the same pixel by
-    pixel, for localising; they are not stored.
+    LiDAR's view lacks. `adjudications` and `likenesses` hold the same pixel by pixel, for localising; `alone` (M,)
+    tells which points of the LiDAR's view stand alone. They are not stored.
     """
 
     contradicted: Mapping[Pair, Cells]
@@ -38,6 +39,7 @@ class Testimony:
     emptiness: Mapping[int, float]
     adjudications: Mapping[Pair, Adjudication]
     likenesses: Mapping[Pair, Likeness]
+    alone: Mapping[int, NDArray[np.bool_]]
 
     @property
     def cells(self) -> dict[Element, Cells]:
@@ -65,8 +67,9 @@ def testify(
     `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
     grids = {camera: coarse(half) for camera, half in halves.items()}
+    alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
-        (i, k): too_near(views[k], rig, i, stereo.range_px, halves[k].shape)
+        (i, k): too_near(views[k], alone[k], rig, i, stereo.range_px, halves[k].shape)
         for (i, k), stereo in maps.items()
         if k in views
     }
@@ -89,4 +92,5 @@ def testify(
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,
+        alone=alone,
     )

@@ -36,13 +36,17 @@ def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[n
     return np.asarray(inside & (nearest[row, column] - nearness <= _HIDDEN_PX))
 
 
-def too_near(view: LidarView, rig: Rig, witness: int, range_px: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def too_near(
+    view: LidarView, alone: NDArray[np.bool_], rig: Rig, witness: int, range_px: int, shape: tuple[int, int]
+) -> NDArray[np.bool_]:
     """(h, w) half-resolution mask of where something is too near for a matcher, or hides what lies left of it.
 
     What the LiDAR sees at a disparity of more than nine tenths of `range_px`, 16 px around it, and as far to the left
-    as it can hide something from the witness.
+    as it can hide something from the witness. Points that stand `alone` (M,) hide nothing: in light rain a few dozen
+    drops would keep most of the view from the cameras' witnesses.
     """
     near = view.disparity_px(rig, witness) > _NEAR_SHARE * range_px
+    near &= ~alone
     mask = np.zeros(shape, dtype=np.uint8)
     if near.any():
         row, column = view.row[near] // _STEP, view.column[near] // _STEP

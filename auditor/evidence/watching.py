@@ -10,8 +10,9 @@ from auditor.evidence.agreement import Moment, agreement
 from auditor.evidence.contrast import contrast, smoothed
 from auditor.evidence.measuring import Evidence
 from auditor.evidence.registration import corners, register
+from auditor.evidence.specks import specks
 from auditor.evidence.stereo import StereoMap
-from auditor.symptoms import Agreement, Pair, PairSymptoms, Rows
+from auditor.symptoms import Agreement, Pair, PairSymptoms, Rows, Specks
 
 _HALF = 2
 
@@ -28,7 +29,7 @@ class Watch:
     def observe(self, evidence: Evidence) -> dict[Pair, PairSymptoms]:
         """The symptoms of the next frame by matched pair (i, k)."""
         halves, maps, views = evidence.views, evidence.maps, evidence.lidar
-        likenesses, rig = evidence.testimony.likenesses, evidence.rig
+        likenesses, rig, isolated = evidence.testimony.likenesses, evidence.rig, evidence.testimony.alone
         points = {k: corners(halves[k]) for k in dict.fromkeys(k for _, k in maps)}
         rows = register(points, halves, self._halves, {(i, k): _at(maps[i, k], points[k]) for i, k in maps})
         smooth = {camera: smoothed(half) for camera, half in halves.items()}
@@ -39,9 +40,15 @@ class Watch:
             if k in views and resolves_depth(rig, j, k)
         }
         agreements = {pair: agreement(moment, self._moments.get(pair)) for pair, moment in moments.items()}
+        alone = {k: specks(views[k], isolated[k], rig.camera(k).width_px) for k in {k for _, k in moments}}
         self._halves, self._moments = halves, moments
         return {
-            pair: PairSymptoms(rows.get(pair, Rows()), contrasts[pair], agreements.get(pair, Agreement()))
+            pair: PairSymptoms(
+                rows.get(pair, Rows()),
+                contrasts[pair],
+                agreements.get(pair, Agreement()),
+                alone[pair[1]] if pair in moments else Specks(),
+            )
             for pair in maps
         }
 

@@ -29,6 +29,9 @@ _MOSTLY = 0.5
 
 _LEAST_TOLD = 0.2  # of a margin of -1.8
 
+_RAIN_RAISES = 0.0
+"""The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
+
 
 def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yardstick]) -> list[tuple[Suspicion, ...]]:
     """The causes of each frame worth telling, the likeliest first, from their (F,) strengths.
@@ -49,9 +52,9 @@ def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yard
 def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness and glare are told where nothing was raised, and are none. A sensor that
-    the verdict was reached without cannot have raised anything. What stands out much further in one place than a cause
-    does over the whole picture is that place's own: an attack.
+    A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
+    that the verdict was reached without cannot have raised anything. What stands out much further in one place than a
+    cause does over the whole picture is that place's own: an attack.
     """
     raised = verdict.kind in FINDINGS
     least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if raised else 0.0
@@ -68,8 +71,9 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
 
 
 def _margin(suspicion: Suspicion) -> float:
-    """The margin that a cause's score was made of."""
-    return (suspicion.score / ENOUGH - 1) * HIGHEST_MARGIN
+    """The margin that a cause's score was made of; rain's is not larger than what it can raise."""
+    margin = (suspicion.score / ENOUGH - 1) * HIGHEST_MARGIN
+    return min(margin, _RAIN_RAISES) if suspicion.cause is Cause.RAIN else margin
 
 
 def _by_itself(suspicion: Suspicion) -> bool:
@@ -84,6 +88,8 @@ def _explains(suspicion: Suspicion, verdict: Verdict) -> bool:
         return suspicion.sensor in (verdict.attacked or {s for e in verdict.evidence for s in (e.i, e.k)})
     if suspicion.cause is Cause.DARK:
         return Witness.LIGHT.value not in witnesses
+    if suspicion.cause is Cause.RAIN and Witness.EMPTY.value in witnesses:
+        return False
     if suspicion.sensor is None or suspicion.sensor in verdict.out_of_system:
         return True
     raised = [(one.margin, suspicion.sensor in _accusable(one)) for one in verdict.evidence]

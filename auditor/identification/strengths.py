@@ -22,6 +22,8 @@ _DARKER = 4.0  # grey levels
 _FEWEST_UNLIKE_PX = 200
 _DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
 _SATURATED_SHARE = 0.25
+_SPECKLED = 0.01  # of the LiDAR's points stand alone nearby ...
+_BEYOND = 2.0  # ... and so much less often farther away
 _WINDOW_S = 0.5
 _DIRT_WINDOW_S = 2.0  # dirt stays
 
@@ -56,6 +58,7 @@ def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _late_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _turned(seen)
+        found[Cause.RAIN, LIDAR] = _rain(seen)
     begins, enough = _DIM_LEVELS
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / _SATURATED_SHARE
@@ -101,6 +104,11 @@ def _turned(seen: Observed) -> Floats:
     gain = columns["turned"] - now - 1 / np.sqrt(columns["compared"])
     far = np.hypot(columns["right_px"], columns["down_px"]) >= _LEAST_TURN_PX
     return _least(list(np.where(far, gain, np.minimum(gain, 0)).T), seen) / _TURNED
+
+
+def _rain(seen: Observed) -> Floats:
+    """Drops stand alone near the LiDAR; spoofed points at chance ranges do so farther away nearly as often."""
+    return _mean(seen.columns["specks_near"] - _BEYOND * seen.columns["specks_beyond"]) / _SPECKLED
 
 
 def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:

@@ -19,10 +19,11 @@ from auditor.lab.faults import (
     TurnedLidar,
 )
 from auditor.lab.patterns import LaserPattern, Stripes
+from auditor.lab.rain import Rain
 from auditor.rig import Camera
 
 OnCamera = Facula | LaserPattern | Stripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
-OnLidar = BogusWall | HiddenSector | ScatteredPoints | TurnedLidar | DelayedLidar
+OnLidar = BogusWall | HiddenSector | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
 
 _PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
@@ -71,8 +72,9 @@ ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
     "hidden": lambda draw: HiddenSector(draw.sized(20), float(draw.rng.uniform(*_AZIMUTHS_DEG))),
     "scattered": lambda draw: ScatteredPoints(round(draw.sized(2000)), draw.seed),
     "turned": lambda draw: TurnedLidar(draw.sized(1)),
+    "rain": lambda draw: Rain(draw.sized(25), draw.seed),
 }
-"""By name: width in m, degrees, points, degrees of yaw."""
+"""By name: width in m, degrees, points, degrees of yaw, mm/h."""
 
 PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
 """Kinds that need more than chance: a picture file, the data of some frames ago, the data when it began."""

@@ -37,6 +37,7 @@ CREATE MACRO cause_in_words(cause, sensor) AS
         WHEN 'soiled' THEN 'something takes light from S_' || sensor || ', as dirt does'
         WHEN 'dark' THEN 'all cameras are dark'
         WHEN 'glare' THEN 'all cameras are dazzled'
+        WHEN 'rain' THEN 'S_' || sensor || ' sees drops all around, as in rain'
     END;
 
 -- What else than an attack may lie behind one verdict or several, each cause once with its best score, the likeliest

@@ -22,7 +22,7 @@ import numpy as np
 from auditor.elements import rig_elements
 from auditor.evidence import Watch, measure, use_one_thread
 from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
+from auditor.frames import Frame, PointCloud
 from auditor.identification.accusing import System
 from auditor.identification.causes import suspicions
 from auditor.identification.local_ratio import local_ratios
@@ -31,8 +31,16 @@ from auditor.identification.robust import Heard, judge_heard
 from auditor.identification.strengths import Observed, strengths
 from auditor.lab.attacks import STRENGTHS, draw_facula, draw_wall
 from auditor.lab.drives import make_drive
-from auditor.lab.faults import DimmedCamera, ShiftedCamera, SoiledLens, TurnedLidar
+from auditor.lab.faults import (
+    DimmedCamera,
+    HiddenSector,
+    ScatteredPoints,
+    ShiftedCamera,
+    SoiledLens,
+    TurnedLidar,
+)
 from auditor.lab.patterns import LaserPattern
+from auditor.lab.rain import Rain
 from auditor.lab.streets import STYLES
 from auditor.results import FINDINGS, Cause, CauseIn, Measurement, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
@@ -40,11 +48,14 @@ from auditor.symptoms import COLUMNS
 from auditor.thresholds import Yardstick
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
+from tests.benchmarks.robust_further import MovedSector
 
 MATCHER = find_matcher("sgbm")
 FRAMES_A_SCENE = 8
 DEGREE_PX = 13  # at a focal length of 720 px
 DARKER = 0.2
+RATES_MM_H = (1, 2, 5, 10, 25, 50, 100)
+WALLS_M = (0.5, 1.0, 2.5)
 
 Change = Callable[[Frame], Frame]
 
@@ -96,6 +107,8 @@ def faults(kept: Sequence[Frame], rig: Rig) -> Iterator[tuple[str, Cause, int | 
         late = (taken(frame, before, sensor) for before, frame in pairwise(kept))
         yield "late by one frame", Cause.LATE, sensor, late
         yield "frozen", Cause.FROZEN, sensor, (taken(frame, kept[0], sensor) for frame in kept)
+    for rate in RATES_MM_H:
+        yield f"rain, {rate} mm/h", Cause.RAIN, LIDAR, map(on(LIDAR, Rain(rate, seed=7), rig), kept)
     for yaw, pitch in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         turned = on(LIDAR, TurnedLidar(yaw, pitch), rig)
         yield "turned by 1 degree", Cause.DISPLACED, LIDAR, map(turned, kept)
@@ -112,13 +125,50 @@ def faults(kept: Sequence[Frame], rig: Rig) -> Iterator[tuple[str, Cause, int | 
 def attacks(kept: Sequence[Frame], rig: Rig) -> Iterator[tuple[str, int, Iterable[Frame]]]:
     """Every attack."""
     yield "wall", LIDAR, map(drawn(LIDAR, draw_wall, rig), kept)
+    for name, draw in lidar_attacks():
+        yield name, LIDAR, map(drawn(LIDAR, draw, rig), kept)
+    for width in WALLS_M:
+        walls = [drawn(LIDAR, lambda rng, width=width: replace(draw_wall(rng), width_m=width), rig)(f) for f in kept]
+        yield f"wall of {width} m", LIDAR, walls
+        for rate in RATES_MM_H[1::2]:
+            yield f"wall of {width} m, rain {rate} mm/h", LIDAR, map(on(LIDAR, Rain(rate, seed=7), rig), walls)
     for camera in rig.cameras:
         size = camera.width_px, camera.height_px
         for strength in STRENGTHS:
             faculas = drawn(camera.number, lambda rng, size=size, of=strength: draw_facula(rng, *size, of), rig)
             yield f"facula, {strength}", camera.number, map(faculas, kept)
+        mild = list(map(drawn(camera.number, lambda rng, size=size: draw_facula(rng, *size, "mild"), rig), kept))
+        for rate in RATES_MM_H[1::2]:
+            yield f"facula, mild, rain {rate} mm/h", camera.number, map(on(LIDAR, Rain(rate, seed=7), rig), mild)
         for pattern in patterns():
             yield f"pattern, {pattern.title}", camera.number, map(on(camera.number, pattern, rig), kept)
+
+
+def lidar_attacks() -> Iterator[tuple[str, Callable[[np.random.Generator], object]]]:
+    """Attacks on the LiDAR beside the wall, some of which are points here and there, as drops are."""
+    for width in (10, 20, 30):
+        yield f"hidden, {width} degrees", lambda rng, width=width: HiddenSector(width, rng.uniform(-25, 25))
+    for factor in (0.85, 1.2):
+        yield f"moved to {factor} of its range", lambda rng, of=factor: MovedSector(rng.uniform(-25, 25), of)
+    for count in (500, 2000, 8000, 20000):
+        yield f"scattered, {count}", lambda rng, count=count: ScatteredPoints(count, int(rng.integers(1 << 31)))
+    yield "scattered in 40 degrees", lambda rng: ScatteredInSector(20000, int(rng.integers(1 << 31)), 40)
+
+
+@dataclass(frozen=True)
+class ScatteredInSector:
+    """Spoofed points in a sector straight ahead only."""
+
+    count: int
+    seed: int
+    width_deg: float
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with those of the scattered points that lie in the sector."""
+        xyz = ScatteredPoints(self.count, self.seed).apply(cloud, rig).xyz_m
+        azimuth_deg = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0]))
+        kept = (np.arange(len(xyz)) < len(cloud.xyz_m)) | (np.abs(azimuth_deg) < self.width_deg / 2)
+        return PointCloud(cloud.stamp_ns, xyz[kept])
 
 
 def patterns() -> list[LaserPattern]:
@@ -206,6 +256,7 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
         all=1,
         raised=raised,
         named=named,
+        raised_named=raised and named,
         suspect_named=verdict.kind is VerdictKind.SUSPECT and named,
         accused=verdict.kind is VerdictKind.ATTACKED,
         right=verdict.kind is VerdictKind.ATTACKED and verdict.attacked == (series.sensor,),
@@ -230,6 +281,7 @@ def report(title: str, parts: Sequence[tuple[Rig, Learnt, Sequence[Series]]]) ->
         text = f"  {kind:6} {name:36} raised {n['raised']:4}/{n['all']:<4}"
         if kind == "fault":
             text += f" named {share(n['named'], n['all'])}, suspect for it {share(n['suspect_named'], n['all'])};"
+            text += f" of those raised named {n['raised_named']};"
         elif kind == "attack":
             text += f" named {share(n['right'], n['all'])};"
         print(f"{text} accused {share(n['accused'], n['all'])}; suspect {share(n['suspect'], n['all'])}")

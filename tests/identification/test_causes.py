@@ -34,6 +34,8 @@ HEALTHY = {
     "turned": 0.79,
     "late_gain": -0.1,
     "early_gain": -0.1,
+    "specks_near": 0.0,
+    "specks_beyond": 0.0002,
 }
 
 
@@ -71,6 +73,9 @@ def likeliest(**changed):
         ({"unlike_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
         ({"unlike_px": 2000, "difference": 100}, []),
         ({"unlike_px": (2000, 50), "difference": (-100, 0)}, []),
+        ({"specks_near": 0.03, "specks_beyond": 0.001}, [(Cause.RAIN, 0)]),
+        ({"specks_near": 0.03, "specks_beyond": 0.015}, []),
+        ({"specks_near": 0.005, "specks_beyond": 0.0}, []),
         ({"level": 20.0}, [(Cause.DARK, None)]),
         ({"saturated": 0.4}, [(Cause.GLARE, None)]),
     ],
@@ -111,8 +116,8 @@ def test_quiet_clean_frames_leave_a_cause_at_just_enough():
     assert strength_yardstick([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
 
 
-def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3, **fields):
-    return Verdict(kind, "1", attacked, evidence=(Evidence(witness, i, None, k, 2.0),), **fields)
+def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3, margin=2.0, **fields):
+    return Verdict(kind, "1", attacked, evidence=(Evidence(witness, i, None, k, margin),), **fields)
 
 
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
@@ -169,3 +174,24 @@ def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
     )
     assert weigh(lidar, turned).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, turned).kind is VerdictKind.SUSPECT
+
+
+RAIN = (Suspicion(Cause.RAIN, 0, 1.0),)
+
+
+def test_rain_excuses_what_stands_out_a_little_however_hard_it_rains():
+    barely, clearly = (verdict(attacked=(0,), witness="contradicted", i=2, margin=margin) for margin in (0.9, 1.1))
+    weighed = weigh(barely, RAIN)
+    assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), RAIN)
+    assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is told"
+
+
+def test_rain_is_told_where_nothing_was_raised_and_is_no_finding():
+    assert weigh(CLEAN, RAIN) == replace(CLEAN, causes=RAIN)
+    assert weigh(CLEAN, (Suspicion(Cause.RAIN, 0, 0.4),)) == CLEAN
+
+
+def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
+    for witness, i in (("empty", 0), ("unlike", 1)):
+        accused = verdict(attacked=(i,), witness=witness, i=i, margin=0.5)
+        assert weigh(accused, RAIN) == accused

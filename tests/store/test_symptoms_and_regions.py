@@ -1,13 +1,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from auditor.frames import Skipped
 from auditor.regions import Region, Solid
 from auditor.results import Cause, Coverage, Suspicion, Verdict, VerdictKind
 from auditor.store.queries import run_sql
 from auditor.store.records import JudgementRecord
-from auditor.symptoms import COLUMNS, Agreement, Contrast, PairSymptoms, Rows
+from auditor.symptoms import COLUMNS, Agreement, Contrast, PairSymptoms, Rows, Specks
 from tests.store.making import (
     NOON,
     add_judgement,
@@ -18,7 +19,12 @@ from tests.store.making import (
     new_store,
 )
 
-SEEN = PairSymptoms(Rows(40, 0.9, 0.5, 0.95), Contrast(12), Agreement(1500, 0.8, 0, 0.8, 4, 0, 0.7, -0.1, -0.2))
+SEEN = PairSymptoms(
+    Rows(40, 0.9, 0.5, 0.95),
+    Contrast(12),
+    Agreement(1500, 0.8, 0, 0.8, 4, 0, 0.7, -0.1, -0.2),
+    Specks(0.02, 0.001),
+)
 FACULA = Region(3, 3, (8, 4, 400, 240), 0.25, b"png")
 WALL = Region(0, 3, (100, 80, 300, 200), 0.125, b"points", 850, Solid((8.0, -1.0, 0.5), (2.5, 1.5, 0.0625), 4.5))
 
@@ -56,6 +62,19 @@ def test_a_measurement_older_than_symptoms_and_regions_has_none(tmp_path):
     assert run_sql(store, "SELECT * FROM regions").num_rows == 0
 
 
+def test_symptoms_older_than_specks_have_none(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    frames = [replace(make_measurement(rig, 1), symptoms={(2, 3): SEEN})]
+    measurement_id = add_measurement(store, rig, frames)
+    path = store.path("symptoms", measurement_id)
+    older = pq.read_table(path).drop_columns(["specks_near", "specks_beyond"])
+    pq.write_table(older.replace_schema_metadata({b"schema_version": b"4"}), path)
+    seen = store.load_symptoms(measurement_id)
+    assert np.isnan(seen.columns["specks_near"]).all()
+    assert seen.columns["in_step"][0, 1] == 0.9
+    assert run_sql(store, "SELECT specks_beyond FROM symptoms").to_pylist() == [{"specks_beyond": None}]
+
+
 def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     frames = [replace(make_measurement(rig, n), regions=(FACULA, WALL)) for n in (1, 2)]
@@ -73,12 +92,12 @@ def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path
 def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [make_measurement(rig, n) for n in range(2)])
-    causes = (Suspicion(Cause.LATE, 1, 0.75), Suspicion(Cause.DARK, None, 0.25))
+    causes = (Suspicion(Cause.RAIN, 0, 0.75), Suspicion(Cause.DARK, None, 0.25))
     verdicts = [
         (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", margin=0.1, causes=causes[: n + 1])) for n in range(2)
     ]
     record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), judged_at=NOON)
     store.write_judgement(record, verdicts)
-    told = "S_1 lags by a frame (0.75)"
+    told = "S_0 sees drops all around, as in rain (0.75)"
     rows = run_sql(store, "SELECT causes_in_words(causes) AS told FROM verdicts ORDER BY frame").to_pylist()
     assert [row["told"] for row in rows] == [told, f"{told}, all cameras are dark (0.25)"]

@@ -1,0 +1,55 @@
+"""LiDAR points that stand alone, as drops of rain do: no other lies near them at like range.
+
+An object, real or bogus, returns many points at like range. Drops return one each, all around the sensor and near it:
+their light fades with the fourth power of range. Points spoofed at chance ranges stand alone far away, too.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evidence.lidar import LidarView
+from auditor.symptoms import Specks
+
+_CELL = 0.011  # of the focal length: 0.6 degrees, one or two beams of 64
+_RANGE_STEP = 0.08  # of the natural logarithm of the range
+_RANGES_M = (1.0, 100.0)
+_MOST_TOGETHER = 2
+_NEAR_M, _BEYOND_M = 8.0, 40.0
+_ACROSS = 8  # parts of the view, each with an upper and a lower half
+_FEWEST = 200
+_SPREAD_QUANTILE = 0.25
+
+Mask = NDArray[np.bool_]
+Counts = NDArray[np.intp]
+
+
+def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
+    """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
+    if view.row.size < _FEWEST:
+        return Specks()
+    distance = np.linalg.norm(view.point_m, axis=1)
+    near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
+    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
+    count = np.bincount(part, minlength=2 * _ACROSS)
+    shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
+    return Specks(float(np.quantile(shares, _SPREAD_QUANTILE)), float(np.mean(beyond)))
+
+
+def isolated(view: LidarView, focal_px: float) -> Mask:
+    """(M,) mask of the points with at most one other in the 3 x 3 x 3 cells of row, column and range around theirs."""
+    side = max(_CELL * focal_px, 1.0)
+    step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *_RANGES_M)) / _RANGE_STEP
+    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp)
+    shape = tuple((cell.max(axis=1, initial=0) + 1).tolist())
+    place = np.ravel_multi_index(tuple(cell), shape)
+    counts = np.bincount(place, minlength=int(np.prod(shape))).reshape(shape)
+    for axis in range(counts.ndim):
+        counts = _with_neighbours(counts, axis)
+    return np.asarray(counts.ravel()[place] <= _MOST_TOGETHER)
+
+
+def _with_neighbours(counts: Counts, axis: int) -> Counts:
+    """Each count with those on both sides of it along an axis."""
+    padded = np.pad(counts, [(1, 1) if a == axis else (0, 0) for a in range(counts.ndim)])
+    size = counts.shape[axis]
+    return np.asarray(sum(padded.take(range(start, start + size), axis=axis) for start in range(3)))
