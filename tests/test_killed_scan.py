@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
+from auditor.store.schema import TABLES
 from tests.small_drives import write_drive
 
 KILLS = 10
@@ -26,19 +27,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
         write_drive(folder / "three.bag", count=16, seed=1),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
-    for table in (
-        "recordings",
-        "rigs",
-        "triples",
-        "elements",
-        "measurements",
-        "frames",
-        "cells",
-        "symptoms",
-        "regions",
-        "labels",
-        "pictures",
-    ):
+    for table in set(TABLES) - {"calibrations"}:
         shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
     return folder / "thresholds", drives
 
