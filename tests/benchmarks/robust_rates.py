@@ -23,7 +23,7 @@ from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_judging import METHODS, clean_of, wilson
 from tests.benchmarks.robust_measuring import Sample, samples
 from tests.benchmarks.robust_series import Split, contaminated, incidents, lasting_attacks
-from tests.benchmarks.robust_streets import measure_scenes, scenes_of
+from tests.benchmarks.robust_streets import LASTING_CAMERAS, measure_scenes, scenes_of
 
 BLOCK = 10
 
@@ -118,7 +118,8 @@ def streets(rig: Rig, measured: dict[str, list[Sample]]) -> None:
     splits = [(clean_of(others[style]), part) for style, part in measured.items()]
     report(rig, splits)
     incidents(rig, splits)
-    lasting_attacks(rig, splits)
+    if rig.n == LASTING_CAMERAS:
+        lasting_attacks(rig, splits)
     last = next(reversed(measured))
     contaminated(rig, others[last], measured[last], np.random.default_rng(0))
 
