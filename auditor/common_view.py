@@ -1,10 +1,12 @@
 """One view for all cameras of a rig: how ideal cameras at the same places would look, and how much they would see.
 
-All cameras get one orientation (x along the line of their centres, z as near as can be to where they look) and one
-focal length, the shortest there is. Of the plane that they all look at, the largest rectangle is kept that every camera
-sees whole: no pixel of a rectified picture lies outside the recorded one, and none needs a mask.
+All cameras get one orientation (z as near as can be to where they look, x along the line of their centres; where they
+do not stand on one, upright) and one focal length, the shortest there is. Of the plane that they all look at, the
+largest rectangle is kept that every camera sees whole: no pixel of a rectified picture lies outside the recorded one,
+and none needs a mask.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +16,6 @@ from auditor.errors import RigError
 from auditor.geometry import Matrix, compose, motion
 from auditor.lenses import NO_LENS
 from auditor.rig import Camera, Rig
-
-ALIKE = 1e-3
-"""Focal lengths and principal points that differ by less, as a share of the focal length, are the same."""
 
 _CELL_PX = 8
 _WIDEST = 1.2  # tan of 50 degrees
@@ -28,10 +27,11 @@ _FINEST = 0.6
 
 @dataclass(frozen=True, eq=False)
 class CommonView:
-    """`rig` is the ideal rig: same sensors, same numbers, cameras rectified, of one size and focal length.
+    """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
-    Its frame is turned against the recorded rig's by `view_SO3_rig` (3, 3). `x` (width) and `y` (height) are the rays
-    (x, y, 1) of its pictures' columns and rows.
+    They are rectified if they stand on one line. Its frame is turned against the recorded rig's by `view_SO3_rig`
+    (3, 3). `x` (width) and `y` (height) are the rays (x, y, 1) of its pictures' columns and rows. All cameras see
+    `seen_px` of its pixels.
     """
 
     rig: Rig
@@ -39,24 +39,17 @@ class CommonView:
     focal_px: float
     x: Matrix
     y: Matrix
+    seen_px: int
 
 
-def is_rectified(rig: Rig) -> bool:
-    """Whether all cameras are rectified and share size, focal length and principal point."""
-    first = rig.cameras[0]
-    return all(
-        camera.rectified
-        and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
-        and np.allclose(camera.intrinsics, first.intrinsics, atol=ALIKE * first.focal_px)
-        for camera in rig.cameras
-    )
+def common_view(rig: Rig, *, widest: bool = False) -> CommonView:
+    """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
 
-
-def common_view(rig: Rig) -> CommonView:
-    """The view of cameras on one line. Raises RigError where they have none in common."""
+    Raises RigError where they have none in common.
+    """
     view_SO3_rig = _orientation(rig)
     focal = min(camera.focal_px for camera in rig.cameras)
-    left, top, width, height = _window(rig, view_SO3_rig, focal)
+    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, widest=widest)
     K = np.array([[focal, 0, -left], [0, focal, -top], [0, 0, 1]])
     x, y = (np.arange(width) + left) / focal, (np.arange(height) + top) / focal
     cameras = tuple(
@@ -65,7 +58,7 @@ def common_view(rig: Rig) -> CommonView:
             width_px=width,
             height_px=height,
             projection=K @ np.column_stack([np.eye(3), -(view_SO3_rig @ camera.centre_m)]),
-            rectified=True,
+            rectified=rig.shares_view,
             lens=NO_LENS,
         )
         for camera in rig.cameras
@@ -74,42 +67,75 @@ def common_view(rig: Rig) -> CommonView:
     if lidar is not None:
         turned = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
         lidar = replace(lidar, rig_SE3_lidar=turned)
-    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y)
+    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
 
 
 def _orientation(rig: Rig) -> Matrix:
-    """(3, 3) rotation to the view's axes: x along the line of the centres, z as near as can be to where they look."""
+    """(3, 3) rotation to the view's axes: z as near as can be to where the cameras look, x along their line if any."""
     centres = np.array([camera.centre_m for camera in rig.cameras])
-    if rig.n == 1:
-        x = rig.camera(1).rotation[0]
-    else:
-        along = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
-        x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
+    if rig.n == 1 or not rig.shares_view:
+        return upright(rig.cameras)
+    along = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
     z = np.sum([camera.rotation[2] for camera in rig.cameras], axis=0)
     z = z - x * (x @ z)
     if np.linalg.norm(z) < 0.1:
-        raise RigError("the cameras look along the line they stand on", where="rig")
+        raise RigError(f"{_names(rig)} look along the line they stand on", where="rig")
     z = z / np.linalg.norm(z)
     return np.stack([x, np.cross(z, x), z])
 
 
-def _window(rig: Rig, view_SO3_rig: Matrix, focal: float) -> tuple[int, int, int, int]:
-    """Left and top against the principal point, width and height, in pixels, of what every camera sees."""
+def upright(cameras: Sequence[Camera]) -> Matrix:
+    """(3, 3) rotation to axes that suit cameras wherever they stand: z where they look on average, x to their right."""
+    across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
+    if np.linalg.norm(ahead) < 0.1 * len(cameras):
+        raise RigError("the cameras look in opposite directions", where="rig")
+    z = ahead / np.linalg.norm(ahead)
+    x = across - z * (z @ across)
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _names(rig: Rig) -> str:
+    return ", ".join(camera.name for camera in rig.cameras)
+
+
+def _window(rig: Rig, view_SO3_rig: Matrix, focal: float, *, widest: bool) -> tuple[int, int, int, int, int]:
+    """Left and top against the principal point, width and height, in pixels; and how many of them every camera sees."""
     reach = max(int(min(_WIDEST * focal, _FARTHEST_PX) / _CELL_PX), 1)  # a damaged calibration may see next to nothing
     places = np.arange(-reach, reach + 1) * _CELL_PX / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:
-        u, v = recorded_pixels(camera, view_SO3_rig, places, places)
-        with np.errstate(invalid="ignore"):
-            seen &= (u >= 0) & (u <= camera.width_px - 1) & (v >= 0) & (v <= camera.height_px - 1)
-            for axis in (0, 1):
-                seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > _FINEST * _CELL_PX
-    top, left, rows, columns = largest_rectangle(seen)
+        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, _CELL_PX)
+    top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
     width, height = (columns - 1) * _CELL_PX + 1, (rows - 1) * _CELL_PX + 1
     if min(width, height) < _FEWEST_PX:
-        names = ", ".join(camera.name for camera in rig.cameras)
-        raise RigError(f"{names} have no view in common", where="rig", remedy="leave out the one that looks elsewhere")
-    return (left - reach) * _CELL_PX, (top - reach) * _CELL_PX, width, height
+        raise RigError(
+            f"{_names(rig)} have no view in common", where="rig", remedy="leave out the one that looks elsewhere"
+        )
+    seen_px = int(np.count_nonzero(seen)) * _CELL_PX**2 if widest else width * height
+    return (left - reach) * _CELL_PX, (top - reach) * _CELL_PX, width, height, seen_px
+
+
+def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: int) -> NDArray[np.bool_]:
+    """(rows, columns) mask of the `recorded_pixels` that lie in the camera's picture, not too far apart.
+
+    They are those of rays `step_px` rectified pixels apart.
+    """
+    u, v = recorded
+    with np.errstate(invalid="ignore"):
+        seen = (u >= 0) & (u <= camera.width_px - 1) & (v >= 0) & (v <= camera.height_px - 1)
+        for axis in (0, 1):
+            seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > _FINEST * step_px
+    return seen
+
+
+def _bounds(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Top, left, rows and columns of the smallest rectangle that holds all that is True; all 0 where nothing is."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if rows.size == 0:
+        return 0, 0, 0, 0
+    return int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1
 
 
 def recorded_pixels(camera: Camera, view_SO3_rig: Matrix, x: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:

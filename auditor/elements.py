@@ -63,13 +63,13 @@ _FEWEST_PX_AT_10_M = 9.0
 
 def rig_elements(rig: Rig) -> tuple[Element, ...]:
     """The elements that frames of a rig are judged by."""
-    matched = tuple(dict.fromkeys((witness, t.k) for t in rig.triples for witness in t[:2] if witness != LIDAR))
-    contradicting = [pair for pair in matched if rig.lidar and resolves_depth(rig, *pair)]
-    return elements_of(rig.n, matched, contradicting, rig.references if rig.lidar else ())
+    contradicting = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
+    return elements_of(rig.n, rig.pairs, contradicting, rig.references if rig.lidar else ())
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
     """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
-    # Cameras of different focal lengths are compared at the shortest.
-    focal_px = min(camera.focal_px for camera in rig.cameras)
+    # Cameras of different focal lengths are compared at the shortest of those that share a view.
+    cameras = rig.cameras if rig.shares_view else (rig.camera(j), rig.camera(k))
+    focal_px = min(camera.focal_px for camera in cameras)
     return focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M

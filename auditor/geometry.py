@@ -5,6 +5,9 @@ metres, into the dst frame. A projection is the full (3, 4) matrix P of a camera
 homogeneous points of the rig frame, in metres, to homogeneous pixels.
 """
 
+from collections.abc import Sequence
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,3 +92,15 @@ def intrinsics_and_rotation(projection: Matrix) -> tuple[Matrix, Matrix]:
 def angle_between(a: Matrix, b: Matrix) -> float:
     """The angle in radians, 0 to pi, between two directions of 3 numbers."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+def beside_line_m(points_m: Sequence[Matrix]) -> Matrix:
+    """By how much each of two points (3,) or more misses the line of two of them that misses the others least."""
+    points = np.array(points_m)
+    lines = ((points[a], points[b] - points[a]) for a, b in combinations(range(len(points)), 2))
+    missed = [
+        np.linalg.norm(np.cross(points - start, along), axis=1) / np.linalg.norm(along)
+        for start, along in lines
+        if along.any()
+    ]
+    return min(missed, key=lambda by: float(by.max()), default=np.zeros(len(points)))

@@ -21,7 +21,8 @@ from auditor.identification.strengths import Observed, strengths
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.identification.verdicts import judge_frames
 from auditor.results import CauseIn, Method, Procedure, Statistic, Verdict
-from auditor.rig import Rig, RigKind
+from auditor.rig import Rig
+from auditor.rig_kind import RigKind
 from auditor.store import JudgementRecord, Store, StoredJudgement, make_calibration
 from auditor.thresholds import Calibration, CleanFrames, RobustThresholds, Thresholds
 

@@ -1,11 +1,12 @@
 """The sensors of a vehicle and their geometry.
 
 S_0 is the LiDAR (absent in a LiDAR-less rig, whose number 0 stays empty); S_1..S_n are the cameras from right to left.
+Cameras on one line share a view, in which what one sees lies on the same rows of all; of others each pair has its own.
 """
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
 from typing import Any, NamedTuple
@@ -13,12 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.geometry import Matrix, camera_centre, intrinsics_and_rotation
+from auditor.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
 from auditor.lenses import NO_LENS, PINHOLE, Lens
+from auditor.rig_kind import RigKind
 
 LIDAR = 0
-KIND_TOLERANCE_SHARE = 0.02
-KIND_TOLERANCE_M = 0.005
+
+MOST_OFF_PX = 1.0
+"""A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
+
+_FAR_M = 10.0
+_ALIKE = 1e-3  # of the focal length: intrinsics that differ by less are the same
 
 
 class Triple(NamedTuple):
@@ -83,7 +89,8 @@ class Lidar:
 class Rig:
     """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left.
 
-    Raises RigError where the cameras are not numbered 1..n in that order.
+    Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
+    in the views they are rectified to.
     """
 
     lidar: Lidar | None
@@ -92,8 +99,9 @@ class Rig:
     def __post_init__(self) -> None:
         if [camera.number for camera in self.cameras] != list(range(1, len(self.cameras) + 1)):
             raise RigError("cameras must be numbered 1..n", where="rig")
+        rectified = all(camera.rectified for camera in self.cameras)
         positions = [float(camera.centre_m[0]) for camera in self.cameras]
-        if any(right <= left for right, left in pairwise(positions)):
+        if rectified and any(right <= left for right, left in pairwise(positions)):
             order = ", ".join(f"{c.name} at x = {x:+.3f} m" for c, x in zip(self.cameras, positions, strict=True))
             raise RigError(f"cameras must be ordered from right to left, but are {order}", where="rig")
 
@@ -121,6 +129,12 @@ class Rig:
     def triples(self) -> tuple[Triple, ...]:
         """All triples that are measured, in the store's fixed order."""
         return triples_of(self.n, lidar=self.lidar is not None)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
+        named = ((witness, triple.k) for triple in self.triples for witness in triple[:2] if witness != LIDAR)
+        return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
         """Camera S_number, number in 1..n."""
@@ -152,14 +166,44 @@ class Rig:
             return float(right.centre_m[0] - left.centre_m[0])
         return float(np.linalg.norm(right.centre_m - left.centre_m))
 
+    def pair(self, i: int, k: int) -> "Rig":
+        """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
+        return Rig(self.lidar, (replace(self.camera(i), number=1), replace(self.camera(k), number=2)))
+
     @cached_property
-    def kind(self) -> "RigKind":
+    def is_rectified(self) -> bool:
+        """Whether all cameras are rectified and share size, focal length and principal point."""
+        first = self.cameras[0]
+        return all(
+            camera.rectified
+            and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
+            and np.allclose(camera.intrinsics, first.intrinsics, atol=_ALIKE * first.focal_px)
+            for camera in self.cameras
+        )
+
+    @cached_property
+    def off_line_px(self) -> dict[int, float]:
+        """By camera how many rows it misses what is 10 m away, were it rectified with those on the best line."""
+        per_metre = min(camera.focal_px for camera in self.cameras) / _FAR_M
+        missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
+        return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
+
+    @cached_property
+    def shares_view(self) -> bool:
+        """Whether one view does for all cameras: they are rectified already, or stand on one line."""
+        return self.is_rectified or max(self.off_line_px.values()) <= MOST_OFF_PX
+
+    @cached_property
+    def kind(self) -> RigKind:
         """What this rig shares with the other vehicles of its model."""
+        told = list(pairwise(range(1, self.n + 1)))
+        if not self.shares_view:
+            told += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in told]
         return RigKind(
             lidar=self.lidar is not None,
             sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
             focals_px=tuple(camera.focal_px for camera in self.cameras),
-            baselines_m=tuple(self.baseline_m(i, i + 1) for i in range(1, self.n)),
+            baselines_m=tuple(self.baseline_m(*pair) for pair in told),
         )
 
     @cached_property
@@ -229,34 +273,6 @@ class Rig:
             raise RigError(f"the rig description is incomplete or ill-formed ({error})", where="rig") from error
 
 
-@dataclass(frozen=True)
-class RigKind:
-    """What two vehicles of one model share: sensors and order, image sizes, focal lengths and baselines.
-
-    `baselines_m` are those of neighbouring cameras, right to left.
-    """
-
-    lidar: bool
-    sizes_px: tuple[tuple[int, int], ...]
-    focals_px: tuple[float, ...]
-    baselines_m: tuple[float, ...]
-
-    def matches(self, other: "RigKind") -> bool:
-        """True where sensors and sizes are equal and lengths agree within 2 % or 5 mm."""
-        return (
-            self.lidar == other.lidar
-            and self.sizes_px == other.sizes_px
-            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
-            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
-        )
-
-    def __str__(self) -> str:
-        sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
-        focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
-        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
-        return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
-
-
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     """All triples of a rig with n cameras, in fixed order: k = n downwards, then i < j < k.
 
@@ -285,10 +301,6 @@ def _lens_to_dict(lens: Lens) -> dict[str, Any]:
     if lens.model == PINHOLE:
         return {}
     return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
-
-
-def _close(a: float, b: float, tolerance: float) -> bool:
-    return abs(a - b) <= max(tolerance, KIND_TOLERANCE_SHARE * max(abs(a), abs(b)))
 
 
 def _matrix(value: object, shape: tuple[int, int], name: str) -> Matrix:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element
 from auditor.results import CauseIn, Procedure, Statistic
-from auditor.rig import RigKind, Triple
+from auditor.rig import Triple
+from auditor.rig_kind import RigKind
 
 LOWEST_MARGIN, HIGHEST_MARGIN = -2.0, 3.0
 """Margins z of the robust method are kept between these: no single element decides alone."""

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,13 +20,14 @@ from auditor.errors import RecordingError, SettingError
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers import MatcherOptions, SgbmMatcher, find_matcher
 from auditor.evidence.matchers.scoring import score
+from auditor.evidence.rectifying import rectification
 from auditor.lab.drives import make_drive
 from auditor.learning import Recorded, SampleFiles, SampleTask, Street, lesson, make_samples
 from auditor.learning.sources import dense_sample, lidar_sample, pair_of
 from auditor.recordings import write_mcap
 from auditor.results import AttackLabel
 from auditor.rig import LIDAR
-from tests.evidence.scenes import FOCAL, plane_frame, plane_rig
+from tests.evidence.scenes import FOCAL, moved, plane_frame, plane_rig
 from tests.small_drives import drive_frames, write_drive
 
 THREE = (0.6, 0.3, 0.0)
@@ -52,6 +54,19 @@ def test_a_lidars_points_are_the_disparities_of_a_pair_that_a_scan_matches() -> 
     assert np.isnan(disparity[:, : int(known[0])]).all()  # their matches lie outside the other image
     assert score(SgbmMatcher(), [(left, right, disparity)]).over_3px_share < 0.05
     assert lidar_sample(plane_frame(rig, without=frozenset({LIDAR})), rig) is None
+
+
+def test_of_cameras_beside_the_line_a_sample_is_a_pair_in_its_own_view_and_only_what_both_see() -> None:
+    drive = make_drive(3, 1, width_px=620, height_px=188)
+    rig = moved(drive.rig, ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0)))
+    frame = replace(drive, vehicle=replace(drive.vehicle, rig=rig)).frame(0)
+    left, right, disparity = lidar_sample(frame, rig)
+    assert left.shape == right.shape == disparity.shape
+    sights = rectification(rig).pairs[pair_of(0, rig)].sights
+    assert 0.5 < np.mean(sights[2]) < 0.95
+    assert np.isnan(disparity[~sights[2]]).all()
+    assert np.count_nonzero(~np.isnan(disparity)) > 10_000
+    assert score(SgbmMatcher(), [(left, right, disparity)]).over_3px_share < 0.1
 
 
 def test_a_street_knows_the_disparity_of_every_pixel_and_its_lidar_agrees() -> None:

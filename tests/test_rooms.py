@@ -53,6 +53,7 @@ def test_a_module_of_one_room_imports_no_other_room(path: Path) -> None:
             "lenses",
             "results",
             "rig",
+            "rig_kind",
             "regions",
             "resources",
             "symptoms",

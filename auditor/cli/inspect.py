@@ -128,10 +128,10 @@ def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[st
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     from auditor.cli.abilities import abilities, short_pairs  # noqa: PLC0415
-    from auditor.common_view import common_view, is_rectified  # noqa: PLC0415
+    from auditor.common_view import common_view  # noqa: PLC0415
 
     leftmost = rig.cameras[-1]
-    view = None if is_rectified(rig) else common_view(rig)
+    view = None if rig.is_rectified else common_view(rig)
     sensors: list[dict[str, Any]] = []
     if rig.lidar:
         sensors.append({"sensor": "S_0", "name": rig.lidar.name, "topic": rig.lidar.topic})
@@ -150,6 +150,7 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     return {
         "rig_id": rig.rig_id,
         "kind": str(rig.kind),
+        "beside_line_px": {} if rig.shares_view else _beside_line(rig),
         "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
@@ -163,6 +164,13 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
             {**sensor, **_sensor_health(health, number)} for sensor, number in zip(sensors, rig.sensors, strict=True)
         ],
     }
+
+
+def _beside_line(rig: "Rig") -> dict[str, float]:
+    """By camera beside the line of the others how many rows it misses what is 10 m away."""
+    from auditor.rig import MOST_OFF_PX  # noqa: PLC0415
+
+    return {f"S_{number}": off_px for number, off_px in rig.off_line_px.items() if off_px > MOST_OFF_PX}
 
 
 def _size(camera: "Camera") -> str:
@@ -231,6 +239,11 @@ def _frames(rig: dict[str, Any]) -> str:
 def _geometry(rig: dict[str, Any]) -> Iterator[str]:
     if rig["rectified_to"]:
         size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
-        yield f"not rectified as recorded: measured on rectified pictures of {size} px, focal length {focal:.0f} px"
+        told = f"pictures of {size} px, focal length {focal:.0f} px"
+        if rig["beside_line_px"]:
+            beside = ", ".join(f"{name} by {rows:.1f} px" for name, rows in rig["beside_line_px"].items())
+            yield f"not on one line ({beside} at 10 m): rectified pair by pair, and brought back to {told}"
+        else:
+            yield f"not rectified as recorded: measured on rectified {told}"
     for misfit in rig["misfits"]:
         yield f"WARNING: {misfit}"

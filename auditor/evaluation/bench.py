@@ -1,6 +1,6 @@
 """One frame under many attacks: only what an attack changes is measured again."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Protocol, TypeVar, cast, runtime_checkable
@@ -10,18 +10,21 @@ from numpy.typing import NDArray
 
 from auditor.elements import rig_elements
 from auditor.evidence.comparing import compare_cameras, compare_with_lidar
+from auditor.evidence.joining import OF_TWO, joined
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.matchers import Matcher
 from auditor.evidence.matchers.interface import PairMatcher
-from auditor.evidence.rectifying import rectification
+from auditor.evidence.one_view import matched
+from auditor.evidence.rectifying import PairView, Rectification, rectification
 from auditor.evidence.reduction import grey, halve
-from auditor.evidence.stereo import StereoMap, stereo_map, stereo_maps
+from auditor.evidence.stereo import StereoMap, stereo_map, stereo_maps, within
 from auditor.evidence.testimony import Testimony, testify
 from auditor.evidence.texture import textured
 from auditor.frames import CameraImage, Frame, PointCloud
 from auditor.identification.local_ratio import local_ratios
 from auditor.results import Counts
 from auditor.rig import LIDAR, Rig, Triple
+from auditor.symptoms import Pair
 
 Made = TypeVar("Made")
 
@@ -64,9 +67,10 @@ class Bench:
         self.frame = frame
         self.rig = rig
         self.elements = rig_elements(rig)
-        self._seen = rectification(rig)
         self._matcher = matcher
         self._made: dict[tuple[object, ...], object] = {}
+        self._seen = self._rectification()
+        self._pairs = {pair: _PairBench(self, view) for pair, view in self._seen.pairs.items()}
 
     @property
     def sensors(self) -> tuple[int, ...]:
@@ -76,8 +80,11 @@ class Bench:
 
     @property
     def view_rig(self) -> Rig:
-        """The rig that views and disparity maps are of: with rectified cameras."""
+        """The rig that views and disparity maps are of: the ideal one."""
         return self._seen.rig
+
+    def _rectification(self) -> Rectification:
+        return rectification(self.rig)
 
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
         """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not asked for."""
@@ -87,9 +94,9 @@ class Bench:
     def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
         """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
         wanted = self._measurable(triples)
-        matched = _pairs(wanted)
+        pairs = matched(wanted)
         cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
-        heard = [self.testimony(i, k, attacks, matched=(i, k) in matched) for i, k in combinations(cameras, 2)]
+        heard = [self.testimony(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
         cells = {element: of_it for one in heard for element, of_it in one.cells.items()}
         shares = {element: share for one in heard for element, share in one.shares.items()}
         return local_ratios(self.elements, cells, shares)
@@ -98,7 +105,15 @@ class Bench:
         """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
         if not isinstance(self._matcher, PairMatcher):
             return
-        pairs = _pairs(self._measurable(triples))
+        pairs, cases = matched(self._measurable(triples)), list(cases)
+        if not self._pairs:
+            self.match_pairs(pairs, cases)
+            return
+        for pair in pairs:
+            self._pairs[pair].match_pairs([OF_TWO], [of_two(attacks, pair) for attacks in cases])
+
+    def match_pairs(self, pairs: Sequence[Pair], cases: Sequence[Attacks]) -> None:
+        """Make the maps of these pairs, which share a view, of all cases at once."""
         wanted = {((i, attacks.get(i)), (k, attacks.get(k))): attacks for attacks in cases for i, k in pairs}
         missing = {key: attacks for key, attacks in wanted.items() if _map_key(*key) not in self._made}
         of_image = {image: attacks for key, attacks in missing.items() for image in key}
@@ -110,6 +125,8 @@ class Bench:
     def forget_attacks(self) -> None:
         """Keep only what was made of clean data."""
         self._made = {key: made for key, made in self._made.items() if not any(key[2:])}
+        for pair in self._pairs.values():
+            pair.forget_attacks()
 
     def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
         """Those of the triples asked for whose sensors are all there."""
@@ -121,6 +138,9 @@ class Bench:
         def count() -> Counts:
             i, j, k = triple
             rig = self._seen.rig
+            if i == LIDAR and self._pairs:
+                (counts,) = self._pairs[j, k].counts(of_two(attacks, (j, k)))
+                return cast(Counts, counts)
             second = self.stereo_map(j, k, attacks)
             if i == LIDAR:
                 return compare_with_lidar(self.lidar_view(k, attacks), second, rig, j).counts
@@ -139,14 +159,20 @@ class Bench:
             halves = {camera: self._half(camera, attacks) for camera in (i, k)}
             maps = {(i, k): self.stereo_map(i, k, attacks)} if matched else {}
             views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
+            if self._pairs:
+                told = {pair: self._pairs[pair].testimony(*OF_TWO, of_two(attacks, pair)) for pair in maps}
+                return joined(told, halves, maps, views, self._seen.rig)
             return testify(halves, maps, views, self._seen.rig)
 
         return self.once("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), hear)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
-        """DM_{i,k} under these attacks."""
+        """DM_{i,k} under these attacks, in the common view."""
 
         def match() -> StereoMap:
+            if self._pairs:
+                own = self._pairs[i, k].stereo_map(*OF_TWO, of_two(attacks, (i, k)))
+                return self._seen.pairs[i, k].back.stereo(own)
             reference, witness = self._matched(k, attacks), self._matched(i, attacks)
             return stereo_map(self._matcher, reference, witness, self._texture(k, attacks), self._texture(i, attacks))
 
@@ -209,6 +235,36 @@ class Bench:
         return cast(Made, self._made[key])
 
 
+class _PairBench(Bench):
+    """The bench of a pair with a view of its own: a rig of two, whose attacked data is the whole bench's."""
+
+    def __init__(self, whole: Bench, view: PairView) -> None:
+        self._whole, self._view = whole, view
+        super().__init__(view.recorded(whole.frame), whole.rig.pair(*view.cameras), whole._matcher)
+
+    def _rectification(self) -> Rectification:
+        return self._view.seen
+
+    def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
+        """DM_{1,2}, where both see."""
+        found, sights = super().stereo_map(i, k, attacks), self._view.sights
+        return self.once("seen map", (i, k), attacks, (i, k), lambda: within(found, sights[k], sights[i]))
+
+    def cloud(self, attacks: Attacks) -> PointCloud:
+        """That of the whole bench."""
+        return self._whole.cloud(attacks)
+
+    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """That of the whole bench."""
+        number, attack = self._view.cameras[camera - 1], attacks.get(camera)
+        return self._whole.pixels(number, {} if attack is None else {number: attack})
+
+
+def of_two(attacks: Attacks, pair: Pair) -> Attacks:
+    """The attacks on the LiDAR and on a pair's cameras, under the numbers that these have in a rig of two."""
+    return {number: attacks[sensor] for number, sensor in enumerate((LIDAR, *pair)) if sensor in attacks}
+
+
 AttackedCamera = tuple[int, Attack | None]
 
 
@@ -216,8 +272,3 @@ def _map_key(witness: AttackedCamera, reference: AttackedCamera) -> tuple[object
     """The key of `once` for a disparity map."""
     (i, on_i), (k, on_k) = witness, reference
     return ("map", (i, k), on_i, on_k)
-
-
-def _pairs(triples: Iterable[Triple]) -> set[tuple[int, int]]:
-    """(i, k) of all cameras that triples compare."""
-    return {(witness, t.k) for t in triples for witness in t[:2] if witness != LIDAR}

@@ -32,7 +32,8 @@ class CleanDrive:
 class Recorded:
     """A recording known to be clean, with its own rig or that of a rig file; of several rigs the first is taken.
 
-    Cameras that are not rectified are so first: attacks are made on rectified pictures.
+    Cameras that are not rectified are so first: attacks are made on rectified pictures. Where pairs have views of their
+    own, they are made on the pictures as recorded.
     """
 
     path: Path
@@ -54,8 +55,10 @@ class Recorded:
             surveyed = survey(recording)
             rig = rigs_of(surveyed, self.rig)[0]
             seen = rectification(rig)
-            frames = seen.frames(synchronise(recording, rig, surveyed, colour=colour))
-            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=seen.rig, frames=frames)
+            frames: Iterator[Frame | Skipped] = iter(synchronise(recording, rig, surveyed, colour=colour))
+            if not seen.pairs:
+                rig, frames = seen.rig, seen.frames(frames)
+            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=rig, frames=frames)
 
 
 @dataclass(frozen=True)

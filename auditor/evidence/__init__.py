@@ -4,7 +4,8 @@ import cv2
 
 from auditor.evidence.fitting import Fitting
 from auditor.evidence.localising import localise
-from auditor.evidence.measuring import Evidence, measure, measure_stream
+from auditor.evidence.measuring import measure, measure_stream
+from auditor.evidence.one_view import Evidence
 from auditor.evidence.pictures import Picture, PictureBook, draw
 from auditor.evidence.watching import Watch
 

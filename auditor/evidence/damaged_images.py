@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness
-from auditor.evidence.measuring import Evidence
+from auditor.evidence.one_view import Evidence
 from auditor.evidence.stereo import StereoMap
 from auditor.regions import REGION_STEP
 from auditor.rig import Rig
@@ -36,8 +36,28 @@ def damaged_pixels(evidence: Evidence, camera: int) -> Mask:
 
     The other cameras' pictures are warped into this one's by the LiDAR's depths and by stereo's where two pictures are
     alike. What is brighter (or darker) than in all of them by 35 grey levels is marked, gains and offsets fitted, if it
-    is larger than a speck; whichever of light and darkness takes the larger area.
+    is larger than a speck; whichever of light and darkness takes the larger area. Pairs with views of their own compare
+    there, and each knows only its own depths.
     """
+    differences = _brought_back(evidence, camera) if evidence.pairs else _differences(evidence, camera)
+    if not differences:
+        return np.zeros(_shrunk(evidence.views[camera]).shape, dtype=np.bool_)
+    brighter, darker = (_solid(np.nan_to_num(d)) for d in (np.fmin.reduce(differences), -np.fmax.reduce(differences)))
+    return brighter if np.count_nonzero(brighter) >= np.count_nonzero(darker) else darker
+
+
+def _brought_back(evidence: Evidence, camera: int) -> list[Floats]:
+    """(h, w) each: what each pair that the camera is in says in its own view, NaN where it does not see."""
+    with_it = [(pair.index(camera) + 1, part) for pair, part in evidence.pairs.items() if camera in pair]
+    return [
+        part.back.values(difference, REGION_STEP)
+        for number, part in with_it
+        for difference in _differences(part.own, number)
+    ]
+
+
+def _differences(evidence: Evidence, camera: int) -> list[Floats]:
+    """(h, w) each: by how much a camera's picture is brighter than another's, warped into it."""
     rig = evidence.rig
     small = {number: _shrunk(half) for number, half in evidence.views.items()}
     still = small[camera].astype(np.float32)
@@ -49,11 +69,16 @@ def damaged_pixels(evidence: Evidence, camera: int) -> Mask:
         if other != camera:
             there = column - nearness * np.float32(_direction(rig, camera, other) / REGION_STEP)
             warped = cv2.remap(seen, there, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            differences.append(still - _fitted(warped.astype(np.float32), still, sure))
-    if not differences:
-        return np.zeros(still.shape, dtype=np.bool_)
-    brighter, darker = _solid(np.min(differences, axis=0)), _solid(-np.max(differences, axis=0))
-    return brighter if np.count_nonzero(brighter) >= np.count_nonzero(darker) else darker
+            difference = still - _fitted(warped.astype(np.float32), still, sure)
+            if evidence.sights:
+                seen_there = cv2.remap(_sight(evidence.sights[other]), there, row, cv2.INTER_NEAREST)
+                difference[np.minimum(seen_there, _sight(evidence.sights[camera])) == 0] = np.nan
+            differences.append(difference)
+    return differences
+
+
+def _sight(sees: Mask) -> NDArray[np.uint8]:
+    return sees[::REGION_STEP, ::REGION_STEP].astype(np.uint8)
 
 
 def _shrunk(half: NDArray[np.uint8]) -> NDArray[np.uint8]:

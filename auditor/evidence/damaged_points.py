@@ -56,6 +56,12 @@ def damaged_points(view: LidarView, adjudications: Sequence[Adjudication], rig: 
     return damaged
 
 
+def among(points: Points, others: Points) -> Mask:
+    """(N,) mask of the (N, 3) points that are one of the (M, 3) others, to the last bit."""
+    known = {point.tobytes() for point in others}
+    return np.array([point.tobytes() in known for point in points], dtype=np.bool_)
+
+
 def solid_around(points: Points, rig: Rig) -> Solid:
     """The smallest upright box around (N, 3) points of the LiDAR frame, N at least 1."""
     assert rig.lidar is not None

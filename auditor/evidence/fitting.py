@@ -10,7 +10,8 @@ from math import isnan
 
 import numpy as np
 
-from auditor.evidence.measuring import Evidence
+from auditor.evidence.joining import OF_TWO
+from auditor.evidence.one_view import Evidence
 from auditor.rig import Rig
 from auditor.symptoms import Agreement, Pair, PairSymptoms
 
@@ -123,6 +124,8 @@ def _rows_complaint(pair: Pair, seen: list[PairSymptoms], rig: Rig) -> str | Non
 
 def _scale(evidence: Evidence, pair: Pair) -> float | None:
     """Stereo's disparities over the LiDAR's, the median; None where too few points tell."""
+    if pair in evidence.pairs:
+        evidence, pair = evidence.pairs[pair].own, OF_TWO
     i, k = pair
     if k not in evidence.lidar:
         return None

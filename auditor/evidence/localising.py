@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
+from auditor.evidence.contradiction import Adjudication
 from auditor.evidence.damaged_images import damaged_pixels
-from auditor.evidence.damaged_points import damaged_points, solid_around
+from auditor.evidence.damaged_points import among, damaged_points, solid_around
+from auditor.evidence.joining import OF_TWO
 from auditor.evidence.lidar import LidarView
-from auditor.evidence.measuring import Evidence
+from auditor.evidence.one_view import Evidence
 from auditor.regions import REGION_STEP, Region
 from auditor.rig import LIDAR, Rig
 from auditor.symptoms import Pair
@@ -49,14 +51,32 @@ def _of_camera(evidence: Evidence, camera: int) -> Region | None:
 def _of_lidar(evidence: Evidence, rig: Rig) -> Region | None:
     k = max(evidence.lidar)
     view = evidence.lidar[k]
-    adjudications = [points for (_, of), points in evidence.testimony.adjudications.items() if of == k]
-    damaged = damaged_points(view, adjudications, rig)
+    adjudications = _adjudications(evidence, k)
+    damaged = damaged_points(view, adjudications, rig) if adjudications else np.zeros(view.row.size, dtype=np.bool_)
     if not damaged.any():
         return None
     mask = _pixels(view, damaged, rig)
     region = _region(LIDAR, k, mask, float(damaged.mean()), rig)
     points = int(np.count_nonzero(damaged))
     return Region(LIDAR, k, region.box_px, region.share, region.mask, points, solid_around(view.point_m[damaged], rig))
+
+
+def _adjudications(evidence: Evidence, k: int) -> list[Adjudication]:
+    """What pairs say of the LiDAR's points in view k; those with views of their own say it of the same points there."""
+    if not evidence.pairs:
+        return [points for (_, of), points in evidence.testimony.adjudications.items() if of == k]
+    view = evidence.lidar[k]
+    own = [part.own for (_, of), part in evidence.pairs.items() if of == k]
+    told = [(one.lidar[OF_TWO[1]], points) for one in own for points in one.testimony.adjudications.values()]
+    return [
+        Adjudication(
+            view.row,
+            view.column,
+            valid=among(view.point_m, seen.point_m[points.valid]),
+            contradicted=among(view.point_m, seen.point_m[points.contradicted]),
+        )
+        for seen, points in told
+    ]
 
 
 def _pixels(view: LidarView, damaged: Mask, rig: Rig) -> Mask:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.measuring import Evidence
+from auditor.evidence.one_view import Evidence
 from auditor.results import Measurement, Statistic
 from auditor.rig import LIDAR, Triple
 

@@ -1,39 +1,55 @@
 """Recorded pictures -> those that the ideal cameras of the rig's common view would have taken.
 
 What follows never knows that a rig was not rectified: it gets one picture a camera, one rig, one depth a disparity.
+Cameras that do not stand on one line have no rows in common. Two of them always do: each pair is a rig of two with a
+view of its own, and what is seen there is brought back to the common view. Turned into their rows, pictures are no
+upright rectangles any more: a pair's view is wide enough for all that both see, and masks say what that is.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from auditor.common_view import CommonView, common_view, is_rectified, recorded_pixels
+from auditor.common_view import CommonView, common_view, recorded_pixels, sees
+from auditor.evidence.bringing_back import WayBack
 from auditor.frames import CameraImage, Frame, Skipped
-from auditor.rig import Camera, Rig
+from auditor.rig import LIDAR, Camera, Rig
+from auditor.symptoms import Pair
 
 _SHRUNK = 1.5
+_BORDER = np.ones((17, 17), dtype=np.uint8)  # as far as a matcher's windows reach
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class _Remap:
-    """How one camera's picture becomes rectified: shrunk by `scale` first, then looked up in the maps."""
+    """How one camera's picture becomes rectified: shrunk by `scale` first, then looked up in the maps.
+
+    `seen` (H, W) are the pixels that lie well inside it.
+    """
 
     scale: float
     maps: tuple[cv2.typing.MatLike, cv2.typing.MatLike]
+    seen: Mask
 
 
 @dataclass(frozen=True, eq=False)
 class Rectification:
-    """`rig` is the ideal rig: same sensors, same numbers, cameras rectified, of one size and focal length.
+    """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
-    Where they are so already it is the rig itself, there are no remaps, and frames stay what they are.
+    Where they are so already it is the rig itself, there are no remaps, and frames stay what they are. Where cameras do
+    not stand on one line, and there alone, the `pairs` (i, k) that are matched have views of their own: the ideal rig's
+    pictures are then for looking at and for bringing back to.
     """
 
     rig: Rig
     remaps: Mapping[int, _Remap]
+    pairs: Mapping[Pair, "PairView"] = field(default_factory=dict)
 
     def frames(self, frames: Iterable[Frame | Skipped]) -> Iterator[Frame | Skipped]:
         """Frames as `frame` gives them, and those that were skipped."""
@@ -59,24 +75,66 @@ class Rectification:
         return replace(image, pixels=np.asarray(pixels, dtype=np.uint8))
 
 
+@dataclass(frozen=True, eq=False)
+class PairView:
+    """The own view of cameras i < k: `seen` rectifies the rig of these two, in which they are S_1 and S_2."""
+
+    cameras: Pair
+    seen: Rectification
+    back: WayBack
+
+    @property
+    def sights(self) -> dict[int, Mask]:
+        """(H, W) by camera of the pair what it sees of the view, well inside its picture."""
+        return {number: remap.seen for number, remap in self.seen.remaps.items()}
+
+    def frame(self, frame: Frame) -> Frame:
+        """What the pair's rig recorded of a frame, rectified; cameras that are missing there are here."""
+        return self.seen.frame(self.recorded(frame))
+
+    def recorded(self, frame: Frame) -> Frame:
+        """What the pair's rig recorded of a frame."""
+        sensors = dict(enumerate((LIDAR, *self.cameras)))
+        images = {
+            number: replace(frame.images[sensor], sensor=number)
+            for number, sensor in sensors.items()
+            if sensor in frame.images
+        }
+        presence = {n: frame.presence[sensor] for n, sensor in sensors.items() if sensor in frame.presence}
+        return replace(frame, images=images, presence=presence)
+
+
 @lru_cache(maxsize=8)
 def rectification(rig: Rig) -> Rectification:
     """What it takes to rectify a rig's frames, worked out once a rig.
 
-    Raises RigError where the cameras have no view in common.
+    Raises RigError where the cameras, or two of them that have to be matched in a view of their own, see nothing in
+    common.
     """
-    return Rectification(rig, {}) if is_rectified(rig) else _rectify(rig)
-
-
-def _rectify(rig: Rig) -> Rectification:
+    if rig.is_rectified:
+        return Rectification(rig, {})
     view = common_view(rig)
-    return Rectification(view.rig, {camera.number: _remap(camera, view) for camera in rig.cameras})
+    pairs = {} if rig.shares_view else {pair: _pair_view(rig, pair, view) for pair in rig.pairs}
+    return Rectification(view.rig, _remaps(rig, view), pairs)
+
+
+def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:
+    of_two = rig.pair(*pair)
+    view = common_view(of_two, widest=True)
+    back = WayBack(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
+    return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), back)
+
+
+def _remaps(rig: Rig, view: CommonView) -> dict[int, _Remap]:
+    return {camera.number: _remap(camera, view) for camera in rig.cameras}
 
 
 def _remap(camera: Camera, view: CommonView) -> _Remap:
     scale = view.focal_px / camera.focal_px if camera.focal_px > _SHRUNK * view.focal_px else 1.0
     pixels = recorded_pixels(camera, view.view_SO3_rig, view.x, view.y)
+    inside = sees(pixels, camera, 1).astype(np.uint8)
+    seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)
     # A picture at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
     u, v = ((place + 0.5) * scale - 0.5 for place in pixels)
     maps = cv2.convertMaps(u.astype(np.float32), v.astype(np.float32), cv2.CV_16SC2)
-    return _Remap(scale, maps)
+    return _Remap(scale, maps, seen)

@@ -18,6 +18,7 @@ _ROWS, _COLUMNS = 6, 20  # blocks, one point each
 _KEPT_SHARE = 0.7
 _CORNER_PX = 7
 _WINDOW = (13, 13)
+_AROUND = np.ones((25, 25), dtype=np.uint8)  # a window of the second level
 _LEVELS = 3
 _ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.05)
 _LARGEST_RESIDUE = 30.0  # grey levels a pixel
@@ -30,9 +31,15 @@ Points = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def corners(half: Image) -> Points:
-    """(P, 2) columns and rows of the strongest corner of each of 6 x 20 blocks, without the weakest three in ten."""
+def corners(half: Image, sees: Mask | None = None) -> Points:
+    """(P, 2) columns and rows of the strongest corner of each of 6 x 20 blocks, without the weakest three in ten.
+
+    Of a view that the camera does not see whole, only what it `sees`: (H, W) at full resolution.
+    """
     strength = cv2.cornerMinEigenVal(half, _CORNER_PX)
+    if sees is not None:
+        inner = cv2.erode(sees[::_HALF, ::_HALF].astype(np.uint8), _AROUND)
+        strength[inner == 0] = 0
     height, width = (size // count for size, count in zip(half.shape, (_ROWS, _COLUMNS), strict=True))
     if height == 0 or width == 0:
         return np.zeros((0, 2), dtype=np.float32)
@@ -42,7 +49,8 @@ def corners(half: Image) -> Points:
     row = np.arange(_ROWS)[:, None] * height + place // width
     column = np.arange(_COLUMNS) * width + place % width
     strongest = blocks.max(axis=2)
-    kept = (strongest >= np.quantile(strongest, 1 - _KEPT_SHARE)) & (strongest > 0)
+    found = strongest if sees is None else strongest[strongest > 0]
+    kept = (strongest >= np.quantile(found, 1 - _KEPT_SHARE)) & (strongest > 0) if found.size else strongest > 0
     return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
 
 

@@ -1,7 +1,7 @@
 """DM_{i,k}: the disparity map that a witness camera gives in the view of a reference camera."""
 
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -59,6 +59,23 @@ def stereo_maps(
         (i, k): _stereo_map(matcher, disparity, texture[k], texture[i])
         for (i, k), disparity in zip(pairs, disparities, strict=True)
     }
+
+
+def within(stereo: StereoMap, reference_sees: Mask, witness_sees: Mask) -> StereoMap:
+    """The map, valid only where the reference sees and the witness does at the match; (H, W) full-resolution masks."""
+    seen = seen_by_both(stereo.disparity_px, stereo.step, reference_sees, witness_sees)
+    return replace(stereo, valid=stereo.valid & seen)
+
+
+def seen_by_both(
+    disparity_px: NDArray[np.float32], step: int, reference_sees: Mask, witness_sees: Mask
+) -> NDArray[np.bool_]:
+    """(h, w) mask of the disparities whose pixel the reference sees and whose match the witness does."""
+    width = disparity_px.shape[1]
+    match = np.nan_to_num(np.rint(np.arange(width) - disparity_px / step))
+    column = np.clip(match, 0, width - 1).astype(np.intp)
+    there = np.take_along_axis(witness_sees[::step, ::step], column, axis=1)
+    return np.asarray(there & reference_sees[::step, ::step])
 
 
 def _stereo_map(

@@ -21,6 +21,7 @@ from auditor.results import Cells
 from auditor.rig import LIDAR, Rig
 
 Pair = tuple[int, int]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class Testimony:
     emptiness: Mapping[int, float]
     adjudications: Mapping[Pair, Adjudication]
     likenesses: Mapping[Pair, Likeness]
-    alone: Mapping[int, NDArray[np.bool_]]
+    alone: Mapping[int, Mask]
 
     @property
     def cells(self) -> dict[Element, Cells]:
@@ -66,14 +67,8 @@ def testify(
     `halves` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (witness, reference),
     `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
-    grids = {camera: coarse(half) for camera, half in halves.items()}
-    alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
-    near = {
-        (i, k): too_near(views[k], alone[k], rig, i, stereo.range_px, halves[k].shape)
-        for (i, k), stereo in maps.items()
-        if k in views
-    }
-    near_cells = {pair: coarse_mask(mask) for pair, mask in near.items()}
+    alone = standing_alone(views, rig)
+    near = nearness(halves, maps, views, alone, rig)
     likenesses = {(i, k): likeness(halves[k], halves[i], stereo) for (i, k), stereo in maps.items()}
     adjudications = {
         (j, k): adjudicate(views[k], stereo, likenesses[j, k], rig, j, (halves[k], halves[j]))
@@ -86,11 +81,36 @@ def testify(
             for (j, k), points in adjudications.items()
         },
         unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
-        light={
-            (i, k): compare_light(grids[i], grids[k], near_cells.get((i, k))) for i, k in combinations(sorted(grids), 2)
-        },
+        light=lights(halves, near),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,
         alone=alone,
     )
+
+
+def standing_alone(views: Mapping[int, LidarView], rig: Rig) -> dict[int, Mask]:
+    """By reference which of the LiDAR's points stand alone."""
+    return {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
+
+
+def nearness(
+    halves: Mapping[int, NDArray[np.uint8]],
+    maps: Mapping[Pair, StereoMap],
+    views: Mapping[int, LidarView],
+    alone: Mapping[int, Mask],
+    rig: Rig,
+) -> dict[Pair, Mask]:
+    """By matched pair what is too near for the matcher, as the LiDAR sees it in view k: see `too_near`."""
+    return {
+        (i, k): too_near(views[k], alone[k], rig, i, stereo.range_px, halves[k].shape)
+        for (i, k), stereo in maps.items()
+        if k in views
+    }
+
+
+def lights(halves: Mapping[int, NDArray[np.uint8]], near: Mapping[Pair, Mask]) -> dict[Pair, Light]:
+    """The light that one of two cameras alone sees, for all pairs, apart from what is too near."""
+    grids = {camera: coarse(half) for camera, half in halves.items()}
+    cells = {pair: coarse_mask(mask) for pair, mask in near.items()}
+    return {(i, k): compare_light(grids[i], grids[k], cells.get((i, k))) for i, k in combinations(sorted(grids), 2)}

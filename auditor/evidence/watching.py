@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from auditor.elements import resolves_depth
 from auditor.evidence.agreement import Moment, agreement
 from auditor.evidence.contrast import contrast, smoothed
-from auditor.evidence.measuring import Evidence
+from auditor.evidence.joining import OF_TWO
+from auditor.evidence.one_view import Evidence
 from auditor.evidence.registration import corners, register
 from auditor.evidence.specks import specks
 from auditor.evidence.stereo import StereoMap
@@ -20,17 +21,22 @@ Image = NDArray[np.uint8]
 
 
 class Watch:
-    """Watches the frames of one recording in their order."""
+    """Watches the frames of one recording in their order, pairs with views of their own each for itself."""
 
     def __init__(self) -> None:
+        self._pairs: Mapping[Pair, Watch] = {}
         self._halves: Mapping[int, Image] = {}
         self._moments: Mapping[Pair, Moment] = {}
 
     def observe(self, evidence: Evidence) -> dict[Pair, PairSymptoms]:
         """The symptoms of the next frame by matched pair (i, k)."""
+        if evidence.pairs:
+            # A pair that was not there a frame ago begins anew.
+            self._pairs = {pair: self._pairs.get(pair, Watch()) for pair in evidence.pairs}
+            return {pair: self._pairs[pair].observe(part.own)[OF_TWO] for pair, part in evidence.pairs.items()}
         halves, maps, views = evidence.views, evidence.maps, evidence.lidar
         likenesses, rig, isolated = evidence.testimony.likenesses, evidence.rig, evidence.testimony.alone
-        points = {k: corners(halves[k]) for k in dict.fromkeys(k for _, k in maps)}
+        points = {k: corners(halves[k], evidence.sights.get(k)) for k in dict.fromkeys(k for _, k in maps)}
         rows = register(points, halves, self._halves, {(i, k): _at(maps[i, k], points[k]) for i, k in maps})
         smooth = {camera: smoothed(half) for camera, half in halves.items()}
         contrasts = {(i, k): contrast(smooth[k], smooth[i], likenesses[i, k], maps[i, k]) for i, k in maps}

@@ -6,7 +6,7 @@ from decimal import ROUND_FLOOR, Decimal, InvalidOperation, localcontext
 
 from auditor.errors import SettingError, ThresholdsError
 from auditor.results import Procedure, Statistic
-from auditor.rig import RigKind
+from auditor.rig_kind import RigKind
 from auditor.thresholds import Calibration, Thresholds
 
 BELOW_EVERY_ERROR = -1.0

@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from auditor import __version__
 from auditor.errors import RecordingError
+from auditor.evidence.joining import OF_TWO
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.scoring import Sample
 from auditor.evidence.rectifying import rectification
+from auditor.evidence.stereo import seen_by_both
 from auditor.frames import Frame
 from auditor.lab.drives import SyntheticDrive, make_drive
 from auditor.lab.streets import STYLES
 from auditor.pipeline import rigs_of
 from auditor.recordings import open_recording, survey, synchronise
-from auditor.rig import LIDAR, Camera, Rig
+from auditor.rig import Camera, Rig
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
@@ -63,12 +65,10 @@ class Recorded:
                 raise RecordingError(
                     "it has no LiDAR that would know disparities", where=self.path, remedy="train on --synthetic scenes"
                 )
-            seen = rectification(rig)
-            frames = seen.frames(synchronise(recording, rig, surveyed, colour=False))
             numbered = (
                 (frame.number, sample)
-                for frame in frames
-                if isinstance(frame, Frame) and (sample := lidar_sample(frame, seen.rig)) is not None
+                for frame in synchronise(recording, rig, surveyed, colour=False)
+                if isinstance(frame, Frame) and (sample := lidar_sample(frame, rig)) is not None
             )
             yield Samples(recording.recording_id, "recordings", numbered)
 
@@ -98,21 +98,24 @@ SampleSource = Recorded | Street
 
 def pair_of(number: int, rig: Rig) -> Pair:
     """The pair (i, k) that a frame gives a sample of: all that a scan matches, by turns."""
-    pairs = list(dict.fromkeys((i, t.k) for t in rig.triples for i in t[:2] if i != LIDAR))
-    return pairs[number % len(pairs)]
+    return rig.pairs[number % len(rig.pairs)]
 
 
 def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
     """The sample of a frame, rectified, its disparities those of the LiDAR's points; None where a sensor is missing."""
-    seen = rectification(rig)
+    seen, (i, k) = rectification(rig), pair_of(frame.number, rig)
+    own = seen.pairs.get((i, k))
+    if own is not None:
+        seen, frame, (i, k) = own.seen, own.recorded(frame), OF_TWO
     frame, rig = seen.frame(frame), seen.rig
-    i, k = pair_of(frame.number, rig)
     if frame.cloud is None or not {i, k} <= set(frame.images):
         return None
     view = lidar_view(frame.cloud, rig, k)
     camera = rig.camera(k)
     disparity = np.full((camera.height_px, camera.width_px), np.nan, dtype=np.float32)
     disparity[view.row, view.column] = view.disparity_px(rig, i)
+    if own is not None:
+        disparity[~seen_by_both(disparity, 1, own.sights[k], own.sights[i])] = np.nan
     return frame.images[k].pixels, frame.images[i].pixels, _inside(disparity, rig.camera(i))
 
 

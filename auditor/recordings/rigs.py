@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.common_view import common_view, is_rectified
+from auditor.common_view import common_view
 from auditor.errors import RigError
 from auditor.geometry import Matrix, motion
-from auditor.recordings.aligning import MOST_OFF_PX, aligned, off_line_px
+from auditor.recordings.aligning import aligned
 from auditor.recordings.camchain import read_camchain
 from auditor.recordings.frame_tree import FrameTree
 from auditor.recordings.placing import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
@@ -49,7 +49,8 @@ def look_for_rigs(survey: Survey) -> FoundRigs:
     """Every group of overlapping cameras that, with a LiDAR or without, has three sensors.
 
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to tell which of them
-    is attacked, all that look the same way are one rig, to be rectified when they are measured.
+    is attacked, or one more stands beside their line, all that look the same way are one rig, to be rectified when they
+    are measured.
     """
     reasons: list[str] = []
     frames = FrameTree(survey.transforms)
@@ -64,23 +65,28 @@ def _rigs_of(
 ) -> Iterator[Rig]:
     alike = grouped_alike(group, frames)
     why: list[str] = []
-    rectified = [rig for views in alike if (rig := _rectified_rig(views, clouds, frames, why)) is not None]
+    beside: list[str] = []
+    rectified = [rig for views in alike if (rig := _rectified_rig(views, clouds, frames, why, beside)) is not None]
     one_kind = [len(views) for views in alike] == [len(group)]
-    if one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified):
-        reasons.extend(why)
-        yield from rectified
-        return
-    mixed = list(_mixed_rigs(group, clouds, frames, reasons))
-    yield from mixed or rectified
+    enough = one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified)
+    if not enough or beside:
+        why_mixed: list[str] = []
+        mixed = list(_mixed_rigs(group, clouds, frames, why_mixed))
+        if not enough or (mixed and mixed[0].n > max((rig.n for rig in rectified), default=0)):
+            reasons.extend(why_mixed)
+            yield from mixed or rectified
+            return
+    reasons.extend(why + beside)
+    yield from rectified
 
 
 def _rectified_rig(
-    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
+    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str], beside: list[str]
 ) -> Rig | None:
     placed = place(views, frames, reasons)
     if placed is None:
         return None
-    order = _collinear(placed, reasons)
+    order = _collinear(placed, reasons, beside)
     cameras = [_rectified_camera(placed, index) for index in order]
     return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
 
@@ -88,7 +94,7 @@ def _rectified_rig(
 def _mixed_rigs(
     views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
 ) -> Iterator[Rig]:
-    """The cameras on one line, and each camera beside it with those that it shares a line with."""
+    """The cameras that can be measured together, and each that cannot with those that it can be measured with."""
     placed = place(views, frames, reasons)
     if placed is None:
         return
@@ -99,14 +105,14 @@ def _mixed_rigs(
     for through in (None, *cameras):
         if through is not None and (through.topic in covered or not covered):
             continue
-        # Why a second line leaves cameras out is of no interest: they are on the first.
-        line, turn = aligned(cameras, why if through is None else [], through)
-        rig = _rig(line, _turned(lidar, turn), why if through is None else [])
+        # Why a second rig leaves cameras out is of no interest: they are in the first.
+        together, turn = aligned(cameras, why if through is None else [], through)
+        rig = _rig(together, _turned(lidar, turn), why if through is None else [])
         if rig is not None and (through is None or through.topic in map(rig.topic, rig.sensors)):
             covered.update(camera.topic for camera in rig.cameras)
             yield rig
-    beside = {camera.name for camera in cameras if camera.topic in covered}
-    reasons.extend(reason for reason in why if reason.split(" ")[0] not in beside)
+    names = {camera.name for camera in cameras if camera.topic in covered}
+    reasons.extend(reason for reason in why if reason.split(" ")[0] not in names)
 
 
 def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> Rig | None:
@@ -178,22 +184,22 @@ def check_rig(rig: Rig, survey: Survey) -> None:
             )
     if len(rig.sensors) < MIN_SENSORS:
         raise RigError(f"no triple possible: the rig has {len(rig.sensors)} sensors of at least 3", where="rig")
-    if not is_rectified(rig):
+    if not rig.is_rectified:
         common_view(rig)
-        if (off_px := off_line_px(rig.cameras)) > MOST_OFF_PX:
-            raise RigError(
-                f"its cameras do not lie on one line: one misses the rows of the others by {off_px:.1f} px at 10 m",
-                where="rig",
-                remedy="leave that camera out, or describe it in a rig of its own",
-            )
+    if not rig.shares_view:
+        for pair in rig.pairs:
+            common_view(rig.pair(*pair), widest=True)
 
 
 def _times(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
 
 
-def _collinear(placed: Placed, reasons: list[str]) -> list[int]:
-    """Indices of the cameras on one line, right to left; a camera at the place of another is left out."""
+def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[int]:
+    """Indices of the cameras on one line, right to left; a camera at the place of another is left out.
+
+    Why is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
+    """
     by_x = sorted(range(len(placed.views)), key=lambda index: -float(placed.centres_m[index][0]))
     order: list[int] = []
     for index in by_x:
@@ -206,7 +212,7 @@ def _collinear(placed: Placed, reasons: list[str]) -> list[int]:
         if step[0] < MIN_BASELINE_M:
             reasons.append(f"{name} lies where {placed.views[order[-1]].name} lies")
         elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
-            reasons.append(f"{name} does not lie on one line with {placed.views[order[0]].name}")
+            beside.append(f"{name} does not lie on one line with {placed.views[order[0]].name}")
         else:
             order.append(index)
     return order

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from auditor.elements import Element, Witness
 from auditor.errors import StoreError, ThresholdsError
 from auditor.results import Cause, CauseIn, Procedure, Statistic
-from auditor.rig import RigKind, Triple
+from auditor.rig import Triple
+from auditor.rig_kind import RigKind
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
 from auditor.thresholds import Calibration, CleanFrames

@@ -10,7 +10,7 @@ import duckdb
 
 from auditor.errors import StoreError
 from auditor.results import MIN_VALID_PX
-from auditor.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
+from auditor.rig_kind import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
 from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views

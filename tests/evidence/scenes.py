@@ -1,5 +1,7 @@
 """Small rigs that look at one textured plane, so that every disparity is known."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,3 +46,12 @@ def plane_frame(rig: Rig, depth_m: float = 9.0, without: frozenset[int] = frozen
     states = {s: Presence(SensorState.MISSING if s in without else SensorState.PRESENT) for s in rig.sensors}
     cloud = PointCloud(0, plane_cloud(depth_m)) if rig.lidar and 0 not in without else None
     return Frame(0, 0, states, cloud, images)
+
+
+def moved(rig: Rig, offsets_m: tuple[tuple[float, float, float], ...]) -> Rig:
+    """The same cameras beside their line: each moved by x, y (down) and z (ahead), and rectified with none."""
+    cameras = []
+    for camera, offset in zip(rig.cameras, offsets_m, strict=True):
+        seen_from = np.column_stack([np.eye(3), -(camera.centre_m + np.array(offset))])
+        cameras.append(replace(camera, rectified=False, projection=camera.intrinsics @ camera.rotation @ seen_from))
+    return Rig(rig.lidar, tuple(cameras))

@@ -15,7 +15,8 @@ from auditor.identification.false_alarms import (
 )
 from auditor.identification.robust_thresholds import robust_thresholds
 from auditor.results import Cause, Procedure, Statistic
-from auditor.rig import RigKind, triples_of
+from auditor.rig import triples_of
+from auditor.rig_kind import RigKind
 from auditor.thresholds import Calibration, CleanFrames
 
 PAIRS = ((1, 3), (2, 3))

@@ -9,7 +9,8 @@ from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.states import state_vector
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
 from auditor.results import COUNTING_VERSION, Procedure, Statistic
-from auditor.rig import RigKind, Triple, triples_of
+from auditor.rig import Triple, triples_of
+from auditor.rig_kind import RigKind
 from auditor.thresholds import Calibration
 from tests.clean_frames import clean_frames
 

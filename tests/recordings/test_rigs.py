@@ -159,10 +159,36 @@ def test_two_groups_of_cameras_are_two_rigs() -> None:
     assert second.lidar
 
 
-def test_a_camera_off_the_line_is_left_out() -> None:
+def test_a_rectified_camera_beside_the_line_joins_and_makes_the_rig_one_of_pairs() -> None:
     infos = {name: info(name, P(0.0)) for name in ("a", "b", "high")}
     survey = look(infos, {"a": at(0), "b": at(0.5), "high": at(0.3, -0.4), "top": LIDAR_AT})
-    assert list(x_of(survey)) == ["b", "a"]
+    assert list(x_of(survey)) == ["b", "high", "a"]
+    (rig,) = find_rigs(survey)
+    assert not rig.shares_view
+    assert max(rig.off_line_px.values()) == pytest.approx(0.4 * 700 / 10)
+    assert not look_for_rigs(survey).reasons
+    check_rig(rig, survey)
+
+
+def test_rectified_cameras_within_the_tolerance_of_a_line_stay_as_they_are() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("a", "b", "c")}
+    survey = look(infos, {"a": at(0), "b": at(0.5), "c": at(0.3, -0.015), "top": LIDAR_AT})
+    (rig,) = find_rigs(survey)
+    assert rig.is_rectified
+    assert rig.baseline_m(1, 2) == pytest.approx(0.2)
+    assert len(rig.kind.baselines_m) == 2
+
+
+def test_four_cameras_in_a_square_are_one_rig() -> None:
+    infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c", "d")}
+    places = {"a": at(0), "b": at(0.4), "c": at(0, -0.4), "d": at(0.4, -0.4), "top": LIDAR_AT}
+    survey = look(infos, places, images="image_raw")
+    (rig,) = find_rigs(survey)
+    assert sorted(camera.name for camera in rig.cameras) == ["a", "b", "c", "d"]
+    assert {camera.name for camera in rig.cameras[:2]} == {"b", "d"}
+    assert sorted(rig.kind.baselines_m) == pytest.approx([0.4] * 4 + [0.4 * 2**0.5] * 2)
+    assert np.allclose(rectification(rig).rig.camera(1).rotation, np.eye(3))  # upright, not along a diagonal
+    check_rig(Rig.from_dict(rig.to_dict()), survey)
 
 
 def test_cameras_of_other_intrinsics_are_one_rig_to_be_rectified() -> None:
@@ -215,7 +241,7 @@ def test_raw_images_are_placed_and_turned_by_tf_where_p_has_no_offsets() -> None
         assert np.allclose(camera.projection @ rig.lidar.rig_SE3_lidar, expected, atol=1e-9)
 
 
-def test_cameras_that_no_line_holds_or_that_see_little_together_are_left_out_with_the_reason() -> None:
+def test_cameras_that_nobody_can_read_or_that_see_little_together_are_left_out_with_the_reason() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "high", "same", "away", "bent")}
     infos["bent"] = info("bent", P(0), distortion=(0.1,))
     places = {
@@ -227,12 +253,10 @@ def test_cameras_that_no_line_holds_or_that_see_little_together_are_left_out_wit
         "bent": at(1),
     }
     found = look_for_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
-    assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "a"]
-    assert len(found.rigs) == 2
+    assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "high", "a"]
+    assert len(found.rigs) == 1
     told = "; ".join(found.reasons)
     assert "/bent/image_raw: 1 coefficients do not fit the model plumb_bob" in told
-    # Beside the line, it is audited with the camera that is farthest from it.
-    assert sorted(camera.name for camera in found.rigs[1].cameras) == ["away", "high"]
     assert "high" not in told
     assert "same lies where b lies" in told
     infos["far"] = replace(info("far", P(0), distortion=(-0.1, 0, 0, 0)), intrinsics=np.diag([2000.0, 2000, 1]))
@@ -249,14 +273,42 @@ def test_cameras_one_behind_the_other_are_no_rig() -> None:
         find_rigs(survey)
 
 
-def test_a_rig_file_whose_cameras_no_line_holds_is_refused() -> None:
+def test_a_camera_behind_another_is_audited_with_those_it_is_not_behind() -> None:
+    infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c", "rear")}
+    places = {"a": at(0), "b": at(0.5), "c": at(1.0), "rear": at(0.0, 0.0, -0.6), "top": LIDAR_AT}
+    found = look_for_rigs(look(infos, places, images="image_raw"))
+    assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["c", "b", "a"], ["c", "b", "rear"]]
+    assert not found.reasons
+
+
+def test_a_camera_whose_pairs_see_too_little_is_left_out_with_the_reason() -> None:
+    # Turned towards the line to a camera far ahead, narrow lenses show too little of their view, and that blurred.
+    infos = {n: info(n, P(0), distortion=(-0.01, 0, 0, 0)) for n in ("a", "b", "ahead")}
+    narrow = np.array([[2000.0, 0, 320], [0, 2000, 240], [0, 0, 1]])
+    infos = {n: replace(known, intrinsics=narrow) for n, known in infos.items()}
+    places = {"a": at(0), "b": at(0.5), "ahead": at(0.3, 0, 0.45), "top": LIDAR_AT}
+    found = look_for_rigs(look(infos, places, images="image_raw"))
+    assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["b", "a"]]
+    assert "ahead shares too little of its view with a once both are rectified" in found.reasons
+
+
+def test_a_rig_file_whose_cameras_no_line_holds_is_taken_unless_a_pair_sees_nothing() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c")}
     survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(0.6), "top": LIDAR_AT}, images="image_raw")
     description = find_rigs(survey)[0].to_dict()
     check_rig(Rig.from_dict(description), survey)
     description["cameras"][1]["projection"][1][3] -= 700 * 0.05
-    with pytest.raises(RigError, match=r"do not lie on one line.* 3\.5 px at 10 m"):
-        check_rig(Rig.from_dict(description), survey)
+    off = Rig.from_dict(description)
+    check_rig(off, survey)
+    assert off.off_line_px[2] == pytest.approx(3.5)
+    assert off.kind.baselines_m == pytest.approx((np.hypot(0.3, 0.05), np.hypot(0.3, 0.05), 0.6))
+    assert not off.kind.matches(find_rigs(survey)[0].kind)
+    left = off.camera(3)
+    ahead = left.centre_m + np.array([0.01, 0.02, 5.0])
+    projection = left.intrinsics @ left.rotation @ np.column_stack([np.eye(3), -ahead])
+    in_front = Rig(off.lidar, (off.camera(1), replace(off.camera(2), projection=projection), left))
+    with pytest.raises(RigError, match="look along the line they stand on"):
+        check_rig(in_front, survey)
 
 
 @pytest.mark.parametrize("ending", [".mcap", ".bag"])

@@ -81,7 +81,8 @@ class ObjectBench:
         """The two sides that are compared.
 
         With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each witness against
-        the reference, or the one witness's stereo points against the other's.
+        the reference, or the one witness's stereo points against the other's. Objects in images are sought on the same
+        rows, which cameras that do not stand on one line do not share: these are not compared.
         """
         i, j, k = triple
         camera, cloud = self._detectors.camera, self._detectors.cloud
@@ -96,7 +97,7 @@ class ObjectBench:
                 yield _Pair(*objects, named_in_clouds, named_in_images)
         elif camera is None:
             yield _Pair(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
-        else:
+        elif self._rig.shares_view:
             for witness in (i, j):
                 reach = self._rig.camera(k).focal_px * self._rig.baseline_m(witness, k) / NEAREST_M
                 objects = self.in_image(k, attacks), self.in_image(witness, attacks)

@@ -1,6 +1,6 @@
 """Checks on the first frames for what goes wrong without a sound: the wrong upsampling, too low a precision."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+from auditor.evidence.stereo import seen_by_both
 from auditor.frames import Frame
 from auditor.rig import Rig
 
@@ -18,6 +19,7 @@ _BETTER_BY_PX = 0.25
 _PRECISION_BOUND_PX = 0.1
 
 Pixels = NDArray[np.floating]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -98,11 +100,14 @@ def check_precision(
     return PrecisionCheck(mean, largest, warning)
 
 
-def first_frames_warnings(matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame]) -> tuple[str, ...]:
+def first_frames_warnings(
+    matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame], sights: Mapping[int, Mask] | None = None
+) -> tuple[str, ...]:
     """What looks wrong with a matcher on the first frames of a recording; no warning where nothing can be checked.
 
     Each frame costs one pair more: the leftmost camera with the rightmost, whose disparities are the largest; with a
-    lower precision than fp32 the first of them costs that pair twice again.
+    lower precision than fp32 the first of them costs that pair twice again. Of pictures that are not seen whole only
+    the `sights` (H, W) are looked at.
     """
     measured: list[tuple[Pixels, Pixels]] = []
     warnings: list[str | None] = []
@@ -118,6 +123,8 @@ def first_frames_warnings(matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Fra
         if frame.cloud is not None:
             view = lidar_view(frame.cloud, rig, leftmost)
             truth[view.row // matcher.step, view.column // matcher.step] = view.disparity_px(rig, rightmost)
+            if sights:
+                truth[~seen_by_both(truth, matcher.step, sights[leftmost], sights[rightmost])] = np.nan
         measured.append((disparity, truth))
     scale = check_scale(
         measured, align_corners=matcher.align_corners, max_disparity=matcher.range_px, step=matcher.step

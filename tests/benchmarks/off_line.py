@@ -1,0 +1,91 @@
+"""Cameras that do not stand on one line: `python -m tests.benchmarks.off_line`.
+
+The same synthetic streets (1242 x 375, LiDAR and three cameras like KITTI's, unrectified) through cameras on the line
+and beside it: who is named for strong faculas and walls of the paper's sizes, frames one by one, thresholds at r = 1 %
+learnt on four other streets with vehicles of their own; and the CPU time of measuring a frame, rounds interleaved.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from decimal import Decimal
+from statistics import median
+from time import process_time
+
+import cv2
+import numpy as np
+
+from auditor.elements import rig_elements
+from auditor.evaluation.bench import Bench
+from auditor.evidence import measure
+from auditor.evidence.matchers.sgbm import SgbmMatcher
+from auditor.frames import Frame
+from auditor.identification.accusing import System, accuse
+from auditor.identification.margins import margins, yardsticks
+from auditor.lab.attacks import draw_facula, draw_wall
+from auditor.lab.drives import SyntheticDrive, make_drive
+from auditor.results import VerdictKind
+from auditor.rig import LIDAR, Rig
+from tests.evidence.scenes import moved
+
+OFFSETS_M = {
+    "on the line": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "S_1 10 cm higher, S_2 15 cm ahead": ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0)),
+    "S_1 30 cm higher, S_2 10 cm lower and 15 cm ahead": ((0.0, -0.3, 0.0), (0.0, 0.1, 0.15), (0.0, 0.0, 0.0)),
+}
+LEARNT_ON, TESTED_ON = (1001, 1002, 1004, 1005), (1003, 1006)
+DRAWS, EVERY, ROUNDS = 6, 3, 5
+
+
+def street(seed: int, offsets_m: tuple[tuple[float, float, float], ...]) -> SyntheticDrive:
+    drive = make_drive(seed, 6, vehicle=seed)
+    return replace(drive, vehicle=replace(drive.vehicle, rig=moved(drive.rig, offsets_m)))
+
+
+def named(drives: Sequence[SyntheticDrive], learnt_on: Sequence[SyntheticDrive]) -> Counter[tuple[str, str]]:
+    """How often what was attacked (or nothing) was called what."""
+    rig, matcher, rng = drives[0].rig, SgbmMatcher(), np.random.default_rng(5)
+    elements = rig_elements(rig)
+    clean = [Bench(frame, d.rig, matcher).ratios({}) for d in learnt_on for frame in list(d.frames())[::2]]
+    scales = yardsticks(np.array(clean, dtype=float), elements, Decimal("0.01"))
+    cases = [{}] + [{s: draw_facula(rng, 1242, 375, "strong")} for s in (1, 2, 3) for _ in range(DRAWS)]
+    cases += [{LIDAR: draw_wall(rng)} for _ in range(DRAWS)]
+    told, ratios = [], []
+    for frame in (frame for d in drives for frame in list(d.frames())[::EVERY]):
+        bench = Bench(frame, rig, matcher)
+        told += cases
+        ratios += [bench.ratios(case) for case in cases]
+    z = margins(np.array(ratios, dtype=float), scales)
+    verdicts = accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(z))
+    said = ("clean" if v.kind is VerdictKind.CLEAN else f"attacked {v.attacked}" for v in verdicts)
+    return Counter(
+        (f"attacked {tuple(case)}" if case else "clean", what) for case, what in zip(told, said, strict=True)
+    )
+
+
+def frame_s(frames: Sequence[Frame], rig: Rig) -> float:
+    started = process_time()
+    for frame in frames:
+        measure(frame, rig, SgbmMatcher())
+    return (process_time() - started) / len(frames)
+
+
+def main() -> None:
+    cv2.setNumThreads(1)
+    costs: dict[str, list[float]] = {}
+    driven = {name: street(TESTED_ON[0], offsets) for name, offsets in OFFSETS_M.items()}
+    frames = {name: list(drive.frames()) for name, drive in driven.items()}
+    for _ in range(ROUNDS + 1):
+        for name, drive in driven.items():
+            costs.setdefault(name, []).append(frame_s(frames[name], drive.rig))
+    for name, offsets in OFFSETS_M.items():
+        counts = named([street(s, offsets) for s in TESTED_ON], [street(s, offsets) for s in LEARNT_ON])
+        first, here = costs["on the line"][1:], costs[name][1:]  # views are made in the first round
+        ratios = [b / a for a, b in zip(first, here, strict=True)]
+        print(f"{name}: {median(ratios):.2f} times the CPU time a frame ({min(ratios):.2f} to {max(ratios):.2f})")
+        for (attacked, said), count in sorted(counts.items()):
+            print(f"  {attacked}: {said} {count}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""A vehicle whose cameras do not stand on one line, from its recordings to who is attacked."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from auditor.frames import Frame
+from auditor.lab.attacks import BogusWall, Facula
+from auditor.lab.drives import SyntheticDrive, make_drive
+from auditor.lab.vehicles import askew
+from auditor.lenses import NO_LENS, Lens
+from auditor.recordings import write_mcap
+from auditor.rig import LIDAR
+from tests.evidence.scenes import moved
+
+OFFSETS_M = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
+LENSES = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), NO_LENS, NO_LENS)
+ATTACKED = {1: range(4), 2: range(6, 10), 3: range(12, 16), LIDAR: range(18, 22)}
+
+
+def street(trip: int) -> SyntheticDrive:
+    drive = make_drive(3, 22, width_px=414, height_px=126, trip=trip)
+    return replace(drive, vehicle=replace(drive.vehicle, rig=moved(askew(drive.rig, LENSES, 1), OFFSETS_M)))
+
+
+def attacked(drive: SyntheticDrive) -> Iterator[Frame]:
+    facula, wall = Facula(510.0, 73.0, 253.0, 73.0), BogusWall(7.0, 0.0)
+    for frame in drive.frames():
+        hit = next((sensor for sensor, during in ATTACKED.items() if frame.number in during), None)
+        images = {n: facula.apply(image) if n == hit else image for n, image in frame.images.items()}
+        yield replace(frame, images=images, cloud=wall.apply(frame.cloud, drive.rig) if hit == LIDAR else frame.cloud)
+
+
+def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    store, clean, tested = (str(tmp_path / name) for name in ("audit", "clean.mcap", "attacked.mcap"))
+    write_mcap(Path(clean), street(0).rig, street(0).frames())
+    write_mcap(Path(tested), street(1).rig, attacked(street(1)))
+    assert run(["inspect", clean]) == 0
+    said = " ".join(capfd.readouterr().out.split())
+    assert "up to 1 attacked sensor at once can be identified" in said
+    assert "not on one line (S_2 by 4.2 px at 10 m): rectified pair by pair" in said
+    assert "WARNING" not in said
+    assert "left out" not in said
+    assert run(["calibrate", clean, "-r", "0.05", "--store", store]) == 0
+    assert run(["scan", tested, "-r", "0.05", "--store", store]) == 1
+    capfd.readouterr()
+    assert run(["query", "incidents", "--store", store, "--format", "json"]) == 0
+    incidents = json.loads(capfd.readouterr().out)
+    print([(row["first_frame"], row["last_frame"], row["kind"], row["attacked"]) for row in incidents])
+    named = [row for row in incidents if row["attacked"]]
+    assert [row["attacked"] for row in named] == [[1], [2], [3], [LIDAR]]
+    # The means over half a second take a frame until they tell one attack from the next.
+    assert sum(row["last_frame"] - row["first_frame"] + 1 for row in named) >= 4 * 4 - 1
