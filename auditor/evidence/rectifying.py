@@ -135,6 +135,7 @@ def _remap(camera: Camera, view: CommonView) -> _Remap:
     inside = sees(pixels, camera, 1).astype(np.uint8)
     seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)
     # A picture at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
-    u, v = ((place + 0.5) * scale - 0.5 for place in pixels)
+    # What lies behind the lens is not seen, and may show anything.
+    u, v = (np.nan_to_num((place + 0.5) * scale - 0.5, nan=-1.0) for place in pixels)
     maps = cv2.convertMaps(u.astype(np.float32), v.astype(np.float32), cv2.CV_16SC2)
     return _Remap(scale, maps, seen)
