@@ -13,7 +13,7 @@ from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
     Witness.CONTRADICTED: 0.6,
-    Witness.UNLIKE: 0.4,
+    Witness.UNLIKE: 0.45,
     Witness.LIGHT: 0.5,
     Witness.EMPTY: 1.0,
 }
