@@ -20,7 +20,6 @@ _FEWEST = 200
 _SPREAD_QUANTILE = 0.25
 
 Mask = NDArray[np.bool_]
-Counts = NDArray[np.intp]
 
 
 def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
@@ -39,17 +38,12 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
     """(M,) mask of the points with at most one other in the 3 x 3 x 3 cells of row, column and range around theirs."""
     side = max(_CELL * focal_px, 1.0)
     step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *_RANGES_M)) / _RANGE_STEP
-    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp)
-    shape = tuple((cell.max(axis=1, initial=0) + 1).tolist())
+    # A cell more on every side, so that all have neighbours.
+    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp) + 1
+    shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
     place = np.ravel_multi_index(tuple(cell), shape)
-    counts = np.bincount(place, minlength=int(np.prod(shape))).reshape(shape)
-    for axis in range(counts.ndim):
-        counts = _with_neighbours(counts, axis)
-    return np.asarray(counts.ravel()[place] <= _MOST_TOGETHER)
-
-
-def _with_neighbours(counts: Counts, axis: int) -> Counts:
-    """Each count with those on both sides of it along an axis."""
-    padded = np.pad(counts, [(1, 1) if a == axis else (0, 0) for a in range(counts.ndim)])
-    size = counts.shape[axis]
-    return np.asarray(sum(padded.take(range(start, start + size), axis=axis) for start in range(3)))
+    counts = np.bincount(place, minlength=int(np.prod(shape)))
+    alone: Mask = counts[place] <= _MOST_TOGETHER
+    around = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - np.ravel_multi_index((1, 1, 1), shape)
+    alone[alone] = counts[place[alone][:, None] + around].sum(axis=1) <= _MOST_TOGETHER
+    return alone
