@@ -19,8 +19,8 @@ from auditor.evidence.stereo import StereoMap
 from auditor.evidence.visibility import too_near
 from auditor.results import Cells
 from auditor.rig import LIDAR, Rig
+from auditor.symptoms import Pair
 
-Pair = tuple[int, int]
 Mask = NDArray[np.bool_]
 
 

@@ -55,6 +55,22 @@ def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_n
     )
 
 
+def part_columns(rig, recording, experiment, *, drawn=3, name=None, stretch=0, synthetic=False):
+    """What all parts of evaluations are known by; clean frames are not drawn."""
+    drawn = None if experiment == "clean" else drawn
+    return {
+        "recording_id": recording * 64,
+        "name": name or f"{recording}.mcap",
+        "synthetic": synthetic,
+        "rig_id": rig.rig_id,
+        "procedure": PROCEDURE,
+        "experiment": experiment,
+        "seed": drawn,
+        "draws": drawn,
+        "stretch": stretch,
+    }
+
+
 def new_store(folder):
     return Store.open(folder / "audit", create=True)
 

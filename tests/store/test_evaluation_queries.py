@@ -18,7 +18,7 @@ from auditor.rig import Triple
 from auditor.store.evaluations import EvaluationPart, MeasuredCase
 from auditor.store.parts import finished_part, part_writer
 from auditor.store.queries import run_query
-from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
+from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 R = ",".join(map(str, RATES))
@@ -28,18 +28,7 @@ FRAMES = {"a": 17, "b": 9}
 
 
 def part(recording, experiment, stretch=0, *, synthetic=False):
-    drawn = 3 if experiment != "clean" else None
-    return EvaluationPart(
-        recording_id=recording * 64,
-        name=f"{recording}.mcap",
-        synthetic=synthetic,
-        rig_id=RIG.rig_id,
-        procedure=PROCEDURE,
-        experiment=experiment,
-        seed=drawn,
-        draws=drawn,
-        stretch=stretch,
-    )
+    return EvaluationPart(**part_columns(RIG, recording, experiment, stretch=stretch, synthetic=synthetic))
 
 
 def write(store, which, cases, *, last=True):

@@ -20,7 +20,7 @@ from auditor.store.evaluation_report import percent, render_evaluation, render_e
 from auditor.store.evaluations import EvaluationPart, MeasuredCase
 from auditor.store.parts import part_writer
 from auditor.store.queries import run_query
-from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
+from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 from tests.store.test_report import HOSTILE, Page
 from tests.store.test_report_browser import BROWSER, browse
 
@@ -32,18 +32,8 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
     rng = np.random.default_rng(5)
     for number, name in enumerate(names):
         for experiment in experiments:
-            draws = 1 if experiment.drawn else None
-            part = EvaluationPart(
-                recording_id=f"{number}" * 64,
-                name=name,
-                synthetic=False,
-                rig_id=rig.rig_id,
-                procedure=PROCEDURE,
-                experiment=experiment.name,
-                seed=draws,
-                draws=draws,
-                stretch=0,
-            )
+            drawn = 1 if experiment.drawn else None
+            part = EvaluationPart(**part_columns(rig, f"{number}", experiment.name, drawn=drawn, name=name))
             with part_writer(store, part) as writer:
                 for frame in range(frames):
                     for case in experiment.cases(rig, Dice(0, number, frame, 0), ()):

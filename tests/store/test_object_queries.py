@@ -15,7 +15,7 @@ from auditor.rig import Triple
 from auditor.store.object_evaluations import ObjectCase, ObjectPart
 from auditor.store.parts import finished_part, part_writer
 from auditor.store.queries import run_query
-from tests.store.making import PERIOD_NS, PROCEDURE, make_rig, new_store
+from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.1", "0.3", "1")]
 IOUS = ("0.5", "0.7")
@@ -27,17 +27,8 @@ DETECTORS = {"geometric": "{}", "yolo.onnx + geometric": '{"camera": 1}'}
 
 
 def part(recording, experiment, detector="geometric", stretch=0):
-    drawn = 3 if experiment != "clean" else None
     return ObjectPart(
-        recording_id=recording * 64,
-        name=f"{recording}.mcap",
-        synthetic=False,
-        rig_id=RIG.rig_id,
-        procedure=PROCEDURE,
-        experiment=experiment,
-        seed=drawn,
-        draws=drawn,
-        stretch=stretch,
+        **part_columns(RIG, recording, experiment, stretch=stretch),
         detector=detector,
         detector_settings=DETECTORS[detector],
         labels=None,

@@ -11,7 +11,7 @@ from auditor.store.evaluation_plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX
 from auditor.store.evaluation_report import render_evaluation
 from auditor.store.object_evaluations import ObjectCase, ObjectPart
 from auditor.store.queries import run_query
-from tests.store.making import PROCEDURE, make_rig
+from tests.store.making import make_rig, part_columns
 from tests.store.test_evaluation_report import evaluated
 from tests.store.test_object_queries import write
 from tests.store.test_report import HOSTILE, Page
@@ -22,21 +22,8 @@ FRAMES = 12
 
 
 def add_objects(store, detector, settings, experiment, cases):
-    drawn = None if experiment == "clean" else 1
-    part = ObjectPart(
-        recording_id="0" * 64,
-        name="a.mcap",
-        synthetic=False,
-        rig_id=RIG.rig_id,
-        procedure=PROCEDURE,
-        experiment=experiment,
-        seed=drawn,
-        draws=drawn,
-        stretch=0,
-        detector=detector,
-        detector_settings=settings,
-        labels=None,
-    )
+    shared = part_columns(RIG, "0", experiment, drawn=1, name="a.mcap")
+    part = ObjectPart(**shared, detector=detector, detector_settings=settings, labels=None)
     write(store, part, cases)
 
 
