@@ -13,7 +13,9 @@ from auditor.lab.drives import make_drive
 from auditor.lab.rain import Rain
 from auditor.results import Cause, Verdict, VerdictKind
 from auditor.rig import LIDAR, Rig
-from tests.benchmarks.robust_causes import Learnt, judged, learn, measured, on, taken
+from tests.benchmarks.robust_causes import Learnt, judged, learn
+from tests.benchmarks.robust_faults import on, taken
+from tests.benchmarks.robust_watching import measured
 
 FRAMES = 4
 LEARNT_ON, TILTED = 1001, 1003  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration

@@ -1,0 +1,169 @@
+"""Faults that last and attacks drawn anew for each frame: what the benchmark of causes lets happen to a recording."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from auditor.frames import Frame, PointCloud
+from auditor.lab.attacks import STRENGTHS, draw_facula, draw_wall
+from auditor.lab.faults import (
+    DimmedCamera,
+    HiddenSector,
+    ScatteredPoints,
+    ShiftedCamera,
+    SoiledLens,
+    TurnedLidar,
+)
+from auditor.lab.patterns import LaserPattern
+from auditor.lab.rain import Rain
+from auditor.results import Cause
+from auditor.rig import LIDAR, Rig
+from tests.benchmarks.robust_further import MovedSector
+
+CLEAN = "clean"
+DEGREE_PX = 13  # at a focal length of 720 px
+DARKER = 0.2
+RATES_MM_H = (1, 2, 5, 10, 25, 50, 100)
+WALLS_M = (0.5, 1.0, 2.5)
+
+Change = Callable[[Frame], Frame]
+
+
+class Happening(NamedTuple):
+    """A fault, with its cause and sensor (None: all), an attack, without a cause, or neither; and its frames."""
+
+    name: str
+    cause: Cause | None
+    sensor: int | None
+    frames: Iterable[Frame]
+
+
+def on(sensor: int, what: object, rig: Rig) -> Change:
+    """Apply an attack or fault to one sensor."""
+
+    def change(frame: Frame) -> Frame:
+        if sensor == LIDAR:
+            return replace(frame, cloud=what.apply(frame.cloud, rig))
+        return replace(frame, images={**frame.images, sensor: what.apply(frame.images[sensor])})
+
+    return change
+
+
+def drawn(sensor: int, draw: Callable[[np.random.Generator], object], rig: Rig) -> Change:
+    """Apply an attack drawn anew for each frame."""
+    return lambda frame: on(sensor, draw(np.random.default_rng([sensor, frame.number])), rig)(frame)
+
+
+def taken(frame: Frame, other: Frame, sensor: int) -> Frame:
+    """The frame with one sensor's data of another."""
+    if sensor == LIDAR:
+        return replace(frame, cloud=other.cloud)
+    return replace(frame, images={**frame.images, sensor: other.images[sensor]})
+
+
+def dimmed(frame: Frame, rig: Rig) -> Frame:
+    """All cameras at a fifth of the light."""
+    for camera in rig.cameras:
+        frame = on(camera.number, DimmedCamera(DARKER), rig)(frame)
+    return frame
+
+
+def faults(kept: Sequence[Frame], rig: Rig) -> Iterator[Happening]:
+    """Every fault."""
+    for sensor in rig.sensors:
+        # The first frame has none before it: it is left out.
+        late = (taken(frame, before, sensor) for before, frame in pairwise(kept))
+        yield Happening("late by one frame", Cause.LATE, sensor, late)
+        yield Happening("frozen", Cause.FROZEN, sensor, (taken(frame, kept[0], sensor) for frame in kept))
+    for rate in RATES_MM_H:
+        yield Happening(f"rain, {rate} mm/h", Cause.RAIN, LIDAR, map(on(LIDAR, Rain(rate, seed=7), rig), kept))
+    for yaw, pitch in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        turned = on(LIDAR, TurnedLidar(yaw, pitch), rig)
+        yield Happening("turned by 1 degree", Cause.DISPLACED, LIDAR, map(turned, kept))
+    for camera in rig.cameras:
+        for rows, columns in ((DEGREE_PX, 0), (-DEGREE_PX, 0), (0, DEGREE_PX), (0, -DEGREE_PX)):
+            shifted = on(camera.number, ShiftedCamera(rows, columns), rig)
+            yield Happening("turned by 1 degree", Cause.DISPLACED, camera.number, map(shifted, kept))
+        for seed in range(2):
+            dirty = on(camera.number, SoiledLens(5, seed), rig)
+            yield Happening("five drops of mud", Cause.SOILED, camera.number, map(dirty, kept))
+    yield Happening("all dark, a fifth of the light", Cause.DARK, None, (dimmed(frame, rig) for frame in kept))
+
+
+def attacks(kept: Sequence[Frame], rig: Rig) -> Iterator[Happening]:
+    """Every attack."""
+    yield Happening("wall", None, LIDAR, map(drawn(LIDAR, draw_wall, rig), kept))
+    for name, draw in lidar_attacks():
+        yield Happening(name, None, LIDAR, map(drawn(LIDAR, draw, rig), kept))
+    for width in WALLS_M:
+        walls = [drawn(LIDAR, lambda rng, width=width: replace(draw_wall(rng), width_m=width), rig)(f) for f in kept]
+        yield Happening(f"wall of {width} m", None, LIDAR, walls)
+        for rate in RATES_MM_H[1::2]:
+            wet = map(on(LIDAR, Rain(rate, seed=7), rig), walls)
+            yield Happening(f"wall of {width} m, rain {rate} mm/h", None, LIDAR, wet)
+    for camera in rig.cameras:
+        size = camera.width_px, camera.height_px
+        for strength in STRENGTHS:
+            faculas = drawn(camera.number, lambda rng, size=size, of=strength: draw_facula(rng, *size, of), rig)
+            yield Happening(f"facula, {strength}", None, camera.number, map(faculas, kept))
+        mild = list(map(drawn(camera.number, lambda rng, size=size: draw_facula(rng, *size, "mild"), rig), kept))
+        for rate in RATES_MM_H[1::2]:
+            wet = map(on(LIDAR, Rain(rate, seed=7), rig), mild)
+            yield Happening(f"facula, mild, rain {rate} mm/h", None, camera.number, wet)
+        for pattern in patterns():
+            changed = map(on(camera.number, pattern, rig), kept)
+            yield Happening(f"pattern, {pattern.title}", None, camera.number, changed)
+
+
+def lidar_attacks() -> Iterator[tuple[str, Callable[[np.random.Generator], object]]]:
+    """Attacks on the LiDAR beside the wall, some of which are points here and there, as drops are."""
+    for width in (10, 20, 30):
+        yield f"hidden, {width} degrees", lambda rng, width=width: HiddenSector(width, rng.uniform(-25, 25))
+    for factor in (0.85, 1.2):
+        yield f"moved to {factor} of its range", lambda rng, of=factor: MovedSector(rng.uniform(-25, 25), of)
+    for count in (500, 2000, 8000, 20000):
+        yield f"scattered, {count}", lambda rng, count=count: ScatteredPoints(count, int(rng.integers(1 << 31)))
+    yield "scattered in 40 degrees", lambda rng: ScatteredInSector(20000, int(rng.integers(1 << 31)), 40)
+
+
+@dataclass(frozen=True)
+class ScatteredInSector:
+    """Spoofed points in a sector straight ahead only."""
+
+    count: int
+    seed: int
+    width_deg: float
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with those of the scattered points that lie in the sector."""
+        xyz = ScatteredPoints(self.count, self.seed).apply(cloud, rig).xyz_m
+        azimuth_deg = np.rad2deg(np.arctan2(xyz[:, 1], xyz[:, 0]))
+        kept = (np.arange(len(xyz)) < len(cloud.xyz_m)) | (np.abs(azimuth_deg) < self.width_deg / 2)
+        return PointCloud(cloud.stamp_ns, xyz[kept])
+
+
+def patterns() -> list[LaserPattern]:
+    """The captured laser patterns, as bright as their transparency lets them be."""
+    found = []
+    folder = Path(os.environ["AUDITOR_TEST_DATA"]) / "laser_patterns"
+    for path in sorted(folder.rglob("*.png")):
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if pixels.shape[2] == 4:
+            pixels = (pixels[:, :, :3] * (pixels[:, :, 3:] / 255)).astype(np.uint8)
+        found.append(LaserPattern("/".join(path.relative_to(folder).parts[:-1]), pixels))
+    return found
+
+
+FAULTS, ATTACKS = "faults", "attacks"
+
+PARTS: Mapping[str, Callable[[Sequence[Frame], Rig], Iterator[Happening]]] = {
+    FAULTS: lambda kept, rig: chain([Happening(CLEAN, None, None, kept)], faults(kept, rig)),
+    ATTACKS: attacks,
+}
+"""What can be measured by itself: clean frames with every fault, and every attack."""

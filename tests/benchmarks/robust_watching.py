@@ -1,0 +1,130 @@
+"""What the benchmark of causes keeps of its frames: all that judging needs, and neither images nor cells."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.elements import rig_elements
+from auditor.evidence import Watch, measure
+from auditor.evidence.matchers import find_matcher
+from auditor.frames import Frame
+from auditor.identification.local_ratio import local_ratios
+from auditor.lab.drives import make_drive
+from auditor.results import Cause, Measurement
+from auditor.rig import Rig
+from auditor.symptoms import Pair
+from tests.benchmarks import robust_faults, robust_further
+from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
+from tests.benchmarks.robust_faults import PARTS
+
+MATCHER = find_matcher("sgbm")
+_SOURCES = (
+    "evidence/*.py",
+    "evidence/matchers/*.py",
+    "lab/*.py",
+    "identification/local_ratio.py",
+    "common_view.py",
+    "elements.py",
+    "frames.py",
+    "geometry.py",
+    "lenses.py",
+    "rig.py",
+    "symptoms.py",
+)
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """F frames, measured in their order; NaN where something was not.
+
+    `numbers` and `stamps_ns` are (F,), `ratios` (F, M) local ratios by element, `symptoms` (F, P, columns) by pair,
+    `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
+    """
+
+    numbers: Integers
+    stamps_ns: Integers
+    ratios: Floats
+    pairs: tuple[Pair, ...]
+    symptoms: Floats
+    level: Floats
+    saturated: Floats
+    fingerprints: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Frames of a recording in which one thing happened all the time: see `robust_faults.Happening`."""
+
+    recording: str
+    name: str
+    cause: Cause | None
+    sensor: int | None
+    frames: Watched
+
+
+@dataclass(frozen=True)
+class Street:
+    """A street of so many frames, driven along by a vehicle of its own, and which of PARTS happens there."""
+
+    style: str
+    number: int
+    frames: int
+    part: str
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.recording}-{self.part}"
+
+    @property
+    def recording(self) -> str:
+        """What all its parts have in common."""
+        return f"{self.style}-{self.number}-{self.frames}"
+
+
+def measured(stream: Iterable[Frame], rig: Rig) -> Watched:
+    """A series as a scan would measure it."""
+    watch, found = Watch(), []
+    for frame in stream:
+        measurement, evidence = measure(frame, rig, MATCHER)
+        found.append(replace(measurement, symptoms=watch.observe(evidence)))
+    return _distilled(found, rig)
+
+
+def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
+    elements, cameras = rig_elements(rig), [camera.number for camera in rig.cameras]
+    pairs = tuple(found[0].symptoms)
+    return Watched(
+        np.array([m.number for m in found], dtype=np.int64),
+        np.array([m.stamp_ns for m in found], dtype=np.int64),
+        np.array([local_ratios(elements, m.cells, m.shares) for m in found], dtype=np.float64),
+        pairs,
+        np.array([[m.symptoms[pair].values for pair in pairs] for m in found], dtype=np.float64),
+        np.array([[m.coverage[c].level for c in cameras] for m in found], dtype=np.float64),
+        np.array([[m.coverage[c].saturated_share for c in cameras] for m in found], dtype=np.float64),
+        np.array([[m.fingerprints[s] for s in rig.sensors] for m in found], dtype=np.int64),
+    )
+
+
+def all_series(recording: str, kept: Sequence[Frame], rig: Rig, part: str) -> Iterator[Series]:
+    """Everything of one of PARTS, one thing after the other."""
+    for name, cause, sensor, stream in PARTS[part](kept, rig):
+        yield Series(recording, name, cause, sensor, measured(stream, rig))
+
+
+def measure_streets(streets: Sequence[Street], folder: Path, processes: int) -> tuple[Rig, dict[Street, list[Series]]]:
+    """Their series, from the folder where the same code has measured them before, and a rig: all have like sensors."""
+    code = digest([*of_package(*_SOURCES), Path(__file__), Path(robust_faults.__file__), Path(robust_further.__file__)])
+    found = measure_kept(streets, _measure, folder / code, processes)
+    return next(iter(found.values()))[0], {street: series for street, (_, series) in found.items()}
+
+
+def _measure(street: Street) -> tuple[Rig, list[Series]]:
+    drive = make_drive(street.number, street.frames, style=street.style, vehicle=street.number)
+    return drive.rig, list(all_series(street.recording, list(drive.frames()), drive.rig, street.part))
