@@ -22,7 +22,7 @@ def squared(scene: Numbered) -> int:
 
 def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
     (tmp_path / "scene-3").write_bytes(pickle.dumps("measured before"))
-    (tmp_path / "scene-4.part").write_bytes(b"stopped in the mid")
+    (tmp_path / "scene-4.part").write_bytes(b"half a pickle")
     found = measure_kept([Numbered(4), Numbered(3)], squared, tmp_path, processes=1)
     assert found == {Numbered(4): 16, Numbered(3): "measured before"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene-3", "scene-4"]
