@@ -13,7 +13,7 @@ from auditor.frames import Presence
 from auditor.regions import Region
 from auditor.symptoms import Pair, PairSymptoms
 
-COUNTING_VERSION = 3
+COUNTING_VERSION = 4
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 EXPERIMENTS_VERSION = 1

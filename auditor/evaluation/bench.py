@@ -161,7 +161,7 @@ class Bench:
             views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
             if self._pairs:
                 told = {pair: self._pairs[pair].testimony(*OF_TWO, of_two(attacks, pair)) for pair in maps}
-                return joined(told, halves, maps, views, self._seen.rig)
+                return joined(told, halves, views, self._seen.rig)
             return testify(halves, maps, views, self._seen.rig)
 
         return self.once("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), hear)

@@ -11,8 +11,7 @@ from auditor.evidence.lidar import LidarView
 from auditor.evidence.one_view import Evidence, Looked, OwnEvidence, lidar_views
 from auditor.evidence.rectifying import PairView
 from auditor.evidence.sectors import emptiness
-from auditor.evidence.stereo import StereoMap
-from auditor.evidence.testimony import Testimony, lights, nearness, standing_alone
+from auditor.evidence.testimony import Testimony, lights, standing_alone
 from auditor.rig import LIDAR, Rig, Triple
 from auditor.symptoms import Pair
 
@@ -42,7 +41,7 @@ def join(whole: Looked, parts: Mapping[Pair, Evidence], views: Mapping[Pair, Pai
             if i == LIDAR
             else compare_cameras(maps[i, k], maps[j, k], rig.baseline_m(i, k), rig.baseline_m(j, k))
         )
-    testimony = joined({pair: part.testimony for pair, part in parts.items()}, whole.halves, maps, lidar, rig)
+    testimony = joined({pair: part.testimony for pair, part in parts.items()}, whole.halves, lidar, rig)
     own = {pair: OwnEvidence(parts[pair], views[pair].back) for pair in whole.pairs}
     return Evidence(rig, whole.halves, comparisons, maps, lidar, testimony, own)
 
@@ -50,20 +49,19 @@ def join(whole: Looked, parts: Mapping[Pair, Evidence], views: Mapping[Pair, Pai
 def joined(
     told: Mapping[Pair, Testimony],
     halves: Mapping[int, NDArray[np.uint8]],
-    maps: Mapping[Pair, StereoMap],
     views: Mapping[int, LidarView],
     rig: Rig,
 ) -> Testimony:
     """What rigs of two told, by the numbers (i, k) of their cameras, and what takes no rows to be seen.
 
-    Light and empty strips are looked for in the common view, whose pictures, maps and LiDAR's views the others are: its
+    Light and empty strips are looked for in the common view, whose pictures and LiDAR's views the others are: its
     cells are larger than what cameras beside a line miss.
     """
     alone = standing_alone(views, rig)
     return Testimony(
         contradicted=_of_pairs({pair: one.contradicted for pair, one in told.items()}),
         unlike=_of_pairs({pair: one.unlike for pair, one in told.items()}),
-        light=lights(halves, nearness(halves, maps, views, alone, rig)),
+        light=lights(halves, views, alone, rig),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=_of_pairs({pair: one.adjudications for pair, one in told.items()}),
         likenesses=_of_pairs({pair: one.likenesses for pair, one in told.items()}),

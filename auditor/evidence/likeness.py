@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auditor.evidence.gain import SATURATED, fit_gain
 from auditor.evidence.stereo import StereoMap
+from auditor.evidence.visibility import Reach
 
 _REACH = 3  # patches of 7 x 7
 _SIDE = 2 * _REACH + 1
@@ -26,6 +27,7 @@ _SPARSE = 4
 _OVERSAMPLING = 2
 _BESIDE_STEPS = 1  # of the oversampled picture: half a pixel
 _HALF = 2
+_MATCHABLE_SHARE = 0.9
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -44,6 +46,11 @@ class Likeness:
     alike: Floats
     comparable: Mask
     unlike: Mask
+
+
+def matchable(range_px: int) -> Reach:
+    """What is too near for a matcher of that range; towards its end matches are wrong already."""
+    return Reach(_MATCHABLE_SHARE * range_px, range_px)
 
 
 def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: StereoMap) -> Likeness:

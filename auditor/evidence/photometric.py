@@ -1,18 +1,22 @@
-"""A witness that needs no geometry: light in one camera that the other does not see."""
+"""A witness that needs no disparities: light in one camera that the other does not see."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.gain import fit_gain
+from auditor.evidence.gain import SATURATED, fit_gain
+from auditor.evidence.visibility import Reach
 
 _ROWS, _COLUMNS = 24, 78
 _WHITE = np.float32(255)
-_MARK = 75.0  # grey levels
+_BRIGHTER = 75.0  # grey levels
+_DARKER = 40.0  # grey levels: a street has fewer dark spots in light than lights in the dark
 _WINDOW = 6  # cells, about 96 px
 _SHIFTS = 6  # 0 to 5 cells: up to 80 px of an image 1242 px wide
+_NEAR_SHIFTS = 16  # of what is nearer
 _USUAL_SHIFT = 2  # cells: where most of a street's partners lie
 
 Grid = NDArray[np.float32]
@@ -21,10 +25,10 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Light:
-    """How much of cameras i < k is brighter than everything that the other one sees nearby.
+    """How much light cameras i < k each see that the other one does not.
 
-    Each is the largest share, 0 to 1, of such cells in any window of 6 x 6. Light thrown into a camera makes its own
-    share large, darkness the other's: a pair cannot tell the two apart.
+    Each is the largest share, 0 to 1, of cells in any window of 6 x 6 that show it. Light thrown into a camera makes
+    its own share large, darkness the other's: a pair cannot tell the two apart.
     """
 
     brighter_i: float
@@ -41,30 +45,47 @@ def coarse_mask(half: Mask) -> Mask:
     return np.asarray(cv2.resize(half.astype(np.float32), (_COLUMNS, _ROWS), interpolation=cv2.INTER_AREA) > 0)
 
 
+def reach(width_px: int) -> Reach:
+    """What is too near in images of that width: its partner lies more than 5 columns away."""
+    cell_px = width_px / _COLUMNS
+    return Reach((_SHIFTS - 1) * cell_px, round((_NEAR_SHIFTS - 1) * cell_px))
+
+
 def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> Light:
     """Compare the (24, 78) grids of a right camera i and a left camera k.
 
-    A cell stands out where it is more than 75 grey levels brighter than every cell of the other camera within one row
-    and 0 to 5 columns: what lies in column u of k lies farther left in i. Gain and offset between the cameras are
-    fitted to the cells that agree best; cells whose partners lie outside the other image are not looked at, nor `near`
-    ones (24, 78), where something is so near that its partner lies farther away.
+    What lies in column u of k lies up to 5 columns farther left in i. A camera alone sees light where a cell of it is
+    more than 75 grey levels brighter than all those of the other one that it may be, and where a cell of the other is
+    more than 40 darker than all those of it: light has swallowed what is there. Gain and offset between the cameras are
+    fitted to the cells that agree best; cells whose partners lie outside the other image are not looked at. What is
+    `near` (24, 78) may be up to 15 columns away, and hidden: there nothing dark is missed.
     """
     gain, offset = fit_gain(coarse_k[:, _USUAL_SHIFT:], coarse_i[:, :-_USUAL_SHIFT])
-    fitted_i = np.minimum(gain * coarse_i + offset, _WHITE)
-    brighter_i = fitted_i - _brightest(coarse_k, ahead=True) > _MARK
-    brighter_k = coarse_k - _brightest(fitted_i, ahead=False) > _MARK
-    if near is not None:
-        brighter_i &= ~near
-        brighter_k &= ~near
-    return Light(_largest_share(brighter_i[:, : _COLUMNS - _SHIFTS + 1]), _largest_share(brighter_k[:, _SHIFTS - 1 :]))
+    least_i = np.minimum(gain * coarse_i + offset, _WHITE)
+    most_i = np.where(coarse_i < SATURATED, least_i, _WHITE)  # saturated, it may be as bright as it likes
+    far = True if near is None else ~near
+    brighter_i = least_i - _around(cv2.dilate, coarse_k, _NEAR_SHIFTS, ahead=True) > _BRIGHTER
+    brighter_i |= far & (least_i - _around(cv2.dilate, coarse_k, _SHIFTS, ahead=True) > _BRIGHTER)
+    brighter_k = coarse_k - _around(cv2.dilate, most_i, _NEAR_SHIFTS, ahead=False) > _BRIGHTER
+    brighter_k |= far & (coarse_k - _around(cv2.dilate, most_i, _SHIFTS, ahead=False) > _BRIGHTER)
+    darker_i = far & (_around(cv2.erode, coarse_k, _SHIFTS, ahead=True) - most_i > _DARKER)
+    darker_k = far & (_around(cv2.erode, least_i, _SHIFTS, ahead=False) - coarse_k > _DARKER)
+    for of_i in (brighter_i, darker_i):
+        of_i[:, _COLUMNS - _SHIFTS + 1 :] = False
+    for of_k in (brighter_k, darker_k):
+        of_k[:, : _SHIFTS - 1] = False
+    # What one camera is darker in the other swallows about where its partners usually lie.
+    brighter_i[:, :-_USUAL_SHIFT] |= darker_k[:, _USUAL_SHIFT:]
+    brighter_k[:, _USUAL_SHIFT:] |= darker_i[:, :-_USUAL_SHIFT]
+    return Light(_largest_share(brighter_i), _largest_share(brighter_k))
 
 
-def _brightest(grid: Grid, *, ahead: bool) -> Grid:
-    """For each cell the largest value within one row and 0 to 5 columns to the right (ahead) or left of it."""
-    anchor = (0 if ahead else _SHIFTS - 1, 1)
-    return np.asarray(cv2.dilate(grid, np.ones((3, _SHIFTS), dtype=np.uint8), anchor=anchor), dtype=np.float32)
+def _around(extreme: Callable[..., cv2.typing.MatLike], grid: Grid, columns: int, *, ahead: bool) -> Grid:
+    """For each cell the extreme value within one row and so many columns, rightwards (ahead) or leftwards."""
+    anchor = (0 if ahead else columns - 1, 1)
+    return np.asarray(extreme(grid, np.ones((3, columns), dtype=np.uint8), anchor=anchor), dtype=np.float32)
 
 
-def _largest_share(cells: NDArray[np.bool_]) -> float:
+def _largest_share(cells: Mask) -> float:
     shares = cv2.boxFilter(cells.astype(np.float32), cv2.CV_32F, (_WINDOW, _WINDOW), borderType=cv2.BORDER_CONSTANT)
     return float(np.max(shares))

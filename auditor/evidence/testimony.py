@@ -11,8 +11,8 @@ from auditor.elements import Element, Witness, resolves_depth
 from auditor.evidence.cells import cells_of_likeness, cells_of_points
 from auditor.evidence.contradiction import Adjudication, adjudicate
 from auditor.evidence.lidar import LidarView
-from auditor.evidence.likeness import Likeness, likeness
-from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light
+from auditor.evidence.likeness import Likeness, likeness, matchable
+from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light, reach
 from auditor.evidence.sectors import emptiness
 from auditor.evidence.specks import isolated
 from auditor.evidence.stereo import StereoMap
@@ -68,7 +68,11 @@ def testify(
     `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
     alone = standing_alone(views, rig)
-    near = nearness(halves, maps, views, alone, rig)
+    near = {
+        (i, k): too_near(views[k], alone[k], rig, i, matchable(stereo.range_px), halves[k].shape)
+        for (i, k), stereo in maps.items()
+        if k in views
+    }
     likenesses = {(i, k): likeness(halves[k], halves[i], stereo) for (i, k), stereo in maps.items()}
     adjudications = {
         (j, k): adjudicate(views[k], stereo, likenesses[j, k], rig, j, (halves[k], halves[j]))
@@ -81,7 +85,7 @@ def testify(
             for (j, k), points in adjudications.items()
         },
         unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
-        light=lights(halves, near),
+        light=lights(halves, views, alone, rig),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,
@@ -94,23 +98,15 @@ def standing_alone(views: Mapping[int, LidarView], rig: Rig) -> dict[int, Mask]:
     return {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
 
 
-def nearness(
-    halves: Mapping[int, NDArray[np.uint8]],
-    maps: Mapping[Pair, StereoMap],
-    views: Mapping[int, LidarView],
-    alone: Mapping[int, Mask],
-    rig: Rig,
-) -> dict[Pair, Mask]:
-    """By matched pair what is too near for the matcher, as the LiDAR sees it in view k: see `too_near`."""
-    return {
-        (i, k): too_near(views[k], alone[k], rig, i, stereo.range_px, halves[k].shape)
-        for (i, k), stereo in maps.items()
+def lights(
+    halves: Mapping[int, NDArray[np.uint8]], views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig
+) -> dict[Pair, Light]:
+    """The light that one of two cameras alone sees, for all pairs."""
+    grids = {camera: coarse(half) for camera, half in halves.items()}
+    pairs = list(combinations(sorted(grids), 2))
+    near = {
+        (i, k): coarse_mask(too_near(views[k], alone[k], rig, i, reach(rig.camera(k).width_px), halves[k].shape))
+        for i, k in pairs
         if k in views
     }
-
-
-def lights(halves: Mapping[int, NDArray[np.uint8]], near: Mapping[Pair, Mask]) -> dict[Pair, Light]:
-    """The light that one of two cameras alone sees, for all pairs, apart from what is too near."""
-    grids = {camera: coarse(half) for camera, half in halves.items()}
-    cells = {pair: coarse_mask(mask) for pair, mask in near.items()}
-    return {(i, k): compare_light(grids[i], grids[k], cells.get((i, k))) for i, k in combinations(sorted(grids), 2)}
+    return {(i, k): compare_light(grids[i], grids[k], near.get((i, k))) for i, k in pairs}

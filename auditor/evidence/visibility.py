@@ -1,5 +1,7 @@
 """What a witness camera can see too, as the LiDAR has it."""
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,6 @@ _STEP = 2  # the witness's z-buffer is kept at half resolution
 _WINDOW = (7, 3)  # rows, columns of that buffer
 _BASELINE_M = 0.6
 _HIDDEN_PX = 3.0
-_NEAR_SHARE = 0.9
 _AROUND = (17, 17)  # half-resolution pixels
 
 
@@ -36,22 +37,28 @@ def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[n
     return np.asarray(inside & (nearest[row, column] - nearness <= _HIDDEN_PX))
 
 
-def too_near(
-    view: LidarView, alone: NDArray[np.bool_], rig: Rig, witness: int, range_px: int, shape: tuple[int, int]
-) -> NDArray[np.bool_]:
-    """(h, w) half-resolution mask of where something is too near for a matcher, or hides what lies left of it.
+class Reach(NamedTuple):
+    """What is nearer than a disparity of `limit_px` is too near, and hides what lies up to `hides_px` left of it."""
 
-    What the LiDAR sees at a disparity of more than nine tenths of `range_px`, 16 px around it, and as far to the left
-    as it can hide something from the witness. Points that stand `alone` (M,) hide nothing: in light rain a few dozen
-    drops would keep most of the view from the cameras' witnesses.
+    limit_px: float
+    hides_px: int
+
+
+def too_near(
+    view: LidarView, alone: NDArray[np.bool_], rig: Rig, witness: int, reach: Reach, shape: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """(h, w) half-resolution mask of where the LiDAR sees something too near to be compared.
+
+    16 px around it are masked, and what it can hide from the witness. Points that stand `alone` (M,) hide nothing: in
+    light rain a few dozen drops would keep most of the view from the cameras' witnesses.
     """
-    near = view.disparity_px(rig, witness) > _NEAR_SHARE * range_px
+    near = view.disparity_px(rig, witness) > reach.limit_px
     near &= ~alone
     mask = np.zeros(shape, dtype=np.uint8)
     if near.any():
         row, column = view.row[near] // _STEP, view.column[near] // _STEP
         mask[row, column] = 1
         mask = np.asarray(cv2.dilate(mask, np.ones(_AROUND, dtype=np.uint8)), dtype=np.uint8)
-        leftward = np.ones((1, range_px // _STEP), dtype=np.uint8)
+        leftward = np.ones((1, reach.hides_px // _STEP), dtype=np.uint8)
         mask = np.asarray(cv2.dilate(mask, leftward, anchor=(0, 0)), dtype=np.uint8)
     return mask.astype(np.bool_)

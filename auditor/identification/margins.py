@@ -13,7 +13,7 @@ from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
     Witness.CONTRADICTED: 0.6,
-    Witness.UNLIKE: 0.45,
+    Witness.UNLIKE: 0.5,
     Witness.LIGHT: 0.5,
     Witness.EMPTY: 1.0,
 }
@@ -25,7 +25,7 @@ Only a LiDAR that never fills the view may silence its own.
 FLOORS: Mapping[Witness, float] = {
     Witness.CONTRADICTED: 0.48,
     Witness.UNLIKE: 0.25,
-    Witness.LIGHT: 0.25,
+    Witness.LIGHT: 0.3,
     Witness.EMPTY: 0.85,
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""

@@ -2,7 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence.photometric import coarse, coarse_mask, compare_light
+from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light, reach
+from auditor.evidence.visibility import Reach
 
 HEIGHT, WIDTH, SHIFT = 188, 621, 20
 
@@ -59,8 +60,46 @@ def test_light_that_lies_elsewhere_in_the_other_picture_within_its_reach_is_the_
     assert both.brighter_i == 0.0
 
 
-def test_what_is_too_near_is_not_looked_at(pair):
+def bright(pair, level=150):
+    """The pictures of a bright scene with dark things in it."""
+    return tuple(np.where(image < 80, image, np.minimum(level + image // 2, 255)).astype(np.uint8) for image in pair)
+
+
+def test_light_that_swallows_dark_things_in_a_bright_scene_names_its_camera(pair):
+    i, k = bright(pair)
+    assert compare_light(coarse(i), coarse(k)) == Light(0.0, 0.0)
+    in_i = compare_light(coarse(facula(i, 2000, radius=50)), coarse(k))
+    in_k = compare_light(coarse(i), coarse(facula(k, 2000, radius=50)))
+    assert in_i.brighter_i > 0.3 > in_i.brighter_k
+    assert in_k.brighter_k > 0.3 > in_k.brighter_i
+
+
+def test_a_sky_that_one_camera_alone_saturates_swallows_nothing(pair):
+    i, k = bright(pair, level=220)
+    k = (k * 0.75).astype(np.uint8)
+    assert compare_light(coarse(i), coarse(k)) == Light(0.0, 0.0)
+    assert compare_light(coarse(k[:, ::-1]), coarse(i[:, ::-1])) == Light(0.0, 0.0)
+
+
+def test_near_things_find_their_partners_farther_away(pair):
     i, k = pair
     near = np.zeros((HEIGHT, WIDTH), dtype=bool)
-    near[20:160, 200:420] = True
-    assert compare_light(coarse(facula(i, 255)), coarse(k), coarse_mask(near)).brighter_i == 0.0
+    near[20:160, 200:500] = True
+    lamp_i, lamp_k = facula(i, 255, radius=40), facula(k, 255, radius=40, centre=(90, 300 + 80))
+    assert compare_light(coarse(lamp_i), coarse(lamp_k)).brighter_i > 0.2
+    assert compare_light(coarse(lamp_i), coarse(lamp_k), coarse_mask(near)).brighter_i == 0.0
+    assert compare_light(coarse(facula(i, 255)), coarse(k), coarse_mask(near)).brighter_i > 0.5
+
+
+def test_what_near_things_hide_is_not_missed(pair):
+    i, k = bright(pair)
+    trunk = i.copy()
+    trunk[:, 300:360] = 20
+    near = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    near[:, 260:480] = True
+    assert compare_light(coarse(trunk), coarse(k)).brighter_k > 0.3
+    assert compare_light(coarse(trunk), coarse(k), coarse_mask(near)).brighter_k == 0.0
+
+
+def test_its_reach_is_five_of_78_columns():
+    assert reach(780) == Reach(50, 150)

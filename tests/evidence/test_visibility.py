@@ -2,9 +2,11 @@ import numpy as np
 
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.specks import isolated
-from auditor.evidence.visibility import too_near, visible_to_witness
+from auditor.evidence.visibility import Reach, too_near, visible_to_witness
 from auditor.frames import PointCloud
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
+
+MATCHER = Reach(115.2, 128)
 
 
 def view_of(columns, rows, depths):
@@ -50,7 +52,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
     cloud = plane_cloud(1.5)  # 300 px 0.6 m / 1.5 m = 120 px
     right = cloud[:, 1] < -0.2
     view = lidar_view(PointCloud(0, cloud[right]), plane_rig(), 3)
-    mask = too_near(view, nothing(view), plane_rig(), 1, 128, (HEIGHT // 2, WIDTH // 2))
+    mask = too_near(view, nothing(view), plane_rig(), 1, MATCHER, (HEIGHT // 2, WIDTH // 2))
     edge = int(view.column.min()) // 2
     assert mask[30, edge + 4 :].all()
     assert mask[30, edge - 60 : edge].all()
@@ -59,7 +61,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
 
 def test_nothing_is_masked_where_everything_can_be_matched():
     view = lidar_view(PointCloud(0, plane_cloud(2.0)), plane_rig(), 3)  # 90 px
-    assert not too_near(view, nothing(view), plane_rig(), 1, 128, (HEIGHT // 2, WIDTH // 2)).any()
+    assert not too_near(view, nothing(view), plane_rig(), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
 
 
 def test_drops_that_stand_alone_hide_nothing():
@@ -67,5 +69,5 @@ def test_drops_that_stand_alone_hide_nothing():
     alone = isolated(view, plane_rig().camera(3).focal_px)
     assert alone.any()
     size = HEIGHT // 2, WIDTH // 2
-    assert too_near(view, nothing(view), plane_rig(), 1, 128, size).any()
-    assert not too_near(view, alone, plane_rig(), 1, 128, size).any()
+    assert too_near(view, nothing(view), plane_rig(), 1, MATCHER, size).any()
+    assert not too_near(view, alone, plane_rig(), 1, MATCHER, size).any()
