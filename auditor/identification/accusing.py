@@ -7,18 +7,20 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import Element
+from auditor.elements import Element, Witness
 from auditor.identification.algorithm2 import FEWEST_SENSORS, identify
 from auditor.identification.explaining import explains, triple_states
 from auditor.identification.joint import PRICE, Explanations, attack_sets, explain
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
 from auditor.results import Alternative, Evidence, Verdict, VerdictKind
-from auditor.rig import Triple
+from auditor.rig import LIDAR, Triple
 
 _UNEXPLAINED = 1.0
 """Raised margins that the best explanation leaves over: with more than this it is none."""
 
 _ALTERNATIVES = 2
+
+_UNHEARD = f"S_{LIDAR} could not be compared: nowhere do two cameras see enough of its points"
 
 Floats = NDArray[np.float64]
 
@@ -68,6 +70,7 @@ def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], thresho
     A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's
     `margin` is the lead of the best explanation over the second best, or the largest z where three sensors tell none
     apart; `evidence` are the raised elements, the strongest first, `named` is Algorithm 2's answer on the same states.
+    `reason` says why a raised frame is not attributed, and where the LiDAR was there but could not be contradicted.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     groups: dict[frozenset[int], list[int]] = {}
@@ -91,6 +94,7 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
     ranked = np.argsort(explanations.cost, axis=1, kind="stable")[:, : 1 + _ALTERNATIVES]
     measured = np.count_nonzero(~np.isnan(z), axis=1)
     named = cache(lambda e: _algorithm_2(e, system, present))
+    remarks = _remarks(z, system, present)
     verdicts = []
     for f, e in enumerate(_states(z, system)):
         if not measured[f]:
@@ -103,6 +107,7 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
             named=named(e),
             out_of_system=outside,
             margin=float(lead[f]),
+            reason=remarks[f],
             evidence=_evidence(z[f], system),
             alternatives=_alternatives(explanations, f, ranked[f]),
         )
@@ -119,8 +124,19 @@ def _raised(verdict: Verdict, attacked: tuple[int, ...], z: Floats, elements: Se
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
     likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()
     return replace(
-        verdict, kind=VerdictKind.UNIDENTIFIED, reason=doubt, alternatives=(*likeliest, *verdict.alternatives)
+        verdict,
+        kind=VerdictKind.UNIDENTIFIED,
+        reason="; ".join(filter(None, (doubt, verdict.reason))),
+        alternatives=(*likeliest, *verdict.alternatives),
     )
+
+
+def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
+    """What each verdict does not cover: invented points, where the LiDAR is there and nobody could deny them."""
+    denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
+    if LIDAR not in present or not any(denied):
+        return [""] * len(z)
+    return [_UNHEARD if alone else "" for alone in np.isnan(z[:, denied]).all(axis=1).tolist()]
 
 
 def _states(z: Floats, system: System) -> list[str]:

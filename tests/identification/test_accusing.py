@@ -100,6 +100,15 @@ def test_nothing_measured_is_not_auditable():
     assert one({}, missing=frozenset({3, 2, 1})).kind is VerdictKind.NOT_AUDITABLE
 
 
+def test_a_lidar_that_nobody_could_contradict_is_said_to_be_so_whatever_else_is_found():
+    quiet = one({X13: np.nan, X23: np.nan})
+    assert quiet.kind is VerdictKind.CLEAN
+    assert "S_0 could not be compared" in quiet.reason
+    assert "S_0 could not be compared" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
+    assert one({X13: np.nan}).reason == ""
+    assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
+
+
 def test_frames_keep_their_order_whatever_each_of_them_lacks():
     z = np.full((4, len(SYSTEM.elements)), -1.0)
     z[1, SYSTEM.elements.index(U23)] = 2.0
