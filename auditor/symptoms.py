@@ -36,9 +36,10 @@ class Agreement(NamedTuple):
     """LiDAR points against stereo's disparities: shares of `compared` points that agree within 1 px.
 
     `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
-    by `right_px` or `down_px` in the reference's image. `late_gain`: how many more agree with stereo of the frame
-    before; `early_gain`: how many more of the frame before agree with stereo of this one than with their own; both
-    over the points that either frame's stereo is sure of. NaN where it could not be measured.
+    by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of points
+    that agree in one of two cases and are off by more than 2 px in the other: `turned_only` moved, `unturned_only` as
+    they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN where it could not
+    be measured.
     """
 
     compared: float = nan
@@ -48,8 +49,10 @@ class Agreement(NamedTuple):
     right_px: float = nan
     down_px: float = nan
     turned: float = nan
-    late_gain: float = nan
-    early_gain: float = nan
+    turned_only: float = nan
+    unturned_only: float = nan
+    before_only: float = nan
+    now_only: float = nan
 
 
 class Specks(NamedTuple):

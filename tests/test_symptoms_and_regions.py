@@ -19,7 +19,7 @@ def test_a_scan_keeps_symptoms_of_every_frame_and_the_regions_of_damaged_sensors
     assert (seen.columns["unlike_px"][2:4, 0] > 10 * seen.columns["unlike_px"][[0, 1, 4, 5], 0].max()).all()
     assert (seen.columns["difference"][2:4, 0] < -60).all()  # S_1 is the brighter one
     assert (seen.level[2:4, 0] > seen.level[2:4, 2] + 60).all()
-    assert np.isnan(seen.columns["late_gain"][0]).all()
+    assert np.isnan(seen.columns["before_only"][0]).all()
     assert [[r.sensor for r in store.load_regions(known, n)] for n in range(2)] == [[], []]
     for frame in (2, 3):
         [region] = [r for r in store.load_regions(known, frame) if r.sensor == 1]

@@ -20,8 +20,9 @@ from auditor.symptoms import Agreement
 _POINTS = 2500
 _FEWEST = 200
 _AGREE_PX = 1
+_DIFFER_PX = 2
 _LARGEST_BIAS_PX = 24
-_SHIFTS_PX = (-16, -12, -8, -4, 4, 8, 12, 16)
+_SHIFTS_PX = (-16, -12, -8, 8, 12, 16)  # half a degree at least: LiDARs lie up to a quarter beside their calibration
 _RANGE_MARGIN_PX = 3.0
 _ALIKE = 0.7
 _HALF = 2
@@ -66,19 +67,22 @@ def agreement(now: Moment, before: Moment | None) -> Agreement:
     if asked < _FEWEST:
         return Agreement()
     bias, biased = _bias(difference)
-    moved = [(_agreeing(_differences(now, now.sure_px, right=s)), float(s), 0.0) for s in _SHIFTS_PX]
-    moved += [(_agreeing(_differences(now, now.sure_px, down=s)), 0.0, float(s)) for s in _SHIFTS_PX]
-    turned, right_px, down_px = max(moved)
+    moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in _SHIFTS_PX}
+    moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in _SHIFTS_PX}
+    (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
+    earlier = None if before is None else _differences(now, before.sure_px)
     return Agreement(
         compared=float(asked),
         agreeing=_agreeing(difference),
         bias_px=bias,
         biased=biased,
-        right_px=right_px,
-        down_px=down_px,
-        turned=turned,
-        late_gain=_gain(difference, _differences(now, before.sure_px)) if before else nan,
-        early_gain=_gain(_differences(before, before.sure_px), _differences(before, now.sure_px)) if before else nan,
+        right_px=float(right),
+        down_px=float(down),
+        turned=_agreeing(most),
+        turned_only=_only(most, difference),
+        unturned_only=_only(difference, most),
+        before_only=nan if earlier is None else _only(earlier, difference),
+        now_only=nan if earlier is None else _only(difference, earlier),
     )
 
 
@@ -97,10 +101,9 @@ def _agreeing(difference: Floats) -> float:
     return float(np.count_nonzero(np.abs(difference) <= _AGREE_PX)) / asked if asked >= _FEWEST else 0.0
 
 
-def _gain(these: Floats, others: Floats) -> float:
-    """How much larger the share of agreeing points is by others than by these, where both can be asked."""
-    both = ~np.isnan(these) & ~np.isnan(others)
-    return _agreeing(others[both]) - _agreeing(these[both]) if np.count_nonzero(both) >= _FEWEST else nan
+def _only(these: Floats, others: Floats) -> float:
+    """How many points agree by these differences and are far off by the others, where both can be asked."""
+    return float(np.count_nonzero((np.abs(these) <= _AGREE_PX) & (np.abs(others) > _DIFFER_PX)))
 
 
 def _bias(difference: Floats) -> tuple[float, float]:

@@ -136,7 +136,8 @@ def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
     denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
     if LIDAR not in present or not any(denied):
         return [""] * len(z)
-    return [_UNHEARD if alone else "" for alone in np.isnan(z[:, denied]).all(axis=1).tolist()]
+    unheard = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
+    return [_UNHEARD if alone else "" for alone in unheard.tolist()]
 
 
 def _states(z: Floats, system: System) -> list[str]:

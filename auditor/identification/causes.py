@@ -84,15 +84,22 @@ def _by_itself(suspicion: Suspicion) -> bool:
 def _explains(suspicion: Suspicion, verdict: Verdict) -> bool:
     """Whether a cause can have raised what a verdict's evidence says."""
     witnesses = {one.witness for one in verdict.evidence}
-    if suspicion.cause is Cause.SOILED:
-        return suspicion.sensor in (verdict.attacked or {s for e in verdict.evidence for s in (e.i, e.k)})
+    if suspicion.cause is Cause.SOILED and suspicion.sensor not in verdict.attacked:
+        # What looks like dirt on one camera may be light in another: only the clearest dirt is believed.
+        strongest = max(one.margin for one in verdict.evidence)
+        return _margin(suspicion) >= strongest and _raises_most(suspicion.sensor, verdict)
     if suspicion.cause is Cause.DARK:
         return Witness.LIGHT.value not in witnesses
     if suspicion.cause is Cause.RAIN and Witness.EMPTY.value in witnesses:
         return False
     if suspicion.sensor is None or suspicion.sensor in verdict.out_of_system:
         return True
-    raised = [(one.margin, suspicion.sensor in _accusable(one)) for one in verdict.evidence]
+    return _raises_most(suspicion.sensor, verdict)
+
+
+def _raises_most(sensor: int | None, verdict: Verdict) -> bool:
+    """Whether a fault of a sensor can have raised at least half of the margins."""
+    raised = [(one.margin, sensor in _accusable(one)) for one in verdict.evidence]
     return sum(margin for margin, own in raised if own) >= _MOSTLY * sum(margin for margin, _ in raised)
 
 

@@ -12,12 +12,11 @@ from auditor.rig import LIDAR
 from auditor.symptoms import Pair
 
 _LATE = 0.1  # more of a picture's points on their rows
-_LATE_LIDAR = 0.025  # more of the LiDAR's points agree with the frame before than with their own ...
-_LAGGING = 0.06  # ... and than points of the frame before with this one
-_FEWEST_COMPARED = 500
+_LATE_LIDAR = 0.2  # of the LiDAR's points that agree with one of two frames only: more with the one before
 _TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
 _BIASED, _LEAST_BIAS_PX = 0.25, 3.0
-_TURNED, _LEAST_TURN_PX = 0.02, 6.0  # half a degree: LiDARs lie up to a quarter beside their calibration
+_TURNED = 0.2  # of those that agree only moved or only as they are: more when moved
+_UNSURE_POINTS = 10  # are added to either: few prove little
 _DARKER = 4.0  # grey levels
 _FEWEST_UNLIKE_PX = 200
 _DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
@@ -84,26 +83,24 @@ def _displaced(seen: Observed, camera: int) -> Floats:
 
 
 def _late_lidar(seen: Observed) -> Floats:
-    """The LiDAR lags where it agrees better with stereo of the frame before, and not the other way round.
-
-    Where stereo of this frame can be compared at few points only, that of the frame before is better by chance.
-    """
-    enough = seen.columns["compared"] >= _FEWEST_COMPARED
-    late, early = (_mean(np.where(enough, seen.columns[name], np.nan)) for name in ("late_gain", "early_gain"))
-    return np.minimum(late / _LATE_LIDAR, (late - early) / _LAGGING)
+    """The LiDAR lags where most points that tell two frames apart agree with stereo of the one before."""
+    return _mean(_lead(seen.columns["before_only"], seen.columns["now_only"])) / _LATE_LIDAR
 
 
 def _turned(seen: Observed) -> Floats:
-    """The LiDAR has turned where its points agree with stereo of every pair once all are moved alike.
+    """The LiDAR has turned where most points that tell agree with stereo of every pair once all are moved alike.
 
-    Where a constant bias of a pair's disparities does as well its cameras have turned instead. Of few points some shift
-    always makes a few more agree by chance.
+    Where a constant bias of a pair's disparities does as well its cameras have turned instead.
     """
     columns = seen.columns
-    now = np.where(np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX, columns["biased"], columns["agreeing"])
-    gain = columns["turned"] - now - 1 / np.sqrt(columns["compared"])
-    far = np.hypot(columns["right_px"], columns["down_px"]) >= _LEAST_TURN_PX
-    return _least(list(np.where(far, gain, np.minimum(gain, 0)).T), seen) / _TURNED
+    lead = _lead(columns["turned_only"], columns["unturned_only"])
+    cameras = (np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX) & (columns["biased"] >= columns["turned"])
+    return _least(list(np.where(cameras, np.minimum(lead, 0), lead).T), seen) / _TURNED
+
+
+def _lead(these: Floats, others: Floats) -> Floats:
+    """By what share of both these are more, from -1 to 1."""
+    return np.asarray((these - others) / (these + others + _UNSURE_POINTS))
 
 
 def _rain(seen: Observed) -> Floats:

@@ -9,7 +9,7 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 """Raised whenever a column is added. Columns are only added; a change of meaning is a new column."""
 
 TABLES = (

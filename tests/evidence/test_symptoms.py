@@ -51,7 +51,7 @@ def test_cameras_that_see_one_moment_are_in_step_and_nothing_is_said_of_a_frame_
         assert abs(pair.rows.offset_px) < 0.5
         assert isnan(pair.rows.late_i)
         assert isnan(pair.rows.late_k)
-        assert isnan(pair.agreement.late_gain)
+        assert isnan(pair.agreement.before_only)
         assert pair.agreement.agreeing > 0.9
 
 

@@ -14,7 +14,7 @@ from auditor.thresholds import Yardstick
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
 JUST_ENOUGH = Yardstick(1.0, 0.25, 100)
-TILTED = {"agreeing": 0.6, "biased": 0.6, "turned": 0.68, "right_px": 8, "compared": 2500}
+TILTED = {"turned": 0.7, "turned_only": 80, "unturned_only": 30}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
 HEALTHY = {
     "tracked": 60,
@@ -32,8 +32,10 @@ HEALTHY = {
     "right_px": 4,
     "down_px": 0,
     "turned": 0.79,
-    "late_gain": -0.1,
-    "early_gain": -0.1,
+    "turned_only": 20,
+    "unturned_only": 60,
+    "before_only": 10,
+    "now_only": 60,
     "specks_near": 0.0,
     "specks_beyond": 0.0002,
 }
@@ -60,15 +62,16 @@ def likeliest(**changed):
         ({}, []),
         ({"in_step": (0.2, 0.9), "offset_share": (0.3, 0.9), "late_i": (0.9, 0.2)}, [(Cause.LATE, 1)]),
         ({"in_step": 0.2, "offset_share": 0.3, "late_k": 0.9}, [(Cause.LATE, 3)]),
-        ({"late_gain": 0.08, "early_gain": -0.1}, [(Cause.LATE, 0)]),
-        ({"late_gain": 0.0, "early_gain": 0.0}, []),
-        ({"late_gain": (0.3, 0.0), "early_gain": (-0.4, 0.0), "compared": (200, 1500)}, []),
+        ({"before_only": 60, "now_only": 10}, [(Cause.LATE, 0)]),
+        ({"before_only": 30, "now_only": 30}, []),
+        ({"before_only": 2, "now_only": 0}, []),
         ({"in_step": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
         ({"in_step": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
         ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
-        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.8, "right_px": 12}, [(Cause.DISPLACED, 0)]),
-        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.8, "right_px": 4}, []),
-        ({"agreeing": 0.6, "biased": 0.6, "turned": 0.66, "right_px": 12, "compared": 250}, []),
+        ({"turned_only": 60, "unturned_only": 20}, [(Cause.DISPLACED, 0)]),
+        ({"turned_only": (60, 20), "unturned_only": (20, 60)}, []),
+        ({"turned_only": 2, "unturned_only": 0}, []),
+        ({"turned_only": 60, "unturned_only": 20, "bias_px": 5}, []),
         ({"unlike_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
         ({"unlike_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
         ({"unlike_px": 2000, "difference": 100}, []),
@@ -103,7 +106,7 @@ def test_what_a_rig_has_always_shown_is_not_told_and_what_came_since_is():
     assert samples[Cause.DISPLACED, 0][-1] > 2
     scales = strength_yardsticks(samples, Decimal("0.01"))
     assert not [one for frame in suspicions(always, scales) for one in frame if one.score >= 0.5]
-    since = strengths(seen(**{**TILTED, "turned": 0.8}), STAMPS_NS, SENSORS)
+    since = strengths(seen(**{**TILTED, "turned_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in suspicions(since, scales)} == {
         (Cause.DISPLACED, 0, True)
     }
