@@ -111,6 +111,17 @@ def test_a_turned_lidar_agrees_once_all_its_points_are_moved():
     assert turned.agreeing < straight.agreeing - 0.02
     assert turned.turned > turned.agreeing + 0.02
     assert (turned.right_px, turned.down_px) == (-16, 0)
+    assert turned.turned_only > 5 * turned.unturned_only
+    assert straight.turned_only < turned.turned_only / 10
+
+
+def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
+    far, near = scene(), scene(depth_m=NEAR_M)
+    in_step, late = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
+    assert in_step.now_only > 500
+    assert in_step.before_only == 0
+    assert late.before_only > 500
+    assert late.now_only == 0
 
 
 def test_dirt_makes_a_camera_the_darker_one_where_the_pictures_are_unlike():

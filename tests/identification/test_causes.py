@@ -153,6 +153,12 @@ def test_dirt_explains_only_what_its_own_camera_is_accused_of():
     assert weigh(CLEAN, dirt) == CLEAN
 
 
+def test_dirt_on_its_partner_clearer_than_what_it_raised_doubts_an_accusation():
+    clear, clearer = (Suspicion(Cause.SOILED, 3, 0.8),), (Suspicion(Cause.SOILED, 3, 0.9),)  # margins of 1.8 and 2.4
+    assert weigh(verdict(), clear).kind is VerdictKind.ATTACKED
+    assert weigh(verdict(), clearer).kind is VerdictKind.SUSPECT
+
+
 def test_darkness_is_told_where_nothing_was_raised_and_throws_no_light():
     dark = (Suspicion(Cause.DARK, None, 0.9),)
     told = weigh(CLEAN, dark)
