@@ -12,11 +12,7 @@ from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from auditor.engines import Limits
-    from auditor.evidence.matchers import MatcherOptions
-    from auditor.recordings import Origin
+    from auditor.cli.measuring import Measuring
     from auditor.store import Store
 
 
@@ -44,11 +40,7 @@ class _Frames(click.ParamType[range]):
 @click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N).")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
-@options.matcher_options
-@options.rig_option
-@options.origin_options
-@options.budget_options
-@options.jobs_option
+@options.measuring_options
 @format_option
 def command(
     sources: tuple[Path, ...],
@@ -57,12 +49,7 @@ def command(
     method: str,
     frames: range | None,
     out: Path | None,
-    matcher: str,
-    network: "MatcherOptions",
-    rig: Path | None,
-    origin_of: "Callable[[Path], Origin]",
-    budget: "Callable[[Path], Limits]",
-    jobs: int,
+    measuring: "Measuring",
     form: str,
     *,
     strict: bool,
@@ -89,17 +76,7 @@ def command(
     recordings = [path for path in sources if path not in stores]
     measurements = [(kept, known) for kept in map(Store.open, stores) for known in kept.ids("measurements")]
     if recordings:
-        measured = measure_all(
-            recordings,
-            store,
-            tally,
-            matcher=matcher,
-            network=network,
-            rig=rig,
-            origin_of=origin_of,
-            budget=budget,
-            jobs=jobs,
-        )
+        measured = measure_all(recordings, store, tally, measuring)
         measurements += [(Store.open(store), known) for one in measured for known in one.measurement_ids]
     clean = [(kept, known) for kept, known in measurements if _is_clean(kept, known)]
     if not clean:

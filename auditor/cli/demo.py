@@ -2,7 +2,6 @@
 
 import shutil
 from decimal import Decimal
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,7 +32,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
     sensors that were attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.measuring import Measuring, measure_all  # noqa: PLC0415
     from auditor.cli.showing import show_audit  # noqa: PLC0415
     from auditor.demo import fleet  # noqa: PLC0415
     from auditor.engines import Limits  # noqa: PLC0415
@@ -47,22 +46,12 @@ def command(folder: Path, method: str, jobs: int) -> int:
     store = folder / "audit"
     tally = Tally()
     _record((*clean, *suspected), jobs)
-    measured = partial(
-        measure_all,
-        store=store,
-        tally=tally,
-        matcher="sgbm",
-        network=MatcherOptions(),
-        rig=None,
-        origin_of=lambda _: Origin(),
-        budget=lambda _: Limits(),
-        jobs=jobs,
-    )
-    learnt = measured([take.file for take in clean])
+    measuring = Measuring("sgbm", MatcherOptions(), None, lambda _: Origin(), lambda _: Limits(), jobs)
+    learnt = measure_all([take.file for take in clean], store, tally, measuring)
     kept = Store.open(store)
     calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
     kept.write_calibration(calibration)
-    audited = measured([take.file for take in suspected])
+    audited = measure_all([take.file for take in suspected], store, tally, measuring)
     judging = Judging(Decimal(0), calibration.calibration_id, method, strict=True, min_coverage=1)
     judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
     show_audit(kept, "table", {one.recording_id for one in audited})

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,17 +17,23 @@ if TYPE_CHECKING:
     from auditor.recordings import Origin
 
 
+@dataclass(frozen=True)
+class Measuring:
+    """How recordings are to be measured: the options of the command line."""
+
+    matcher: str
+    network: "MatcherOptions"
+    rig: Path | None
+    origin_of: "Callable[[Path], Origin]"
+    budget: "Callable[[Path], Limits]"
+    jobs: int
+
+
 def measure_all(
     paths: Sequence[Path],
     store: Path,
     tally: Tally,
-    *,
-    matcher: str,
-    network: "MatcherOptions",
-    rig: Path | None,
-    origin_of: "Callable[[Path], Origin]",
-    budget: "Callable[[Path], Limits]",
-    jobs: int,
+    measuring: Measuring,
 ) -> "list[Measured]":
     """Measure every recording at the paths into a store, in the order given; say what cannot be, and why.
 
@@ -39,7 +45,7 @@ def measure_all(
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    find_matcher(matcher, network)  # an unknown one is the command's error, not each recording's
+    find_matcher(measuring.matcher, measuring.network)  # an unknown one is the command's error, not each recording's
     found = find_recordings(paths)
     for error in found.errors:
         say(f"auditor: {error}")
@@ -47,11 +53,14 @@ def measure_all(
     if not found.recordings:
         return []
     Store.open(store, create=True)
-    network, jobs = shared(network, min(jobs, len(found.recordings)))
-    tasks = [MeasureTask(path, store, matcher, network, rig, origin_of(path)) for path in found.recordings]
+    network, jobs = shared(measuring.network, min(measuring.jobs, len(found.recordings)))
+    tasks = [
+        MeasureTask(path, store, measuring.matcher, network, measuring.rig, measuring.origin_of(path))
+        for path in found.recordings
+    ]
     measured = {}
     with progress(len(tasks), "measuring") as (advanced, finished):
-        for outcome in run_all(measure_recording, tasks, jobs, advanced, lambda task: budget(task.recording)):
+        for outcome in run_all(measure_recording, tasks, jobs, advanced, lambda task: measuring.budget(task.recording)):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
                 # What cannot be audited, or took too much, was looked at, and says what is missing.

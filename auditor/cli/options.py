@@ -5,9 +5,14 @@ from collections.abc import Callable
 from decimal import Decimal
 from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from auditor.engines import Limits
+    from auditor.evidence.matchers import MatcherOptions
+    from auditor.recordings import Origin
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -159,6 +164,27 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         collected = option(collected)
     return collected
+
+
+def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """How recordings are measured, side by side; the command gets `measuring`, a Measuring."""
+
+    @wraps(command)
+    def collected(
+        *,
+        matcher: str,
+        network: "MatcherOptions",
+        rig: Path | None,
+        origin_of: "Callable[[Path], Origin]",
+        budget: "Callable[[Path], Limits]",
+        jobs: int,
+        **others: Any,  # noqa: ANN401 - handed on
+    ) -> Any:  # noqa: ANN401 - whatever the command returns
+        from auditor.cli.measuring import Measuring  # noqa: PLC0415 - keeps --help quick
+
+        return command(measuring=Measuring(matcher, network, rig, origin_of, budget, jobs), **others)
+
+    return matcher_options(rig_option(origin_options(budget_options(jobs_option(collected)))))
 
 
 class _Rate(click.ParamType[Decimal]):

@@ -9,11 +9,7 @@ from auditor.cli import options
 from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from auditor.engines import Limits
-    from auditor.evidence.matchers import MatcherOptions
-    from auditor.recordings import Origin
+    from auditor.cli.measuring import Measuring
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
@@ -21,21 +17,12 @@ if TYPE_CHECKING:
 @options.store_option
 @options.judging_options
 @click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
-@options.matcher_options
-@options.rig_option
-@options.origin_options
-@options.budget_options
-@options.jobs_option
+@options.measuring_options
 @format_option
 def command(
     recordings: tuple[Path, ...],
     store: Path,
-    matcher: str,
-    network: "MatcherOptions",
-    rig: Path | None,
-    origin_of: "Callable[[Path], Origin]",
-    budget: "Callable[[Path], Limits]",
-    jobs: int,
+    measuring: "Measuring",
     *,
     measure_only: bool,
     form: str,
@@ -56,17 +43,7 @@ def command(
     from auditor.store import Store  # noqa: PLC0415
 
     tally = Tally()
-    measured = measure_all(
-        recordings,
-        store,
-        tally,
-        matcher=matcher,
-        network=network,
-        rig=rig,
-        origin_of=origin_of,
-        budget=budget,
-        jobs=jobs,
-    )
+    measured = measure_all(recordings, store, tally, measuring)
     if not measured:
         return tally.exit_code()
     kept = Store.open(store)
