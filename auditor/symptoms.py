@@ -1,7 +1,10 @@
 """Symptoms: what tells a fault from an attack, measured with every frame so that judging needs no images."""
 
 from math import nan
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 Pair = tuple[int, int]
 
@@ -53,6 +56,16 @@ class Agreement(NamedTuple):
     unturned_only: float = nan
     before_only: float = nan
     now_only: float = nan
+
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+_UNSURE_POINTS = 10
+
+
+def lead(these: Number, others: Number) -> Number:
+    """By what share of both these points are more, from -1 to 1; few prove little."""
+    return (these - others) / (these + others + _UNSURE_POINTS)
 
 
 class Specks(NamedTuple):

@@ -5,6 +5,7 @@ vehicle's rig, a baseline counted twice, a LiDAR that was moved. It differs from
 view of every frame, so a few frames tell, and it is said before anybody reads verdicts.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from math import isnan
 
@@ -13,7 +14,7 @@ import numpy as np
 from auditor.evidence.joining import OF_TWO
 from auditor.evidence.one_view import Evidence
 from auditor.rig import Rig
-from auditor.symptoms import Agreement, Pair, PairSymptoms
+from auditor.symptoms import Pair, PairSymptoms, lead
 
 EVERY = 5
 """One frame of so many is looked at."""
@@ -22,9 +23,7 @@ _MOST_LOOKS = 200
 
 _LEAST_IN_STEP = 0.45
 _LEAST_AGREEING = 0.5
-_LEAST_GAIN = 0.04
-_LEAST_SHIFT_PX = 8
-_MOVED = ("right_px", "down_px", "turned")
+_LEAST_LEAD = 0.3  # of points that agree only once all are moved
 _CLEAR_OFFSET_PX = 1.5
 _WRONG_SCALE = 0.05
 _FEWEST_POINTS = 50
@@ -96,17 +95,21 @@ class Fitting:
 
     def _lidar_complaint(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
         symptoms = [s.agreement for s in self._symptoms[best]]
-        gains = [_median([s.agreement.turned - s.agreement.agreeing for s in self._symptoms[pair]]) for pair in known]
-        right_px, down_px, turned = (
-            _median([value[place] for value in symptoms]) for place in map(Agreement._fields.index, _MOVED)
-        )
-        moved = min(gains) >= _LEAST_GAIN and max(abs(right_px), abs(down_px)) >= _LEAST_SHIFT_PX
+        leads = [
+            _median([lead(s.agreement.turned_only, s.agreement.unturned_only) for s in self._symptoms[pair]])
+            for pair in known
+        ]
+        turned = _median([one.turned for one in symptoms])
+        moved = min(leads) >= _LEAST_LEAD and turned >= _LEAST_AGREEING
         if agreeing >= _LEAST_AGREEING and not moved:
             return None
         told = f"agree at {agreeing:.0%} of points within 1 px"
+        if moved:
+            way = Counter((s.agreement.right_px, s.agreement.down_px) for s in self._symptoms[best]).most_common(1)[0][
+                0
+            ]
+            return f"{told}, and better once its points are {_way(*way)}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))
-        if moved and turned >= _LEAST_AGREEING:
-            return f"{told}, at {turned:.0%} were its points {_way(right_px, down_px)}: wrong LiDAR mounting?"
         if abs(scale - 1) > _WRONG_SCALE:
             told += f", its disparities being {scale:.2f} times the LiDAR's"
         return f"{told}: wrong baseline, focal length, rectification flag or LiDAR mounting?"

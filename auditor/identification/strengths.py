@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from auditor.identification.windows import window_means
 from auditor.results import Cause, CauseIn
 from auditor.rig import LIDAR
-from auditor.symptoms import Pair
+from auditor.symptoms import Pair, lead
 
 _LATE = 0.1  # more of a picture's points on their rows
 _LATE_LIDAR = 0.2  # of the LiDAR's points that agree with one of two frames only: more with the one before
 _TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
 _BIASED, _LEAST_BIAS_PX = 0.25, 3.0
 _TURNED = 0.2  # of those that agree only moved or only as they are: more when moved
-_UNSURE_POINTS = 10  # are added to either: few prove little
 _DARKER = 4.0  # grey levels
 _FEWEST_UNLIKE_PX = 200
 _DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
@@ -84,7 +83,7 @@ def _displaced(seen: Observed, camera: int) -> Floats:
 
 def _late_lidar(seen: Observed) -> Floats:
     """The LiDAR lags where most points that tell two frames apart agree with stereo of the one before."""
-    return _mean(_lead(seen.columns["before_only"], seen.columns["now_only"])) / _LATE_LIDAR
+    return _mean(lead(seen.columns["before_only"], seen.columns["now_only"])) / _LATE_LIDAR
 
 
 def _turned(seen: Observed) -> Floats:
@@ -93,14 +92,9 @@ def _turned(seen: Observed) -> Floats:
     Where a constant bias of a pair's disparities does as well its cameras have turned instead.
     """
     columns = seen.columns
-    lead = _lead(columns["turned_only"], columns["unturned_only"])
+    moved = lead(columns["turned_only"], columns["unturned_only"])
     cameras = (np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX) & (columns["biased"] >= columns["turned"])
-    return _least(list(np.where(cameras, np.minimum(lead, 0), lead).T), seen) / _TURNED
-
-
-def _lead(these: Floats, others: Floats) -> Floats:
-    """By what share of both these are more, from -1 to 1."""
-    return np.asarray((these - others) / (these + others + _UNSURE_POINTS))
+    return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / _TURNED
 
 
 def _rain(seen: Observed) -> Floats:
