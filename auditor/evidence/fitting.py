@@ -105,10 +105,9 @@ class Fitting:
             return None
         told = f"agree at {agreeing:.0%} of points within 1 px"
         if moved:
-            way = Counter((s.agreement.right_px, s.agreement.down_px) for s in self._symptoms[best]).most_common(1)[0][
-                0
-            ]
-            return f"{told}, and better once its points are {_way(*way)}: wrong LiDAR mounting?"
+            ways = Counter((one.right_px, one.down_px) for one in symptoms if not isnan(one.turned))
+            way = _way(*ways.most_common(1)[0][0])
+            return f"{told}, and better once its points are {way}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))
         if abs(scale - 1) > _WRONG_SCALE:
             told += f", its disparities being {scale:.2f} times the LiDAR's"

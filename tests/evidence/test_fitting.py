@@ -25,6 +25,7 @@ def some(real_data: Path) -> tuple[Rig, list[Frame]]:
     [
         ("as it is", None),
         ("LiDAR pitch 0.5 deg", "px lower: wrong LiDAR mounting"),
+        ("LiDAR yaw 1 deg", "1[26] px left: wrong LiDAR mounting"),
         ("baselines x 2", "0.49 times the LiDAR's: wrong baseline"),
         ("S_1 pitch 0.25 deg", "off by 3.. rows: wrong rectification flag"),
         ("S_1 not rectified", "points on the same row: wrong rectification flag"),
