@@ -12,17 +12,22 @@ class Witness(StrEnum):
     """Who says something.
 
     CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
-    strip of the LiDAR's view has no points.
+    strip of the LiDAR's view has no points. SCATTERED: points stand alone here and there.
     """
 
     CONTRADICTED = "contradicted"
     UNLIKE = "unlike"
     LIGHT = "light"
     EMPTY = "empty"
+    SCATTERED = "scattered"
+
+
+OF_THE_LIDAR = frozenset({Witness.EMPTY, Witness.SCATTERED})
+"""Of the LiDAR's view in a camera, whatever the cameras see."""
 
 
 class Element(NamedTuple):
-    """One witness's statistic of the camera pair i < k; of EMPTY, whose i is the LiDAR, of the view of k."""
+    """One witness's statistic of the camera pair i < k; of OF_THE_LIDAR, whose i is the LiDAR, of the view of k."""
 
     witness: Witness
     i: int
@@ -36,7 +41,7 @@ class Element(NamedTuple):
     @property
     def accusable(self) -> tuple[int, ...]:
         """The sensors one of which must be attacked where the element is raised."""
-        return (LIDAR,) if self.witness is Witness.EMPTY else self.needed
+        return (LIDAR,) if self.witness in OF_THE_LIDAR else self.needed
 
 
 def elements_of(
@@ -54,6 +59,7 @@ def elements_of(
         *(Element(Witness.UNLIKE, i, k) for i, k in matched),
         *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
         *(Element(Witness.EMPTY, LIDAR, k) for k in views),
+        *(Element(Witness.SCATTERED, LIDAR, k) for k in views),
     )
 
 

@@ -99,7 +99,7 @@ def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArra
 def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
     """(F, M) local ratios worked out anew from the stored cells, as a scan works them out from the images.
 
-    For measurements made before windows were changed. Light and emptiness have no cells and stay as they were measured.
+    For measurements made before windows were changed. Statistics without cells stay as they were measured.
     """
     elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
     stored = store.load_ratios(measurement)

@@ -16,6 +16,9 @@ from auditor.symptoms import Pair, PairSymptoms
 COUNTING_VERSION = 4
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
+NO_FINGERPRINT = -1
+"""Of a sensor that is not there, or whose data cannot tell whether it stands still."""
+
 EXPERIMENTS_VERSION = 1
 """Raised whenever an evaluation would try other cases from the same seed, or an attack does something else.
 
@@ -92,9 +95,9 @@ class Cells:
 class Measurement:
     """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
 
-    `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself (light and
-    emptiness). `fingerprints` tell by sensor whether its data change from frame to frame, `symptoms` by matched pair
-    what speaks for a fault. `regions` are the portions of sensors that would be damaged, were they attacked.
+    `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself.
+    `fingerprints` tell by sensor whether its data change from frame to frame, `symptoms` by matched pair what speaks
+    for a fault. `regions` are the portions of sensors that would be damaged, were they attacked.
     """
 
     number: int

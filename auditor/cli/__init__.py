@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+import traceback
 from collections.abc import Sequence
 from enum import IntEnum
 
@@ -70,6 +71,15 @@ def auditor() -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code; every expected failure ends in one line on stderr."""
+    try:
+        return _run(arguments)
+    except Exception:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would say that something was found
+        traceback.print_exc()
+        click.echo("auditor: this is a defect of auditor: please report what stands above", err=True)
+        return Exit.FAILED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         code = auditor.main(arguments, standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

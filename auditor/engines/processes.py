@@ -16,7 +16,9 @@ from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import ForkServerContext
+from pathlib import Path
 from time import monotonic
+from traceback import extract_tb
 from typing import Any, Generic, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
@@ -58,8 +60,8 @@ def run_all(
     """Run `task` on every item, `jobs` at a time, and yield outcomes as they come.
 
     With `limits` each item has a process that is killed where it takes more. Without them one job alone happens in
-    this process. An AuditorError belongs to its item; so does the death of a process. KeyboardInterrupt stops all
-    workers and is raised.
+    this process. Any error belongs to its item; so does the death of a process. KeyboardInterrupt stops all workers and
+    is raised.
     """
     if limits is None and (jobs == 1 or len(items) == 1):
         for item in items:
@@ -72,7 +74,7 @@ def _run_here(
     task: Callable[[Item, Progress], Result], item: Item, on_progress: Callable[[Item, str, int], None]
 ) -> Outcome[Item, Result]:
     try:
-        return Outcome(item, result=task(item, lambda what, done: on_progress(item, what, done)))
+        return Outcome(item, result=_run(task, item, lambda what, done: on_progress(item, what, done)))
     except AuditorError as error:
         return Outcome(item, error=error)
 
@@ -202,4 +204,17 @@ def _end_with_parent() -> None:
 def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int) -> Result:
     pid = os.getpid()
     _progress_pipe.send((index, pid, "", 0))
-    return task(item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))
+    return _run(task, item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))
+
+
+def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:
+    """Run the task; what nobody foresaw is its item's error, too, in one line that can be reported."""
+    try:
+        return task(item, progress)
+    except AuditorError:
+        raise
+    except Exception as error:
+        last = extract_tb(error.__traceback__)[-1]
+        where = "/".join(Path(last.filename).parts[-2:])
+        what = f"auditor failed on it: {type(error).__name__}: {error} ({where}:{last.lineno})"
+        raise AuditorError(what, where=item, remedy="this is a defect of auditor: please report this line") from error

@@ -7,10 +7,19 @@ import numpy as np
 from auditor.frames import Frame
 from auditor.rig import LIDAR
 
+_WHITE = 255
+
 
 def fingerprints(frame: Frame) -> dict[int, int]:
-    """CRC-32 of the data of each sensor present: equal for equal data, and hardly ever otherwise."""
-    prints = {number: zlib.crc32(np.ascontiguousarray(image.pixels).data) for number, image in frame.images.items()}
+    """CRC-32 of the data of each sensor present: equal for equal data, and hardly ever otherwise.
+
+    A picture that is white all over has none: it is dazzled, and that it does not change tells nothing.
+    """
+    prints = {
+        number: zlib.crc32(np.ascontiguousarray(image.pixels).data)
+        for number, image in frame.images.items()
+        if image.pixels.min() < _WHITE
+    }
     if frame.cloud is not None:
         prints[LIDAR] = zlib.crc32(np.ascontiguousarray(frame.cloud.xyz_m).data)
     return prints

@@ -11,7 +11,7 @@ from auditor.evidence.lidar import LidarView
 from auditor.evidence.one_view import Evidence, Looked, OwnEvidence, lidar_views
 from auditor.evidence.rectifying import PairView
 from auditor.evidence.sectors import emptiness
-from auditor.evidence.testimony import Testimony, lights, standing_alone
+from auditor.evidence.testimony import Testimony, lights, specks_of, standing_alone
 from auditor.rig import LIDAR, Rig, Triple
 from auditor.symptoms import Pair
 
@@ -54,8 +54,8 @@ def joined(
 ) -> Testimony:
     """What rigs of two told, by the numbers (i, k) of their cameras, and what takes no rows to be seen.
 
-    Light and empty strips are looked for in the common view, whose pictures and LiDAR's views the others are: its
-    cells are larger than what cameras beside a line miss.
+    Light, empty strips and scattered points are looked for in the common view, whose pictures and LiDAR's views the
+    others are: its cells are larger than what cameras beside a line miss.
     """
     alone = standing_alone(views, rig)
     return Testimony(
@@ -63,9 +63,9 @@ def joined(
         unlike=_of_pairs({pair: one.unlike for pair, one in told.items()}),
         light=lights(halves, views, alone, rig),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
+        specks=specks_of(views, alone, rig),
         adjudications=_of_pairs({pair: one.adjudications for pair, one in told.items()}),
         likenesses=_of_pairs({pair: one.likenesses for pair, one in told.items()}),
-        alone=alone,
     )
 
 

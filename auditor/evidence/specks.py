@@ -4,6 +4,8 @@ An object, real or bogus, returns many points at like range. Drops return one ea
 their light fades with the fourth power of range. Points spoofed at chance ranges stand alone far away, too.
 """
 
+from math import isnan
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,8 @@ _NEAR_M, _BEYOND_M = 8.0, 40.0
 _ACROSS = 8  # parts of the view, each with an upper and a lower half
 _FEWEST = 200
 _SPREAD_QUANTILE = 0.25
+
+_SOME = 0.005
 
 Mask = NDArray[np.bool_]
 
@@ -34,8 +38,22 @@ def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
     return Specks(float(np.quantile(shares, _SPREAD_QUANTILE)), float(np.mean(beyond)))
 
 
+def scatter(found: Specks) -> float | None:
+    """How many points stand alone 8 to 40 m away, from 0 to 1; half a per cent of the view's are a half.
+
+    Drops of rain do so nearby many times as often: half of what stands alone there is taken off. None where too few
+    points are in view.
+    """
+    if isnan(found.specks_beyond):
+        return None
+    more = max(found.specks_beyond - found.specks_near / 2, 0.0)
+    return more / (more + _SOME)
+
+
 def isolated(view: LidarView, focal_px: float) -> Mask:
     """(M,) mask of the points with at most one other in the 3 x 3 x 3 cells of row, column and range around theirs."""
+    if not view.row.size:
+        return np.zeros(0, dtype=np.bool_)
     side = max(_CELL * focal_px, 1.0)
     step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *_RANGES_M)) / _RANGE_STEP
     # A cell more on every side, so that all have neighbours.

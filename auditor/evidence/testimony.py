@@ -14,33 +14,33 @@ from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness, matchable
 from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light, reach
 from auditor.evidence.sectors import emptiness
-from auditor.evidence.specks import isolated
+from auditor.evidence.specks import isolated, scatter, specks
 from auditor.evidence.stereo import StereoMap
 from auditor.evidence.visibility import too_near
 from auditor.results import Cells
 from auditor.rig import LIDAR, Rig
-from auditor.symptoms import Pair
+from auditor.symptoms import Pair, Specks
 
 Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """Four witnesses, the first three by camera pair (i, k), the last by reference camera.
+    """Five witnesses, the first three by camera pair (i, k), the others by reference camera.
 
     `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
     same thing. `light`: brightness that one of them alone sees. `emptiness`: what the emptiest strip of the
-    LiDAR's view lacks. `adjudications` and `likenesses` hold the same pixel by pixel, for localising; `alone` (M,)
-    tells which points of the LiDAR's view stand alone. They are not stored.
+    LiDAR's view lacks. `specks`: how many of its points stand alone. `adjudications` and `likenesses` hold the first
+    two pixel by pixel, for localising: they are not stored.
     """
 
     contradicted: Mapping[Pair, Cells]
     unlike: Mapping[Pair, Cells]
     light: Mapping[Pair, Light]
     emptiness: Mapping[int, float]
+    specks: Mapping[int, Specks]
     adjudications: Mapping[Pair, Adjudication]
     likenesses: Mapping[Pair, Likeness]
-    alone: Mapping[int, Mask]
 
     @property
     def cells(self) -> dict[Element, Cells]:
@@ -53,7 +53,9 @@ class Testimony:
     def shares(self) -> dict[Element, float]:
         """The statistics of the others; a pair cannot tell light in one camera from darkness in the other."""
         light = {Element(Witness.LIGHT, *pair): max(s.brighter_i, s.brighter_k) for pair, s in self.light.items()}
-        return light | {Element(Witness.EMPTY, LIDAR, k): share for k, share in self.emptiness.items()}
+        empty = {Element(Witness.EMPTY, LIDAR, k): share for k, share in self.emptiness.items()}
+        scattered = {Element(Witness.SCATTERED, LIDAR, k): scatter(found) for k, found in self.specks.items()}
+        return light | empty | {element: share for element, share in scattered.items() if share is not None}
 
 
 def testify(
@@ -87,15 +89,20 @@ def testify(
         unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
         light=lights(halves, views, alone, rig),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
+        specks=specks_of(views, alone, rig),
         adjudications=adjudications,
         likenesses=likenesses,
-        alone=alone,
     )
 
 
 def standing_alone(views: Mapping[int, LidarView], rig: Rig) -> dict[int, Mask]:
     """By reference which of the LiDAR's points stand alone."""
     return {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
+
+
+def specks_of(views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig) -> dict[int, Specks]:
+    """By reference how many of the LiDAR's points stand `alone`."""
+    return {k: specks(view, alone[k], rig.camera(k).width_px) for k, view in views.items()}
 
 
 def lights(

@@ -11,7 +11,6 @@ from auditor.evidence.contrast import contrast, smoothed
 from auditor.evidence.joining import OF_TWO
 from auditor.evidence.one_view import Evidence
 from auditor.evidence.registration import corners, register
-from auditor.evidence.specks import specks
 from auditor.evidence.stereo import StereoMap
 from auditor.symptoms import Agreement, Pair, PairSymptoms, Rows, Specks
 
@@ -35,7 +34,7 @@ class Watch:
             self._pairs = {pair: self._pairs.get(pair, Watch()) for pair in evidence.pairs}
             return {pair: self._pairs[pair].observe(part.own)[OF_TWO] for pair, part in evidence.pairs.items()}
         halves, maps, views = evidence.views, evidence.maps, evidence.lidar
-        likenesses, rig, isolated = evidence.testimony.likenesses, evidence.rig, evidence.testimony.alone
+        likenesses, rig, specks = evidence.testimony.likenesses, evidence.rig, evidence.testimony.specks
         points = {k: corners(halves[k], evidence.sights.get(k)) for k in dict.fromkeys(k for _, k in maps)}
         rows = register(points, halves, self._halves, {(i, k): _at(maps[i, k], points[k]) for i, k in maps})
         smooth = {camera: smoothed(half) for camera, half in halves.items()}
@@ -46,14 +45,13 @@ class Watch:
             if k in views and resolves_depth(rig, j, k)
         }
         agreements = {pair: agreement(moment, self._moments.get(pair)) for pair, moment in moments.items()}
-        alone = {k: specks(views[k], isolated[k], rig.camera(k).width_px) for k in {k for _, k in moments}}
         self._halves, self._moments = halves, moments
         return {
             pair: PairSymptoms(
                 rows.get(pair, Rows()),
                 contrasts[pair],
                 agreements.get(pair, Agreement()),
-                alone[pair[1]] if pair in moments else Specks(),
+                specks[pair[1]] if pair in moments else Specks(),
             )
             for pair in maps
         }

@@ -20,7 +20,7 @@ _UNEXPLAINED = 1.0
 
 _ALTERNATIVES = 2
 
-_UNHEARD = f"S_{LIDAR} could not be compared: nowhere do two cameras see enough of its points"
+_UNHEARD = f"nobody could deny what S_{LIDAR} reports: points that it invents pass unnoticed"
 
 Floats = NDArray[np.float64]
 
@@ -132,9 +132,12 @@ def _raised(verdict: Verdict, attacked: tuple[int, ...], z: Floats, elements: Se
 
 
 def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
-    """What each verdict does not cover: invented points, where the LiDAR is there and nobody could deny them."""
+    """What each verdict does not cover: invented points, where the LiDAR is there and nobody could deny them.
+
+    No two cameras see enough of its points, or lie far enough apart, or clean frames taught nothing of it.
+    """
     denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
-    if LIDAR not in present or not any(denied):
+    if LIDAR not in present:
         return [""] * len(z)
     unheard = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
     return [_UNHEARD if alone else "" for alone in unheard.tolist()]

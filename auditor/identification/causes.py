@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.elements import Element, Witness
+from auditor.elements import OF_THE_LIDAR, Element, Witness
 from auditor.identification.margins import margins
 from auditor.identification.strengths import Floats
-from auditor.results import FINDINGS, Cause, CauseIn, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.results import FINDINGS, Alternative, Cause, CauseIn, Evidence, Suspicion, Verdict, VerdictKind
 from auditor.thresholds import HIGHEST_MARGIN, Yardstick
 
 ENOUGH = 0.5
@@ -52,6 +52,8 @@ def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yard
 def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
+    The attack stays the first of its alternatives.
+
     A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
     that the verdict was reached without cannot have raised anything. What stands out much further in one place than a
     cause does over the whole picture is that place's own: an attack.
@@ -67,7 +69,9 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     )
     if not enough:
         return replace(verdict, causes=kept) if kept else verdict
-    return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), causes=kept)
+    likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
+    alternatives = (*likeliest, *verdict.alternatives)
+    return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
 
 
 def _margin(suspicion: Suspicion) -> float:
@@ -90,7 +94,7 @@ def _explains(suspicion: Suspicion, verdict: Verdict) -> bool:
         return _margin(suspicion) >= strongest and _raises_most(suspicion.sensor, verdict)
     if suspicion.cause is Cause.DARK:
         return Witness.LIGHT.value not in witnesses
-    if suspicion.cause is Cause.RAIN and Witness.EMPTY.value in witnesses:
+    if suspicion.cause is Cause.RAIN and not witnesses.isdisjoint(OF_THE_LIDAR):
         return False
     if suspicion.sensor is None or suspicion.sensor in verdict.out_of_system:
         return True

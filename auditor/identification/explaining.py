@@ -33,7 +33,8 @@ def demands(element: Element, attacked: Collection[int]) -> float:
     """How surely an attack on these sensors raises the element, 0 to 1.
 
     A contradiction needs two good cameras and a bad LiDAR. A camera's attack shows as unlikeness, but may be one that
-    keeps its pictures alike; light and empty strips are witnesses of one kind of attack: their silence says nothing.
+    keeps its pictures alike; light, empty strips and scattered points are witnesses of one kind of attack each: their
+    silence says nothing.
     """
     if element.witness is Witness.CONTRADICTED:
         return float(LIDAR in attacked and element.i not in attacked and element.k not in attacked)

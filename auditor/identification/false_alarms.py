@@ -105,7 +105,7 @@ def wilson(k: int, n: int) -> tuple[float, float]:
 
 
 def _hold_out(calibration: Calibration, raised: Raised) -> list[HeldOut]:
-    """One result a recording id; a recording may have been measured with several rigs of one kind."""
+    """One result a recording and rig: several rigs of one kind may have measured it."""
     return list(_results(calibration.clean, raised)) if len(calibration.recordings) > 1 else []
 
 

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.results import NO_FINGERPRINT
+
 MIN_FRAMES = 2
 """Frames that must be equal to the one before them: a single repeat happens when frames tick faster than a sensor."""
 
@@ -14,9 +16,10 @@ def frozen(prints: NDArray[np.int64], present: Bools) -> Bools:
 
     Its data equal those of the frame before, two times running at least, while another sensor's changed at each of
     these steps. Where all stand still the recording does, and nobody is accused. A sensor that is not `present` (F, S)
-    is not frozen, whatever its fingerprint.
+    is not frozen, nor one without a fingerprint.
     """
-    both = present[1:] & present[:-1]
+    known = present & (prints != NO_FINGERPRINT)
+    both = known[1:] & known[:-1]
     changed = both & (prints[1:] != prints[:-1])
     still = np.zeros(present.shape, dtype=np.bool_)
     still[1:] = both & ~changed & changed.any(axis=1, keepdims=True)

@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import Element, Witness
+from auditor.elements import OF_THE_LIDAR, Element, Witness
 from auditor.identification.explaining import demands, explained
 
 PRICE = 0.02
@@ -67,12 +67,14 @@ def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ..
 
     A set pays z for each raised element as far as it does not account for it (`explained`), |z| for each element that
     it should have raised and did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that
-    lacks points need not be contradicted by those that it has.
+    lacks points, or has some here and there, need not be contradicted by the others.
     """
     raised, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
-    witnesses = np.array([e.witness.value for e in elements], dtype=np.str_)
-    empty, denied = witnesses == Witness.EMPTY.value, witnesses == Witness.CONTRADICTED.value
-    silent[np.ix_(raised[:, empty].any(axis=1), denied)] = 0
+    own, denied = (
+        np.array([e.witness in chosen for e in elements], dtype=np.bool_)
+        for chosen in (OF_THE_LIDAR, {Witness.CONTRADICTED})
+    )
+    silent[np.ix_(raised[:, own].any(axis=1), denied)] = 0
     unexplained = np.array([[1 - explained(e, s) for s in sets] for e in elements], dtype=np.float64)
     demanded = np.array([[demands(e, s) for s in sets] for e in elements], dtype=np.float64)
     if not elements:

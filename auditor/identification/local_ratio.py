@@ -27,7 +27,7 @@ WINDOWS: Mapping[Witness, Window] = {
 }
 """By witness, of cells of 8 x 8 px: 48 x 48 px of LiDAR points, 48 x 64 px of half-resolution pixels.
 
-The light and emptiness witnesses bring their own. 40 points are half of what 64 beams usually give; for fewer beams
+The others bring statistics of their own. 40 points are half of what 64 beams usually give; for fewer beams
 see `fitted`.
 """
 
@@ -68,8 +68,7 @@ def local_ratios(
 ) -> tuple[float | None, ...]:
     """The statistic of each element in a frame, None where it was not measured.
 
-    `cells` holds the counts of the elements that have them, `shares` those statistics that come ready: light and
-    emptiness.
+    `cells` holds the counts of the elements that have them, `shares` those statistics that come ready.
     """
     return tuple(_ratio(element, cells[element]) if element in cells else shares.get(element) for element in elements)
 

@@ -16,10 +16,11 @@ CEILINGS: Mapping[Witness, float] = {
     Witness.UNLIKE: 0.5,
     Witness.LIGHT: 0.5,
     Witness.EMPTY: 1.0,
+    Witness.SCATTERED: 1.0,
 }
 """theta is never larger: attacked frames among the clean ones must not silence a witness.
 
-Only a LiDAR that never fills the view may silence its own.
+Only a LiDAR that never fills the view, or whose points always lie far apart, may silence its own.
 """
 
 FLOORS: Mapping[Witness, float] = {
@@ -27,6 +28,7 @@ FLOORS: Mapping[Witness, float] = {
     Witness.UNLIKE: 0.25,
     Witness.LIGHT: 0.3,
     Witness.EMPTY: 0.85,
+    Witness.SCATTERED: 0.4,
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 

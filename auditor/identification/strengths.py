@@ -110,7 +110,7 @@ def _alone(seen: Observed, camera: int, gain: Floats) -> Floats:
     """The least gain of the camera's pairs, less the largest of the others: those cannot be its doing."""
     inside = _least([gain[:, p] for p, _ in _with(seen, camera)], seen)
     outside = [gain[:, p] for p, pair in enumerate(seen.pairs) if camera not in pair]
-    return inside - np.nan_to_num(np.fmax.reduce(outside)) if outside else inside
+    return inside - np.maximum(np.nan_to_num(np.fmax.reduce(outside)), 0) if outside else inside
 
 
 def _darker(seen: Observed, camera: int) -> Floats:

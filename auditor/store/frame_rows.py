@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.frames import Skipped
-from auditor.results import MIN_VALID_PX, Counts, Coverage, Measurement, Statistic
+from auditor.results import MIN_VALID_PX, NO_FINGERPRINT, Counts, Coverage, Measurement, Statistic
 from auditor.rig import Rig
 from auditor.store.records import FrameErrors, FrameRatios
 from auditor.store.tables import Row, read_table
-
-ABSENT = -1
-"""The fingerprint of a sensor that was not there."""
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
 _COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
@@ -89,7 +86,7 @@ def read_ratios(path: Path, rig: Rig) -> FrameRatios:
     if table["ratios"].null_count:
         raise StoreError("it was measured before there were local ratios", where=path, remedy="measure it again")
     F, M, S = len(table), len(rig_elements(rig)), len(rig.sensors)
-    fingerprints = _elements(table["fingerprint"], F * S, path).fill_null(ABSENT)
+    fingerprints = _elements(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     return FrameRatios(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
@@ -139,5 +136,7 @@ def _count(counts: Counts | None, name: str) -> int | None:
 def _elements(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     values = column.combine_chunks().flatten()
     if len(values) != count:
-        raise StoreError("its lists do not have the lengths that its rig demands", where=path)
+        raise StoreError(
+            "its lists do not have the lengths that its rig demands", where=path, remedy="measure its recording again"
+        )
     return values

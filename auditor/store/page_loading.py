@@ -222,8 +222,9 @@ def _provenance(store: Store, audit: _Audit) -> Provenance:
 def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
     """Those of a judgement's row, in the order of triples or, by the robust method, of elements."""
     if row["method"] == Method.ROBUST:
+        # Judgements of earlier versions know fewer elements: later ones were added at the end.
         for element, theta, samples in zip(
-            rig_elements(rig), row["element_theta"], row["element_samples"], strict=True
+            rig_elements(rig), row["element_theta"], row["element_samples"], strict=False
         ):
             yield ThresholdLine(element.witness, (element.i, element.k), theta, samples or 0)
     else:

@@ -7,6 +7,7 @@ CREATE MACRO witness_in_words(witness, i, j, k) AS
         WHEN 'unlike' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
         WHEN 'light' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
         WHEN 'empty' THEN 'the LiDAR lacks points in the view of S_' || k
+        WHEN 'scattered' THEN 'points of the LiDAR stand alone here and there in the view of S_' || k
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 

@@ -3,9 +3,9 @@
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column position: Place of the element in `ratios`, counted from 1.
--- column witness: Who says something: contradicted, unlike, light or empty.
--- column i: First camera of the pair; of empty the LiDAR, 0.
--- column k: Second camera of the pair; of empty the one whose view it is.
+-- column witness: Who says something: contradicted, unlike, light, empty or scattered.
+-- column i: First camera of the pair; of empty and scattered the LiDAR, 0.
+-- column k: Second camera of the pair; of empty and scattered the one whose view it is.
 -- column ratio: The local ratio; NULL where it was not measured.
 -- column theta: Its threshold by the current judgement; NULL where that is not of the robust method.
 -- column z: Its margin (ratio - theta) / scale, kept between -2 and 3.

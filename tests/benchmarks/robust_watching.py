@@ -13,7 +13,7 @@ from auditor.evidence.matchers import find_matcher
 from auditor.frames import Frame
 from auditor.identification.local_ratio import local_ratios
 from auditor.lab.drives import make_drive
-from auditor.results import Cause, Measurement
+from auditor.results import NO_FINGERPRINT, Cause, Measurement
 from auditor.rig import Rig
 from auditor.symptoms import Pair
 from tests.benchmarks import robust_faults, robust_further
@@ -108,7 +108,7 @@ def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
         np.array([[m.symptoms[pair].values for pair in pairs] for m in found], dtype=np.float64),
         np.array([[m.coverage[c].level for c in cameras] for m in found], dtype=np.float64),
         np.array([[m.coverage[c].saturated_share for c in cameras] for m in found], dtype=np.float64),
-        np.array([[m.fingerprints[s] for s in rig.sensors] for m in found], dtype=np.int64),
+        np.array([[m.fingerprints.get(s, NO_FINGERPRINT) for s in rig.sensors] for m in found], dtype=np.int64),
     )
 
 

@@ -248,3 +248,16 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, sto
     again = subprocess.run(command, capture_output=True, text=True, check=False)
     assert again.returncode in (0, 1), again.stderr
     assert "80 frames" in again.stderr
+
+
+def test_what_nobody_foresaw_ends_in_2_and_not_in_the_code_of_findings(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def defect(*_: object, **__: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("auditor.cli.auditor.main", defect)
+    assert run(["scan"]) == 2
+    told = capfd.readouterr().err
+    assert "ZeroDivisionError" in told
+    assert told.rstrip().endswith("please report what stands above")

@@ -16,6 +16,8 @@ def square(item: int, progress: Progress) -> int:
     progress("squaring", item)
     if item == 3:
         raise RecordingError("cannot be read", where=item)
+    if item == 7:
+        raise ValueError(f"{item} is no square")
     if item == 4:
         os.kill(os.getpid(), signal.SIGKILL)
     return item * item
@@ -35,6 +37,16 @@ def test_every_item_has_an_outcome_and_an_error_stays_with_its_item(jobs: int) -
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 2: 4, 3: None, 5: 25}
     assert str(done[3].error) == "3: cannot be read"
     assert (2, "squaring", 2) in heard
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_nobody_foresaw_is_its_item_s_error_in_one_line(jobs: int) -> None:
+    done, _ = outcomes([1, 7, 5], jobs)
+    assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 7: None, 5: 25}
+    told = str(done[7].error)
+    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (engines/test_processes.py:")
+    assert "please report" in told
+    assert "\n" not in told
 
 
 def test_a_killed_process_loses_its_item_alone() -> None:

@@ -25,3 +25,9 @@ def test_a_missing_sensor_has_none_and_a_view_of_an_array_has_its_own():
     mirrored = fingerprints(replace(frame, images={2: flipped}))[2]
     assert mirrored == fingerprints(replace(frame, images={2: replace(flipped, pixels=np.array(flipped.pixels))}))[2]
     assert mirrored != fingerprints(frame)[2]
+
+
+def test_a_dazzled_camera_has_none_and_a_black_one_does():
+    frame = plane_frame(plane_rig())
+    white, black = (CameraImage(n, 0, np.full_like(frame.images[n].pixels, level)) for n, level in ((1, 255), (2, 0)))
+    assert set(fingerprints(replace(frame, images={**frame.images, 1: white, 2: black}))) == {0, 2, 3}

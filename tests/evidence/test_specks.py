@@ -4,15 +4,18 @@ from dataclasses import replace
 from math import isnan
 
 import numpy as np
+import pytest
 
+from auditor.elements import Element, Witness
 from auditor.evidence import Watch, measure
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers import SgbmMatcher
-from auditor.evidence.specks import isolated, specks
+from auditor.evidence.specks import isolated, scatter, specks
 from auditor.frames import PointCloud
 from auditor.lab.attacks import BogusWall
 from auditor.lab.faults import HiddenSector
 from auditor.lab.rain import Rain
+from auditor.symptoms import Specks
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
 RIG = plane_rig()
@@ -86,3 +89,19 @@ def test_they_are_watched_where_a_pair_may_deny_the_lidar():
     rig = plane_rig(lidar=False)
     blind = Watch().observe(measure(replace(plane_frame(rig), cloud=None), rig, SgbmMatcher())[1])
     assert isnan(blind[1, 3].specks.specks_near)
+
+
+def test_scattered_points_are_told_and_neither_drops_nor_a_dry_view():
+    dry, rain, scattered = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
+    assert scatter(dry) == scatter(rain) == 0
+    assert scatter(scattered) > 0.6
+    assert scatter(Specks()) is None
+
+
+@pytest.mark.parametrize("xyz", [np.zeros((0, 3)), [[-5, 0, 0]], [[5, 0, 0]]], ids=["none", "behind", "one"])
+def test_a_cloud_of_hardly_any_points_is_measured(xyz):
+    frame = plane_frame(RIG)
+    bare = replace(frame, cloud=PointCloud(0, np.asarray(xyz, dtype=np.float32)))
+    measurement, _ = measure(bare, RIG, SgbmMatcher())
+    assert measurement.shares[Element(Witness.EMPTY, 0, 3)] == 1.0
+    assert Element(Witness.SCATTERED, 0, 3) not in measurement.shares

@@ -11,7 +11,7 @@ SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (
 NONE = frozenset()
 X13, X23 = (Element(Witness.CONTRADICTED, *pair) for pair in PAIRS)
 U13, U23 = (Element(Witness.UNLIKE, *pair) for pair in PAIRS)
-EMPTY = Element(Witness.EMPTY, 0, 3)
+EMPTY, SCATTERED = (Element(witness, 0, 3) for witness in (Witness.EMPTY, Witness.SCATTERED))
 L12 = Element(Witness.LIGHT, 1, 2)
 
 
@@ -31,6 +31,7 @@ def test_a_silent_frame_is_clean():
     [
         ({X13: 2.0, X23: 1.0}, (0,), "110"),
         ({EMPTY: 0.5}, (0,), "110"),
+        ({SCATTERED: 0.5}, (0,), "110"),
         ({U13: 2.0, L12: 1.0}, (1,), "101"),
         ({U23: 2.0}, (2,), "011"),
         ({U13: 0.5, U23: 2.0}, (3,), "111"),
@@ -103,8 +104,8 @@ def test_nothing_measured_is_not_auditable():
 def test_a_lidar_that_nobody_could_contradict_is_said_to_be_so_whatever_else_is_found():
     quiet = one({X13: np.nan, X23: np.nan})
     assert quiet.kind is VerdictKind.CLEAN
-    assert "S_0 could not be compared" in quiet.reason
-    assert "S_0 could not be compared" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
+    assert "nobody could deny what S_0 reports" in quiet.reason
+    assert "nobody could deny what S_0 reports" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
     assert one({X13: np.nan}).reason == ""
     assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
 

@@ -7,7 +7,7 @@ import pytest
 from auditor.identification.causes import suspicions, weigh
 from auditor.identification.margins import strength_yardstick, strength_yardsticks
 from auditor.identification.strengths import Observed, strengths
-from auditor.results import Cause, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.results import Alternative, Cause, Evidence, Suspicion, Verdict, VerdictKind
 from auditor.symptoms import COLUMNS
 from auditor.thresholds import Yardstick
 
@@ -131,6 +131,7 @@ def test_a_fault_doubts_an_accusation_and_is_a_finding_where_there_is_none():
     for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
         weighed = weigh(one, late)
         assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
+    assert weigh(verdict(), late).alternatives == (Alternative((1,), 0.0),), "what it would be without the cause"
 
 
 def test_an_attack_that_stands_out_much_further_than_a_fault_is_not_doubted_for_it():

@@ -1,6 +1,7 @@
 import numpy as np
 
 from auditor.identification.freezing import frozen
+from auditor.results import NO_FINGERPRINT
 
 
 def frames(*columns):
@@ -31,3 +32,9 @@ def test_no_frames_and_one_frame_hold_nothing():
     assert frozen(*frames("", "")).shape == (0, 2)
     assert frozen(*frames("a", "-")).tolist() == [[False, False]]
     assert frozen(*frames("ab", "aa")).dtype == np.bool_
+
+
+def test_a_sensor_without_a_fingerprint_is_not_frozen():
+    prints, present = frames("abcdef", "aabbbb")
+    prints[prints == ord("b")] = NO_FINGERPRINT
+    assert not frozen(prints, present).any()

@@ -3,7 +3,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness, elements_of
+from auditor.elements import OF_THE_LIDAR, Element, Witness, elements_of
 from auditor.identification import joint
 from auditor.identification.explaining import demands, explained, explains, triple_states
 from auditor.identification.joint import attack_sets, explain
@@ -52,13 +52,13 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
     z = np.random.default_rng(n).uniform(-2, 3, (30, len(elements)))
     z[np.random.default_rng(n + 1).random(z.shape) < 0.2] = np.nan
     found = explain(z, elements, sets)
-    empty = z[:, [e.witness is Witness.EMPTY for e in elements]].max(axis=1) > 0
+    own = np.nanmax(z[:, [e.witness in OF_THE_LIDAR for e in elements]], axis=1, initial=-1) > 0
     for f, s in np.ndindex(found.cost.shape):
         cost = 0.02 * len(sets[s])
         for value, element in zip(z[f], elements, strict=True):
             if value > 0:
                 cost += value * (1 - explained(element, sets[s]))
-            elif value < 0 and not (empty[f] and element.witness is Witness.CONTRADICTED):
+            elif value < 0 and not (own[f] and element.witness is Witness.CONTRADICTED):
                 cost -= value * demands(element, sets[s])
         assert found.cost[f, s] == pytest.approx(cost)
     np.testing.assert_allclose(found.score, found.cost[:, 0] - found.cost[:, 1:].min(axis=1))
@@ -77,7 +77,7 @@ def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():
 
 def test_light_s_silence_clears_nobody_but_a_contradiction_s_clears_the_lidar():
     assert demands(Element(Witness.LIGHT, 1, 3), (1,)) == 0.0
-    assert demands(Element(Witness.EMPTY, 0, 3), (0,)) == 0.0
+    assert {demands(Element(witness, 0, 3), (0,)) for witness in OF_THE_LIDAR} == {0.0}
     assert demands(Element(Witness.UNLIKE, 1, 3), (1,)) == 0.5
     assert demands(Element(Witness.CONTRADICTED, 1, 3), (0,)) == 1.0
     assert demands(Element(Witness.CONTRADICTED, 1, 3), (0, 3)) == 0.0
