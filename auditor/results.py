@@ -30,7 +30,7 @@ MIN_VALID_PX = 200
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by four witnesses and joint identification, or as the paper does."""
+    """How verdicts are reached: by five witnesses and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"

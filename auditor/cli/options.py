@@ -209,7 +209,7 @@ method_option = click.option(
     type=click.Choice(["robust", "paper"]),
     default="robust",
     show_default=True,
-    help="Four witnesses and joint identification, or disparity errors and Algorithm 2.",
+    help="Five witnesses and joint identification, or disparity errors and Algorithm 2.",
 )
 
 
