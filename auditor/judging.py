@@ -1,8 +1,8 @@
 """Calibrations from what stores hold, and the judging of it: no recording is needed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import lru_cache
 
@@ -133,10 +133,17 @@ def _made_at(calibration: Calibration) -> tuple[datetime, str]:
     return calibration.calibrated_at or datetime.min.replace(tzinfo=UTC), calibration.calibration_id
 
 
-def judge_measurement(store: Store, measurement: str, calibration: Calibration, criteria: Criteria) -> StoredJudgement:
-    """Judge every frame of a measurement and keep the verdicts.
+def judge_measurement(
+    store: Store,
+    measurement: str,
+    calibration: Calibration,
+    criteria: Criteria,
+    current: Mapping[str, StoredJudgement] | None = None,
+) -> StoredJudgement:
+    """Judge every frame of a measurement and keep the verdicts, which are its current ones from then on.
 
-    Raises ThresholdsError where the thresholds do not fit.
+    `current` is what `store.current_judgements()` says: whoever judges many measurements reads it once for all. Raises
+    ThresholdsError where the thresholds do not fit and StoreError where r has more decimals than the store keeps.
     """
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
@@ -155,12 +162,17 @@ def judge_measurement(store: Store, measurement: str, calibration: Calibration, 
         fewest = min(thresholds.samples.values())
     if criteria.strict:
         _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
+    before = (store.current_judgements() if current is None else current).get(measurement)
+    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before))
     if calibration.calibration_id not in store.ids("calibrations"):
         store.write_calibration(calibration)
-    store.write_judgement(JudgementRecord(measurement, criteria.method, thresholds, datetime.now(UTC)), rows)
-    current = store.current_judgement(measurement)
-    assert current is not None
-    return current
+    return store.write_judgement(judgement, rows)
+
+
+def _after(before: StoredJudgement | None) -> datetime:
+    """Now, and later than the judgement before also where the clock was ahead when that was made."""
+    now = datetime.now(UTC)
+    return now if before is None else max(now, before.judged_at + timedelta(microseconds=1))
 
 
 @lru_cache(maxsize=4)

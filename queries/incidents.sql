@@ -1,4 +1,4 @@
--- Incidents: runs of frames with the same attacked sensors, also from one recording of a drive into the next.
+-- Incidents: runs of frames with the same attacked sensors, also from one recording of a drive into the next. Where a recording's clock is set back a new one begins.
 --
 -- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
@@ -47,22 +47,43 @@ line AS (
         SELECT *, from_ns < lag(to_ns) OVER (PARTITION BY series ORDER BY place) - 1_000_000_000 AS anew FROM placed
     )
 ),
+step AS (
+    SELECT
+        measurement_id,
+        frame,
+        line,
+        place,
+        wanted,
+        stamp_ns < lag(stamp_ns) OVER (PARTITION BY measurement_id ORDER BY frame) AS back
+    FROM verdicts
+    JOIN line USING (measurement_id)
+    WHERE line IN (SELECT line FROM line WHERE wanted)
+),
+-- A step back within a recording: there the clock was set, and stamps on either side of it are not of one line.
+timed AS (
+    SELECT
+        measurement_id,
+        frame,
+        {line: line, clock: count(*) FILTER (coalesce(back, false)) OVER (PARTITION BY line ORDER BY place, frame)} AS line,
+        place,
+        wanted
+    FROM step
+),
 finding AS (
     SELECT
         findings.*,
-        line.line,
-        line.place,
-        line.wanted,
-        lag(stamp_ns) OVER (PARTITION BY line, kind, attacked ORDER BY place, stamp_ns, frame) AS previous_ns
+        timed.line,
+        timed.place,
+        timed.wanted,
+        lag(stamp_ns) OVER (PARTITION BY line, kind, attacked ORDER BY place, frame) AS previous_ns
     FROM findings
-    JOIN line USING (measurement_id)
-    WHERE line IN (SELECT line FROM line WHERE wanted)
+    JOIN timed USING (measurement_id, frame)
 ),
 numbered AS (
     SELECT
         *,
         sum(CASE WHEN abs(stamp_ns - previous_ns) <= $gap_s * 1e9 THEN 0 ELSE 1 END)
-            OVER (PARTITION BY line, kind, attacked ORDER BY place, stamp_ns, frame) AS run
+            OVER (PARTITION BY line, kind, attacked ORDER BY place, frame) AS run
     FROM finding
 ),
 part AS (

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Judging:
-    """How verdicts are to be reached: the options of the command line."""
+    """How verdicts are to be reached: the options of the command line. Raises SettingError where they make no sense."""
 
     r: Decimal
     calibration: str | None = None
@@ -29,22 +30,32 @@ class Judging:
     strict: bool = False
     min_coverage: float = 0.99
 
-    @property
-    def criteria(self) -> "Criteria":
-        """The same, as judging takes it. Raises SettingError for options that do not go together."""
-        from auditor.judging import Criteria  # noqa: PLC0415 - keeps --help quick
-        from auditor.results import Method, Statistic  # noqa: PLC0415
-
-        method = Method(self.method)
-        if method is Method.PAPER and self.incidents_per_hour is not None:
+    def __post_init__(self) -> None:
+        allowed = self.incidents_per_hour
+        if allowed is None:
+            return
+        if not isfinite(allowed):
+            raise SettingError(
+                f"{allowed} is no number of incidents",
+                where="--incidents-per-hour",
+                remedy="give a number, 0 or more, or leave it away to bound them by nothing but r",
+            )
+        if self.method == "paper":
             raise SettingError(
                 "the paper's method has no score that incidents per hour could set",
                 where="--incidents-per-hour",
                 remedy="leave it away, or judge with --method robust",
             )
+
+    @property
+    def criteria(self) -> "Criteria":
+        """The same, as judging takes it."""
+        from auditor.judging import Criteria  # noqa: PLC0415 - keeps --help quick
+        from auditor.results import Method, Statistic  # noqa: PLC0415
+
         return Criteria(
             self.r,
-            method,
+            Method(self.method),
             Statistic(self.statistic),
             self.incidents_per_hour,
             transfer=self.transfer,
@@ -92,6 +103,7 @@ def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tal
     criteria = judging.criteria
     chosen = named_calibration(store, judging.calibration)
     calibrations = [] if chosen else store.calibrations()
+    current = store.current_judgements()
     for measurement in measurements:
         name = recording_name(store, measurement)
         calibration = chosen or fitting_calibration(store, measurement, calibrations)
@@ -103,7 +115,7 @@ def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tal
             tally.incomplete = True
             continue
         try:
-            judgement = judge_measurement(store, measurement, calibration, criteria)
+            judgement = judge_measurement(store, measurement, calibration, criteria, current)
         except AuditorError as error:
             say(f"{name}: {error}")
             tally.failed = True

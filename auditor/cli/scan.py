@@ -42,7 +42,7 @@ def command(
     from auditor.cli.showing import show_audit  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    tally = Tally()
+    how, tally = Judging(**judging), Tally()
     measured = measure_all(recordings, store, tally, measuring)
     if not measured:
         return tally.exit_code()
@@ -52,6 +52,6 @@ def command(
         say("measured only: no verdicts were reached; auditor judge reaches them")
         tally.incomplete = True
     else:
-        judge_all(kept, ids, Judging(**judging), tally)
+        judge_all(kept, ids, how, tally)
     show_audit(kept, form, {one.recording_id for one in measured})
     return tally.exit_code()

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import count
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,10 @@ MOST_DRAWN = 6
 COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
 
 
+_Teachers = Mapping[str, tuple[str, ...]]
+"""The recordings that each calibration was made from, by its id."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Audit:
     """One measurement of a recording, with its current judgement."""
@@ -59,8 +63,10 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
 
     Raises StoreError where the store has no such recording, or was not measured.
     """
-    audits = _audits(store, recording)
-    numbered = _numbered([_outline(store, audit) for audit in audits], _incidents(store, recording))
+    teachers = store.teachers()
+    audits = _audits(store, recording, teachers)
+    outlines = [_outline(store, audit, teachers) for audit in audits]
+    numbered = _numbered(outlines, _incidents(store, recording))
     shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
     drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
     full = [
@@ -79,7 +85,7 @@ def _page(store: Store, parts: Sequence[RecordingPart]) -> IncidentPage:
     )
 
 
-def _audits(store: Store, wanted: str | None) -> list[_Audit]:
+def _audits(store: Store, wanted: str | None, teachers: _Teachers) -> list[_Audit]:
     """The latest measurement of each rig of each wanted recording, by time of recording."""
     recordings = {
         recording.recording_id: recording
@@ -96,28 +102,29 @@ def _audits(store: Store, wanted: str | None) -> list[_Audit]:
             latest[measurement.recording_id, measurement.rig_id] = measurement
     if not latest:
         raise StoreError("nothing was measured", where=store.folder, remedy="run auditor scan first")
+    judgements = store.current_judgements()
     audits = [
         _Audit(
             recordings[measurement.recording_id],
             measurement,
-            store.current_judgement(measurement.measurement_id),
+            judgements.get(measurement.measurement_id),
             store.rig(measurement.rig_id),
         )
         for measurement in latest.values()
     ]
     if wanted is None:
-        audits = _without_teachers(store, audits)
+        audits = _without_teachers(audits, teachers)
     return sorted(audits, key=lambda audit: (audit.recording.from_ns or 0, audit.recording.name))
 
 
-def _without_teachers(store: Store, audits: list[_Audit]) -> list[_Audit]:
+def _without_teachers(audits: list[_Audit], teachers: _Teachers) -> list[_Audit]:
     """Leave out what was only calibrated on: nobody asked for its audit. All stay where that would leave none."""
-    teachers = {recording for calibration in store.calibrations() for recording in calibration.recordings}
-    asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in teachers]
+    taught = set(chain.from_iterable(teachers.values()))
+    asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in taught]
     return asked_for or audits
 
 
-def _outline(store: Store, audit: _Audit) -> RecordingPart:
+def _outline(store: Store, audit: _Audit, teachers: _Teachers) -> RecordingPart:
     """What the tables at the top of the page need."""
     ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
     stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
@@ -140,7 +147,7 @@ def _outline(store: Store, audit: _Audit) -> RecordingPart:
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.triples,
         balance=audit.measurement.balance,
-        provenance=_provenance(store, audit),
+        provenance=_provenance(store, audit, teachers),
     )
 
 
@@ -189,7 +196,7 @@ def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
     return tuple(SensorLine(sensor, rig.name(sensor), rig.topic(sensor)) for sensor in rig.sensors)
 
 
-def _provenance(store: Store, audit: _Audit) -> Provenance:
+def _provenance(store: Store, audit: _Audit, teachers: _Teachers) -> Provenance:
     measurement, judgement = audit.measurement, audit.judgement
     measured = Provenance(
         measurement_id=measurement.measurement_id,
@@ -203,11 +210,10 @@ def _provenance(store: Store, audit: _Audit) -> Provenance:
     if judgement is None:
         return measured
     (row,) = read_rows("judgements", store.path("judgements", judgement.judgement_id))
-    kept = judgement.calibration_id in store.ids("calibrations")
     return replace(
         measured,
         calibration_id=judgement.calibration_id,
-        calibrated_on=store.calibration(judgement.calibration_id).recordings if kept else (),
+        calibrated_on=teachers.get(judgement.calibration_id, ()),
         method=judgement.method,
         statistic=judgement.statistic,
         r=judgement.r,

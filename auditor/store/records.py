@@ -10,11 +10,14 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.errors import StoreError
 from auditor.frames import TopicBalance
 from auditor.results import Procedure, Statistic, VerdictKind
 from auditor.thresholds import RobustThresholds, Thresholds
 
 _ID_DIGITS = 32
+DIGITS_OF_R = 17
+"""Decimals of a designated false-alarm rate that the tables keep."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +118,21 @@ class FrameRatios:
 
 @dataclass(frozen=True)
 class JudgementRecord:
-    """One judging of one measurement. `judged_at` is UTC."""
+    """One judging of one measurement. `judged_at` is UTC. Raises StoreError where r has more decimals than are kept."""
 
     measurement_id: str
     method: str
     thresholds: Thresholds | RobustThresholds
     judged_at: datetime.datetime
+
+    def __post_init__(self) -> None:
+        r = self.thresholds.r
+        if r != round(r, DIGITS_OF_R):
+            raise StoreError(
+                f"r = {r} has more than {DIGITS_OF_R} decimals",
+                where="judgement",
+                remedy=f"round it to at most {DIGITS_OF_R} of them",
+            )
 
     @property
     def judgement_id(self) -> str:

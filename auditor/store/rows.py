@@ -6,17 +6,21 @@ from datetime import UTC
 from typing import Any
 
 from auditor.elements import rig_elements
-from auditor.errors import StoreError
 from auditor.frames import TopicBalance
 from auditor.results import FINDINGS, Procedure, Statistic, Verdict, VerdictKind
 from auditor.rig import Rig
 from auditor.store.calibrations import rig_kind_fields
-from auditor.store.records import JudgementRecord, MeasurementRecord, StoredJudgement, StoredMeasurement, to_utc
+from auditor.store.records import (
+    DIGITS_OF_R,
+    JudgementRecord,
+    MeasurementRecord,
+    StoredJudgement,
+    StoredMeasurement,
+    to_utc,
+)
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
 from auditor.thresholds import RobustThresholds, Thresholds
-
-_DIGITS_OF_R = 17
 
 
 def rig_row(rig: Rig) -> Row:
@@ -98,23 +102,19 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
     )
 
 
-def judgement_row(judgement: JudgementRecord, rig: Rig, counts: Mapping[VerdictKind, int], in_incidents: int) -> Row:
-    """The row of a judgement. Raises StoreError where r has more digits than the table keeps."""
+def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
+    """The row of a judgement, but for what its verdicts decide."""
     thresholds = judgement.thresholds
-    if thresholds.r != round(thresholds.r, _DIGITS_OF_R):
-        raise StoreError(f"r = {thresholds.r} has more than {_DIGITS_OF_R} decimals", where="judgement")
     return {
         "judgement_id": judgement.judgement_id,
         "measurement_id": judgement.measurement_id,
         "calibration_id": thresholds.calibration_id,
-        "method": judgement.method,
-        "r": round(thresholds.r, _DIGITS_OF_R),
+        "method": str(judgement.method),
+        "r": round(thresholds.r, DIGITS_OF_R),
         "resolvable": thresholds.resolvable,
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
-        **{kind.value: counts.get(kind, 0) for kind in VerdictKind},
         "schema_version": SCHEMA_VERSION,
-        "in_incidents": in_incidents,
         **_threshold_columns(thresholds, rig),
     }
 
@@ -128,6 +128,7 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
         }
     yardsticks = [thresholds.yardsticks.get(element) for element in rig_elements(rig)]
     return {
+        "statistic": None,
         "element_theta": [y and y.theta for y in yardsticks],
         "element_scale": [y and y.scale for y in yardsticks],
         "element_samples": [y and y.samples for y in yardsticks],

@@ -37,7 +37,7 @@ from auditor.store.rows import (
 )
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.symptom_rows import FrameSymptoms, read_symptoms
-from auditor.store.tables import newer_version, read_rows, write_rows, writing
+from auditor.store.tables import newer_version, read_rows, read_table, write_rows, writing
 from auditor.thresholds import Calibration
 
 MARKER = "store.json"
@@ -221,13 +221,24 @@ class Store:
                 found.append(self.calibration(calibration_id))
         return found
 
-    def write_judgement(self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]) -> None:
-        """Keep a judgement and its verdicts, each with its frame number and stamp.
+    def teachers(self) -> dict[str, tuple[str, ...]]:
+        """The recordings that each calibration was made from, by its id: also those of older versions."""
+        found = {}
+        for calibration_id in self.ids("calibrations"):
+            table = read_table("calibrations", self.path("calibrations", calibration_id), ["recordings"])
+            found[calibration_id] = tuple(name for row in table.slice(0, 1).to_pylist() for name in row["recordings"])
+        return found
 
-        The verdicts are written first, the judgement last; then it is the measurement's current one.
+    def write_judgement(
+        self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]
+    ) -> StoredJudgement:
+        """Keep a judgement and its verdicts, each with its frame number and stamp, and say what was kept.
+
+        The verdicts are written first, the judgement last; then it is the measurement's current one, unless another is
+        dated later.
         """
         rig = self.rig(self.measurement(judgement.measurement_id).rig_id)
-        judgement_id = judgement.judgement_id
+        judgement_id, row = judgement.judgement_id, judgement_row(judgement, rig)
         robust = judgement.method == Method.ROBUST
         in_incidents = 0
         counts: Counter[VerdictKind] = Counter()
@@ -237,19 +248,21 @@ class Store:
                 in_incidents += verdict.finding is not None if robust else verdict.kind in FINDINGS
                 table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
             table.commit()
-        write_rows(
-            "judgements", self.path("judgements", judgement_id), [judgement_row(judgement, rig, counts, in_incidents)]
-        )
+        row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}
+        write_rows("judgements", self.path("judgements", judgement_id), [row])
+        return stored_judgement(row)
 
-    def judgements(self, measurement_id: str | None = None) -> list[StoredJudgement]:
-        """All finished judgements, or those of one measurement, oldest first."""
-        rows = [row for row in self._rows("judgements") if measurement_id in (None, row["measurement_id"])]
-        return sorted((stored_judgement(row) for row in rows), key=lambda j: (j.judged_at, j.judgement_id))
+    def judgements(self) -> list[StoredJudgement]:
+        """All finished judgements, oldest first."""
+        judgements = (stored_judgement(row) for row in self._rows("judgements"))
+        return sorted(judgements, key=lambda j: (j.judged_at, j.judgement_id))
 
-    def current_judgement(self, measurement_id: str) -> StoredJudgement | None:
-        """The latest judgement of a measurement; None where it was never judged."""
-        judgements = self.judgements(measurement_id)
-        return judgements[-1] if judgements else None
+    def current_judgements(self) -> dict[str, StoredJudgement]:
+        """The latest judgement of each measurement that was ever judged, by the measurement's id.
+
+        Every judgement of the store is read: ask once, not for each measurement.
+        """
+        return {judgement.measurement_id: judgement for judgement in self.judgements()}
 
     # Pictures
 

@@ -113,7 +113,8 @@ class Timeline:
 
     def _belongs(self, frame: dict[str, Any], incident: IncidentPart) -> bool:
         kind, attacked = ("finding", "finding_attacked") if self._robust else ("kind", "attacked")
-        return frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
+        within = incident.first_frame <= frame["frame"] <= incident.last_frame
+        return within and frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
 
     def _rows(self, part: slice) -> list[Row]:
         stamps_ns, frames = self._stamps_ns[part], self._frames[part]

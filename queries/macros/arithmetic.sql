@@ -18,14 +18,14 @@ CREATE MACRO threshold(samples, r) AS
 -- FALSE where 0 < r < 1/N: N samples cannot tell such a rate from r = 0.
 CREATE MACRO resolvable_with(N, r) AS r = 0 OR outliers(r, N) >= 1;
 
--- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n; NULL where n = 0.
+-- One end (side = -1 or 1) of Wilson's 95 % interval of k out of n, which rounding must not push out of [0, 1]; NULL where
+-- n = 0, or where either is.
 CREATE MACRO wilson(k, n, side) AS
     CASE
-        WHEN n = 0 THEN NULL
-        ELSE (
+        WHEN n > 0 AND k IS NOT NULL THEN least(greatest((
             k / n + 1.959963984540054 ** 2 / (2 * n)
             + side * 1.959963984540054 * sqrt(k / n * (1 - k / n) / n + (1.959963984540054 / (2 * n)) ** 2)
-        ) / (1 + 1.959963984540054 ** 2 / n)
+        ) / (1 + 1.959963984540054 ** 2 / n), 0), 1)
     END;
 
 -- The chance of no more than k events where `mean` are expected.

@@ -8,7 +8,7 @@
 -- column truth: The attacked sensors, ascending; empty where no label covers the frame.
 -- column labelled: TRUE where the recording has labels at all.
 WITH step AS (
-    SELECT measurement_id, stamp_ns - lag(stamp_ns) OVER (PARTITION BY measurement_id ORDER BY stamp_ns) AS step_ns
+    SELECT measurement_id, stamp_ns - lag(stamp_ns) OVER (PARTITION BY measurement_id ORDER BY frame) AS step_ns
     FROM stored_frames
     WHERE measurement_id IN (SELECT measurement_id FROM stored_measurements SEMI JOIN stored_labels USING (recording_id))
 ),

@@ -143,6 +143,8 @@ def test_a_thresholds_file_that_is_none_is_refused(clean: Path, store: Path, tmp
         (["scan", "--matcher", "magic"], "no matcher is called 'magic'"),
         (["scan", "-r", "1.5"], "not between 0 and 1"),
         (["scan", "-r", "often"], "no number"),
+        (["scan", "--incidents-per-hour", "inf"], "no number of incidents"),
+        (["scan", "--incidents-per-hour", "1", "--method", "paper"], "leave it away"),
         (["calibrate", "--frames", "20"], "no range of frames"),
         (["calibrate", "--frames", "900:901"], "no disparity errors"),
     ],
@@ -153,6 +155,7 @@ def test_an_option_without_sense_is_refused_before_any_work(
     verb, *options = arguments
     assert run([verb, str(clean), "--store", str(tmp_path / "audit"), *options]) == 2
     assert says in capfd.readouterr().err
+    assert verb != "scan" or not (tmp_path / "audit").exists()
 
 
 def test_a_folder_that_is_no_store_is_left_alone(clean: Path, tmp_path: Path, capfd) -> None:

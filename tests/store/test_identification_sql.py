@@ -8,6 +8,7 @@ import pytest
 
 from auditor.identification.algorithm2 import identify
 from auditor.identification.codewords import allowed_attack_sets, codeword, disagreements
+from auditor.identification.false_alarms import wilson
 from auditor.identification.thresholds import resolvable, threshold
 from auditor.rig import triples_of
 from auditor.store.connection import connected
@@ -143,3 +144,12 @@ def test_rig_kinds_match_in_sql_as_in_python(connection, changes, same):
         f"SELECT kinds_match($a::{struct}, $b::{struct})", {"a": kind, "b": {**kind, **changes}}
     ).fetchone()
     assert answer == (same,)
+
+
+@pytest.mark.parametrize(("k", "n"), [(50, 50), (0, 333), (3, 8)])
+def test_wilsons_interval_in_sql_is_that_in_python_and_stays_in_0_to_1(connection, k, n):
+    sql = "SELECT wilson($k, $n, -1), wilson($k, $n, 1), wilson(0, 0, 1), wilson(NULL, $n, 1), wilson($k, NULL, -1)"
+    low, high, *unknown = connection.execute(sql, {"k": k, "n": n}).fetchone()
+    assert (low, high) == pytest.approx(wilson(k, n), abs=1e-15)
+    assert 0 <= low <= high <= 1
+    assert unknown == [None, None, None]

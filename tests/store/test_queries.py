@@ -96,6 +96,21 @@ def test_recordings_do_not_share_incidents(store):
     assert incidents(store, recording="nowhere") == []
 
 
+def test_where_a_clock_is_set_back_within_a_recording_an_incident_ends(store):
+    kinds = "c" * 10 + "111" + "c" * 17 + "11"
+    stamps = [f * PERIOD_NS for f in range(20)] + [f * PERIOD_NS + 7 for f in range(3, 15)]
+    judged(store, kinds, stamps=stamps)
+    assert incidents(store) == [(10, 12, 3, "attacked", [1]), (30, 31, 2, "attacked", [1])]
+    rows = run_query(store, "incidents").to_pylist()
+    assert [(row["from_ns"], row["to_ns"]) for row in rows] == [(stamps[10], stamps[12]), (stamps[30], stamps[31])]
+
+
+def test_an_incident_ends_where_the_clock_is_set_back_within_it_by_little(store):
+    stamps = [0, PERIOD_NS, 2 * PERIOD_NS, PERIOD_NS + 7, 2 * PERIOD_NS + 7]
+    judged(store, "1" * 5, stamps=stamps)
+    assert [row[:3] for row in incidents(store)] == [(0, 2, 3), (3, 4, 2)]
+
+
 def test_an_incident_tells_when_who_and_its_strongest_frame(store):
     stamps = [1_700_000_000_000_000_000 + f * PERIOD_NS for f in range(4)]
     judged(store, "c33c", margins=[0.9, 0.2, 0.4, 0.9], stamps=stamps, clock="utc")
@@ -242,6 +257,14 @@ def test_either_statistic_can_be_looked_at_and_no_other(store):
 # truth
 
 
+def test_a_clock_that_is_set_back_does_not_narrow_the_half_period_that_a_label_is_given(store):
+    stamps = [f * PERIOD_NS for f in range(8)] + [f * PERIOD_NS + 10_000_000 for f in range(8)]
+    add_measurement(store, RIG, [make_measurement(RIG, f, stamp_ns=stamp) for f, stamp in enumerate(stamps)])
+    store.write_labels("a" * 64, [AttackLabel("/cam1", "facula", 3 * PERIOD_NS + 40_000_000, 4 * PERIOD_NS, {})], RIG)
+    sql = "SELECT frame FROM truth WHERE truth = [1] ORDER BY frame"
+    assert run_sql(store, sql).column(0).to_pylist() == [3, 4, 11, 12]
+
+
 def test_a_label_covers_the_frames_whose_stamps_it_holds_give_or_take_half_a_period(store):
     frames = [make_measurement(RIG, f, missing=(2,) if f == 4 else ()) for f in range(8)]
     add_measurement(store, RIG, [*frames, skip(8)])
@@ -314,6 +337,7 @@ def test_rates_stand_with_wilsons_interval(attacked_store):
     row = rates(attacked_store)[0.0, (1,)]
     assert (row["identification_low"], row["identification_high"]) == pytest.approx((0.136844, 0.694257), abs=1e-6)
     nobody = rates(attacked_store)[0.0, ()]
+    assert nobody["detection_low"] is None
     assert (nobody["false_alarm_low"], nobody["false_alarm_high"]) == pytest.approx((0, 0.277533), abs=1e-6)
 
 

@@ -7,11 +7,13 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.regions import Region, Solid
-from auditor.results import Statistic, VerdictKind
-from auditor.store.calibrations import make_calibration
+from auditor.results import Cause, Statistic, VerdictKind
+from auditor.store.calibrations import OutdatedCalibrationError, make_calibration
 from auditor.store.page_loading import load_page
 from auditor.store.report import render, render_incident_report
+from auditor.store.tables import read_rows, write_rows
 from tests.clean_frames import clean_frames
+from tests.store import making
 from tests.store.report_stores import PERIOD_NS, START_NS, add_recording, make_rig, new_store
 
 HOSTILE = "<script>alert(1)</script>\"' onload=x {{ 7 * 7 }} \u202e"
@@ -340,3 +342,26 @@ def test_a_recording_that_was_only_calibrated_on_is_not_part_of_the_audit(store,
     words = page_of(store, tmp_path).words
     assert "b.mcap" not in words
     assert "could be audited" not in words
+
+
+def test_a_judgement_by_a_calibration_that_is_refused_by_now_still_says_what_it_was_made_from(store, tmp_path):
+    add_recording(store)
+    (calibration_id,) = store.ids("calibrations")
+    path = store.path("calibrations", calibration_id)
+    write_rows(
+        "calibrations", path, [row for row in read_rows("calibrations", path) if row["statistic"] not in set(Cause)]
+    )
+    with pytest.raises(OutdatedCalibrationError):
+        store.calibration(calibration_id)
+    assert "from 1 clean recording: abababababab" in page_of(store, tmp_path).words
+
+
+def test_incidents_before_and_after_a_clock_was_set_back_are_told_of_their_own_frames(store):
+    rig = making.make_rig(3)
+    stamps = [f * PERIOD_NS for f in (*range(10), *range(5, 15))]
+    frames = [making.make_measurement(rig, f, stamp_ns=stamp) for f, stamp in enumerate(stamps)]
+    known = making.add_measurement(store, rig, frames)
+    making.add_judgement(store, rig, known, "c" * 6 + "111" + "c" * 2 + "11" + "c" * 7, stamps=stamps)
+    (part,) = load_page(store).recordings
+    assert [incident.first_frame for incident in part.incidents] == [6, 11]
+    assert [dict(incident.states) for incident in part.incidents] == [{"000": 3}, {"000": 2}]

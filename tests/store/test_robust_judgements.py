@@ -1,5 +1,6 @@
 """A store judged by the robust method: what SQL says of it is what Python said."""
 
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -9,11 +10,12 @@ from auditor.elements import rig_elements
 from auditor.identification.accusing import System
 from auditor.identification.margins import margins
 from auditor.identification.robust import Heard, judge_heard
-from auditor.results import VerdictKind
+from auditor.results import Finding, VerdictKind
+from auditor.store.describing import describe
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord
 from auditor.thresholds import RobustThresholds, Yardstick
-from tests.store.making import NOON, add_judgement, add_measurement, make_measurement, make_rig, new_store
+from tests.store.making import NOON, add_judgement, add_measurement, make_measurement, make_rig, make_verdict, new_store
 
 RIG = make_rig(3)
 ELEMENTS = rig_elements(RIG)
@@ -55,7 +57,7 @@ def test_findings_are_the_frames_that_the_half_second_confirms(judged):
     expected = [(f, v.finding.kind, list(v.finding.attacked)) for f, v in enumerate(verdicts) if v.finding]
     assert [(row["frame"], row["kind"], row["attacked"]) for row in rows] == expected
     assert {frame for frame, *_ in expected} >= set(range(11, 19))
-    judgement = store.current_judgement(known)
+    judgement = store.current_judgements()[known]
     assert judgement.in_incidents == len(expected)
     assert judgement.statistic is None
     assert judgement.counts[VerdictKind.CLEAN] == sum(v.kind is VerdictKind.CLEAN for v in verdicts)
@@ -70,6 +72,21 @@ def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(jud
     facts = {(row["about"], row["fact"]): row["value"] for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
     assert facts["verdict", "finding"] == "attacked"
     assert "S_1 and S_3 do not see the same (+3.00)" in facts["verdict", "evidence"]
+
+
+def test_a_frame_that_the_half_second_does_not_confirm_names_no_sensor_in_the_summary(tmp_path):
+    store = new_store(tmp_path)
+    known = add_measurement(store, RIG, [make_measurement(RIG, f) for f in range(3)])
+    alone = replace(make_verdict(RIG, "2"), finding=None)
+    confirmed = replace(make_verdict(RIG, "1"), finding=Finding(VerdictKind.ATTACKED, (1,)))
+    thresholds = RobustThresholds("c" * 32, Decimal(0), {}, {}, resolvable=True)
+    rows = [(f, f, verdict) for f, verdict in enumerate((alone, confirmed, make_verdict(RIG, "c")))]
+    kept = store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    assert kept == store.current_judgements()[known]
+    (row,) = run_query(store, "summary").to_pylist()
+    assert (row["attacked"], row["attacked_sensors"]) == (2, [1])
+    column = next(column for column in describe("summary").columns if column.name == "attacked_sensors")
+    assert column.sentence.startswith("Sensors that an incident names")
 
 
 def test_the_later_judgement_decides_by_which_method_a_frame_belongs_to_an_incident(judged):

@@ -250,17 +250,17 @@ def test_labels_find_their_sensor_by_its_topic(tmp_path):
 def test_a_judgement_comes_back_and_the_latest_is_the_current_one(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [make_measurement(rig, f) for f in range(4)])
-    assert store.current_judgement(measurement_id) is None
+    assert store.current_judgements() == {}
     first = add_judgement(store, rig, measurement_id, "cc1n", r="0.01", resolvable=False)
     second = add_judgement(store, rig, measurement_id, "cc22", minutes=1)
-    assert [judgement.judgement_id for judgement in store.judgements(measurement_id)] == [first, second]
+    assert [judgement.judgement_id for judgement in store.judgements()] == [first, second]
     stored = store.judgements()[0]
     assert (stored.r, stored.resolvable, stored.transferred) == (Decimal("0.01"), False, False)
     assert {kind.value: n for kind, n in stored.counts.items() if n} == {"clean": 2, "attacked": 1, "not_auditable": 1}
     assert run_sql(store, "SELECT count(*) AS n FROM verdicts WHERE attacked = [2]").to_pylist() == [{"n": 2}]
     again = add_judgement(store, rig, measurement_id, "cc1n", minutes=2, r="0.010", resolvable=False)
     assert again == first
-    assert store.current_judgement(measurement_id).judgement_id == first
+    assert store.current_judgements()[measurement_id].judgement_id == first
     assert run_sql(store, "SELECT count(*) AS n FROM verdicts WHERE attacked = [1]").to_pylist() == [{"n": 1}]
 
 
@@ -268,7 +268,7 @@ def test_r_keeps_every_digit_and_too_many_are_refused(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
     add_judgement(store, rig, measurement_id, "", r="0.00000000000000001")
-    assert store.current_judgement(measurement_id).r == Decimal("1E-17")
+    assert store.current_judgements()[measurement_id].r == Decimal("1E-17")
     with pytest.raises(StoreError, match="more than 17 decimals"):
         add_judgement(store, rig, measurement_id, "", r="0.000000000000000001")
     assert len(store.judgements()) == 1
