@@ -118,7 +118,7 @@ def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors
     matcher = find_matcher("sgbm")
     bench = Bench(plane_frame(RIG), RIG, matcher)
     asked = {e for e, x in zip(bench.elements, bench.ratios({}, [Triple(0, 1, 4)]), strict=True) if x is not None}
-    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4)}
+    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4), ("scattered", 0, 4)}
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))
         measured, _ = measure(frame, RIG, matcher)
