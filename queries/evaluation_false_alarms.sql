@@ -20,7 +20,7 @@
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
 -- column accused: Those whose verdict names a sensor.
--- column hours: Time that the frames stand for: their number times the usual time between two.
+-- column hours: Time that the frames stand for: their number times the usual time between two; NULL where there are no two, as all that follows.
 -- column raised_an_hour: Raised frames per hour of driving.
 -- column low_an_hour: Lower end of its interval.
 -- column high_an_hour: Upper end of its interval; how many incidents they make says evaluation_incidents.
@@ -45,13 +45,8 @@ error AS (
     JOIN triple USING (rig_id)
     WHERE experiment = 'clean'
 ),
-step AS (
-    SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id ORDER BY frame) AS step_ns
-    FROM cases
-    WHERE experiment = 'clean'
-),
 period AS (
-    SELECT setup, median(step_ns) / 1e9 AS period_s FROM step GROUP BY setup
+    FROM usual_periods(cases)
 ),
 counted AS (
     SELECT

@@ -27,9 +27,9 @@
 -- column naming_rate: named / intervals.
 -- column naming_low: Lower end of its interval.
 -- column naming_high: Upper end of its interval.
--- column delay_s: Median time from the first attacked frame to the first of an incident, where there is one, in seconds.
+-- column delay_s: Median time from the first attacked frame to the first of an incident, where there is one and the clock was not set back before it, in seconds.
 -- column longest_delay_s: The longest such time, in seconds.
--- column hours: Time that clean frames stand for: their number times the usual time between two; NULL for intervals, as all that follows.
+-- column hours: Time that clean frames stand for: their number times the usual time between two; NULL where there are no two, and for intervals, as all that follows.
 -- column incidents_an_hour: False incidents per hour of clean driving.
 -- column at_most_an_hour: Upper 95 % bound of that, as of a Poisson process.
 WITH state AS MATERIALIZED (
@@ -55,6 +55,7 @@ told AS MATERIALIZED (
     UNION ALL BY NAME
     SELECT
         setup,
+        rig_id,
         recording_id,
         evaluation_id,
         frame,
@@ -82,17 +83,22 @@ placed AS MATERIALIZED (
     SELECT
         {setup: setup, method: method, held_out: held_out, system: system, attacked: attacked, variant: strength, r: r} AS what,
         CASE
-            WHEN experiment = 'clean' THEN recording_id
+            WHEN experiment = 'clean' THEN concat_ws('|', recording_id, rig_id)
             ELSE concat_ws('|', evaluation_id, frame // interval_frames(), draw)
         END AS line,
         *
     FROM told
 ),
+-- `clock` counts how often the clock was set back before a frame: there no incident goes on
+clocked AS MATERIALIZED (
+    SELECT *, count(*) FILTER (step_ns < 0) OVER (PARTITION BY what, line ORDER BY frame) AS clock
+    FROM (SELECT *, stamp_ns - lag(stamp_ns) OVER (PARTITION BY what, line ORDER BY frame) AS step_ns FROM placed)
+),
 line AS (
     SELECT
         what,
         line,
-        min(stamp_ns) AS from_ns,
+        arg_min(stamp_ns, frame) AS from_ns,
         count(*) AS frames,
         min(samples) AS samples,
         bool_and(resolvable) AS resolvable
@@ -102,17 +108,17 @@ line AS (
 numbered AS (
     SELECT *, sum(CASE WHEN step_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END) OVER same AS run
     FROM (
-        SELECT what, line, said, accused, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
-        FROM placed
+        SELECT what, line, clock, said, accused, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
+        FROM clocked
         WHERE said IN ('attacked', 'unidentified', 'suspect')
-        WINDOW same AS (PARTITION BY what, line, said, accused ORDER BY stamp_ns)
+        WINDOW same AS (PARTITION BY what, line, clock, said, accused ORDER BY frame)
     )
-    WINDOW same AS (PARTITION BY what, line, said, accused ORDER BY stamp_ns)
+    WINDOW same AS (PARTITION BY what, line, clock, said, accused ORDER BY frame)
 ),
 incident AS (
-    SELECT what, line, accused, count(*) AS frames, min(stamp_ns) AS from_ns
+    SELECT what, line, clock, accused, count(*) AS frames, min(frame) AS first_frame, min(stamp_ns) AS from_ns
     FROM numbered
-    GROUP BY what, line, said, accused, run
+    GROUP BY what, line, clock, said, accused, run
 ),
 found AS (
     SELECT
@@ -121,8 +127,8 @@ found AS (
         line.samples,
         line.resolvable,
         count(incident.frames) AS incidents,
-        list(incident.accused ORDER BY incident.frames DESC, incident.from_ns)[1] AS accused,
-        (min(incident.from_ns) - line.from_ns) / 1e9 AS delay_s
+        list(incident.accused ORDER BY incident.frames DESC, incident.first_frame)[1] AS accused,
+        (min(incident.from_ns) FILTER (incident.clock = 0) - line.from_ns) / 1e9 AS delay_s
     FROM line
     LEFT JOIN incident ON incident.what = line.what AND incident.line = line.line
     GROUP BY line.what, line.line, line.frames, line.samples, line.resolvable, line.from_ns
@@ -143,13 +149,8 @@ tally AS (
     FROM found
     GROUP BY what
 ),
-step AS (
-    SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id ORDER BY frame) AS step_ns
-    FROM cases
-    WHERE experiment = 'clean'
-),
 period AS (
-    SELECT setup, median(step_ns) / 1e9 AS period_s FROM step GROUP BY setup
+    FROM usual_periods(cases)
 )
 SELECT
     what['setup'] AS setup,

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.elements import rig_elements
-from auditor.errors import RecordingError, SettingError
+from auditor.errors import RecordingError, RigError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, stretches
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
@@ -118,7 +118,7 @@ def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors
     matcher = find_matcher("sgbm")
     bench = Bench(plane_frame(RIG), RIG, matcher)
     asked = {e for e, x in zip(bench.elements, bench.ratios({}, [Triple(0, 1, 4)]), strict=True) if x is not None}
-    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4)}
+    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4), ("scattered", 0, 4)}
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))
         measured, _ = measure(frame, RIG, matcher)
@@ -281,6 +281,12 @@ def test_a_street_is_opened_without_making_a_frame():
         assert (street.synthetic, street.rig.n) == (True, 3)
     with Street(8, 3).open(colour=False) as other:
         assert other.recording_id != street.recording_id
+
+
+def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
+    with pytest.raises(RigError, match="street 7: no triple possible: the rig has 1 camera and a LiDAR; evaluate on"):
+        evaluate_source(EvaluateTask(Street(7, 3, cameras=1), tmp_path / "audit"), lambda what, done: None)
+    assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
 
 
 def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):

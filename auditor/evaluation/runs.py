@@ -11,6 +11,7 @@ from time import perf_counter
 from typing import Any
 
 from auditor import __version__
+from auditor.errors import RigError
 from auditor.evaluation.bench import Bench
 from auditor.evaluation.experiments import Case, Dice, Experiment
 from auditor.evaluation.sources import CleanDrive, Source
@@ -18,6 +19,7 @@ from auditor.evaluation.stretches import Stretches, all_finished
 from auditor.evidence.matchers import NO_NETWORK, Matcher, MatcherOptions, libraries
 from auditor.frames import Frame, Skipped
 from auditor.results import Procedure
+from auditor.rig import Rig
 from auditor.store import Store
 from auditor.store.parts import Case as KeptCase
 from auditor.store.parts import Part, PartWriter, finished_part, part_writer
@@ -91,6 +93,7 @@ class Run(ABC):
 
     def go(self, progress: Progress) -> Evaluated:
         """Look at what is not finished. Raises RecordingError, RigError and StoreError."""
+        _check(self._drive.rig, self._task.source)
         if self._finished():
             return Evaluated(0, 0)
         self._store.write_rig(self._drive.rig)
@@ -166,3 +169,14 @@ class Run(ABC):
                 writer.add(kept)
                 self._cases += 1
             bench.forget_attacks()
+
+
+def _check(rig: Rig, where: Source) -> None:
+    """Raises RigError where a rig has no three sensors to compare."""
+    if not rig.triples:
+        cameras = f"{rig.n} camera{'s' * (rig.n != 1)}"
+        raise RigError(
+            f"no triple possible: the rig has {cameras} and {'a' if rig.lidar else 'no'} LiDAR",
+            where=where,
+            remedy="evaluate on recordings of two cameras side by side and a LiDAR, or of three cameras",
+        )

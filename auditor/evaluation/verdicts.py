@@ -39,6 +39,7 @@ class Case:
 
     evaluation_id: str
     recording_id: str
+    rig_id: str
     experiment: str
     frame: int
     stamp_ns: int
@@ -53,6 +54,11 @@ class Case:
     def block(self) -> tuple[str, int]:
         """Its recording and the block of time in it."""
         return self.recording_id, self.frame // BLOCK_FRAMES
+
+    @property
+    def drive(self) -> tuple[str, str]:
+        """The frames that follow each other: its recording, by its rig."""
+        return self.recording_id, self.rig_id
 
 
 def judge_cases(store: Store) -> None:
@@ -78,7 +84,10 @@ def judge_cases(store: Store) -> None:
 
 
 def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]:
-    """The verdicts on the cases of one rig kind, each with its part's id, by every system and way of holding out."""
+    """The verdicts on the cases of one rig kind, each with its part's id, by every system and way of holding out.
+
+    A rig without triples has no systems, so that nothing is said of its cases.
+    """
     elements = rig_elements(rig)
     ratios = np.array([case.ratios for case in cases], dtype=np.float64).reshape(len(cases), len(elements))
     clean = np.array([case.experiment == "clean" for case in cases], dtype=np.bool_)
@@ -88,7 +97,6 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
         scales = yardsticks(ratios[calibrated], elements, JUDGED_R)
         z = margins(ratios, scales)
         around_z = _around(z, cases, np.flatnonzero(tested).tolist())
-        everyone = systems(rig)[-1]
         for sensors in systems(rig):
             chosen = [place for place in np.flatnonzero(tested).tolist() if _is_judged(cases[place], sensors, rig)]
             columns = [c for c, element in enumerate(elements) if set(element.needed) <= set(sensors)]
@@ -101,7 +109,7 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
             around = accuse(around_z[np.ix_(chosen, columns)], system, missing)
             for place, verdict, moment in zip(chosen, found, around, strict=True):
                 case = cases[place]
-                finding = sensors == everyone and verdict.kind in FINDINGS and moment.kind in FINDINGS
+                finding = sensors == systems(rig)[-1] and verdict.kind in FINDINGS and moment.kind in FINDINGS
                 yield (
                     case.evaluation_id,
                     CaseVerdict(
@@ -129,20 +137,20 @@ def _around(z: Floats, cases: Sequence[Case], tested: Sequence[int]) -> Floats:
     NaN for all other cases: their neighbours were not attacked alike.
     """
     found = np.full_like(z, np.nan)
-    drives: dict[str, list[int]] = defaultdict(list)
+    drives: dict[tuple[str, str], list[int]] = defaultdict(list)
     for place, case in enumerate(cases):
         if case.experiment == "clean":
-            drives[case.recording_id].append(place)
+            drives[case.drive].append(place)
     series: dict[tuple[object, ...], list[int]] = defaultdict(list)
     for place in tested:
         case = cases[place]
         if case.experiment == "clean":
-            series[case.recording_id,].append(place)
+            series[case.drive].append(place)
         elif case.experiment == "intervals":
             interval = case.evaluation_id, case.frame // INTERVAL_FRAMES
-            series[case.recording_id, *interval, case.draw, case.attacked, case.strength].append(place)
+            series[*interval, case.draw, case.attacked, case.strength].append(place)
     for places in series.values():
-        drive = sorted(drives[cases[places[0]].recording_id], key=lambda place: cases[place].frame)
+        drive = sorted(drives[cases[places[0]].drive], key=lambda place: cases[place].frame)
         row_of = {cases[place].frame: row for row, place in enumerate(drive)}
         rows, attacked = z[drive], [row_of[cases[place].frame] for place in places]
         rows[attacked] = z[places]
@@ -163,7 +171,7 @@ def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
 
 
 def _case(row: Mapping[str, Any]) -> Case:
-    fields = {name: value for name, value in row.items() if name not in ("setup", "rig_id", "attacked", "ratios")}
+    fields = {name: value for name, value in row.items() if name not in ("setup", "attacked", "ratios")}
     ratios = tuple(np.nan if ratio is None else ratio for ratio in row["ratios"])
     return Case(attacked=tuple(row["attacked"]), ratios=ratios, **fields)
 

@@ -50,9 +50,9 @@ class Answers:
             for row in rows["identification"]
         }
         n = rig.n
-        scenarios = {1: Triple(LIDAR, 1, n), 2: Triple(1, 2, n)}
-        self.scenarios = {number: triple for number, triple in scenarios.items() if triple in rig.triples}
         self.modes = [mode for mode in HELD_OUT if any(row["held_out"] == mode for row in rows["false_alarms"])]
+        scenarios = {1: Triple(LIDAR, 1, n), 2: Triple(1, 2, n)} if self.modes else {}  # else no frame was measured
+        self.scenarios = {number: triple for number, triple in scenarios.items() if triple in rig.triples}
         self.strengths = [s for s in STRENGTHS if any(key[2] == s for key in self.detection)]
         self.systems = sorted({tuple(row["system"]) for row in rows["identification"]}, key=len)
 

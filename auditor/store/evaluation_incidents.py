@@ -25,9 +25,13 @@ def _false(told: Mapping[str, Answers]) -> Grid:
     def cells(answers: Answers) -> Iterator[Cell]:
         for mode in modes:
             row = _clean(answers, mode)
-            yield f"{row['incidents']:,} in {row['hours']:.3f} h" if row else None
-            yield f"{row['incidents_an_hour']:,.0f}" if row else None
-            yield f"{row['at_most_an_hour']:,.0f}" if row else None
+            if row is None:
+                yield from (None, None, None)
+            elif row["hours"] is None:  # no two frames, so no time between them
+                yield from (f"{row['incidents']:,}", None, None)
+            else:
+                yield f"{row['incidents']:,} in {row['hours']:.3f} h"
+                yield from (f"{row[name]:,.0f}" for name in ("incidents_an_hour", "at_most_an_hour"))
 
     return Grid(
         title="False incidents of clean driving, all sensors, r = 1 %",

@@ -164,7 +164,8 @@ def _false_alarms(answers: Answers, mode: str) -> Grid:
         for r in published.TABLE_RATES:
             row = found[system, float(r)]
             yield rate_of(row, "raised")
-        yield f"{found[system, R_SHOWN]['raised_an_hour']:,.0f}"
+        hourly = found[system, R_SHOWN]["raised_an_hour"]
+        yield None if hourly is None else f"{hourly:,.0f}"
 
     return Grid(
         title=HELD_OUT[mode],

@@ -24,6 +24,16 @@ CREATE MACRO states_of(E, theta) AS
         ''
     );
 
+-- The usual time between two clean frames of each setup, in seconds; NULL where there are no two. A series of frames is
+-- one recording by one rig; steps back, where the clock was set, say nothing. `source` names the cases.
+CREATE MACRO usual_periods(source) AS TABLE
+WITH step AS (
+    SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id, rig_id ORDER BY frame) AS step_ns
+    FROM query_table(source)
+    WHERE experiment = 'clean'
+)
+SELECT setup, median(step_ns) FILTER (step_ns > 0) / 1e9 AS period_s FROM step GROUP BY setup;
+
 -- theta by triple for the frames of each block of each recording, in sample (held_out = 'nothing') and held out: from
 -- the clean frames of all other blocks ('block') or of all other recordings ('recording'). `source` names the cases.
 CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
@@ -127,6 +137,7 @@ error AS MATERIALIZED (
 )
 SELECT
     error.setup,
+    error.rig_id,
     error.recording_id,
     error.evaluation_id,
     error.frame,
