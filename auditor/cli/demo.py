@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _MARKER = ".auditor-demo"
 _MADE = re.compile(
     r"""\.auditor-demo
-    | (.+/)?\.[^/]+\.part(-\w+)?  # what a killed demo was writing
+    | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
     | audit/(
         store\.json | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
         | reports/(incident|evaluation)\.html
@@ -86,7 +86,7 @@ def _prepare(folder: Path, takes: "Sequence[Take]") -> None:
     there = list(folder.iterdir()) if folder.exists() else []
     if there and not (folder / _MARKER).exists():
         raise SettingError("the folder is not empty", where=folder, remedy=remedy)
-    if strange := _strange(folder, {take.file.name for take in takes}):
+    if strange := _strange(folder, [take.file.name for take in takes]):
         named = ", ".join(strange[:_MOST_NAMED]) + (", ..." if len(strange) > _MOST_NAMED else "")
         raise SettingError(
             f"beside an earlier demo the folder holds {named}", where=folder, remedy=f"move that elsewhere, or {remedy}"
@@ -100,8 +100,9 @@ def _prepare(folder: Path, takes: "Sequence[Take]") -> None:
     (folder / _MARKER).touch()
 
 
-def _strange(folder: Path, recordings: set[str]) -> list[str]:
-    """What no demo makes, by its place in the folder."""
+def _strange(folder: Path, names: Sequence[str]) -> list[str]:
+    """What no demo makes, by its place in the folder; recordings may be files or rosbag2 folders."""
+    recordings = {place for name in names for place in (name, f"{name}/metadata.yaml", f"{name}/{name}.db3")}
     files = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
     places = (path.relative_to(folder).as_posix() for path in files)
     return sorted(place for place in places if place not in recordings and not _MADE.fullmatch(place))

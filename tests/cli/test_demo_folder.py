@@ -8,6 +8,7 @@ from auditor.cli import run
 from auditor.demo import fleet
 from auditor.errors import AuditorError
 from auditor.store import render_incident_report
+from tests.small_drives import write_drive
 from tests.store.report_stores import add_recording, new_store
 
 
@@ -24,9 +25,15 @@ def folder(tmp_path: Path) -> Path:
     """What a demo leaves behind, one that was killed too."""
     folder = tmp_path / "demo"
     folder.mkdir()
-    for take in (take for takes in fleet(folder) for take in takes):
+    for take in (take for takes in fleet(folder) for take in takes if take.file.suffix != ".db3"):
         take.file.touch()
-    for name in (".auditor-demo", ".cedar_day.db3.part", ".cedar_day.db3.part-journal"):
+    write_drive(folder / "cedar_day.db3", count=1)
+    (folder / ".cedar_day.db3.part" / "cedar_day.db3").mkdir(parents=True)
+    for name in (
+        ".auditor-demo",
+        ".alder_night.mcap.part",
+        ".cedar_day.db3.part/cedar_day.db3/cedar_day.db3.db3-journal",
+    ):
         (folder / name).touch()
     store = new_store(folder)
     add_recording(store, "alder_night.mcap", attacks=[((3,), 4, 10)], pictured=[5])
@@ -45,7 +52,8 @@ def test_what_a_demo_made_is_removed(folder: Path, capfd) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["notes.txt", "mine.mcap", "mine/notes.txt", "audit/mine.csv", "audit/reports/own.txt"]
+    "name",
+    ["notes.txt", "mine.mcap", "cedar_day.db3/mine.txt", "mine/notes.txt", "audit/mine.csv", "audit/reports/own.txt"],
 )
 def test_a_folder_with_something_of_the_user_s_is_refused_as_it_is(name: str, folder: Path, capfd) -> None:
     (folder / name).parent.mkdir(exist_ok=True)
