@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
+from auditor.fields import Fields
 from auditor.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
 from auditor.lenses import NO_LENS, PINHOLE, Lens
 from auditor.rig_kind import RigKind
@@ -242,35 +243,10 @@ class Rig:
 
     @classmethod
     def from_dict(cls, description: dict[str, Any]) -> "Rig":
-        """Read what `to_dict` wrote. Raises RigError that names a missing or ill-shaped field."""
-        try:
-            lidar = description.get("lidar")
-            return cls(
-                lidar=Lidar(
-                    name=str(lidar["name"]),
-                    topic=str(lidar["topic"]),
-                    rig_SE3_lidar=_matrix(lidar["rig_SE3_lidar"], (4, 4), "rig_SE3_lidar"),
-                    offset_ns=_offset(lidar),
-                )
-                if lidar
-                else None,
-                cameras=tuple(
-                    Camera(
-                        number=int(camera["number"]),
-                        name=str(camera["name"]),
-                        topic=str(camera["topic"]),
-                        width_px=int(camera["width_px"]),
-                        height_px=int(camera["height_px"]),
-                        rectified=bool(camera["rectified"]),
-                        projection=_matrix(camera["projection"], (3, 4), "projection"),
-                        lens=Lens(str(camera.get("distortion_model", PINHOLE)), tuple(camera.get("distortion", ()))),
-                        offset_ns=_offset(camera),
-                    )
-                    for camera in description["cameras"]
-                ),
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise RigError(f"the rig description is incomplete or ill-formed ({error})", where="rig") from error
+        """Read what `to_dict` wrote. Raises RigError that names a missing or ill-formed field and what it should be."""
+        fields = Fields("the rig", description)
+        lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
+        return cls(lidar, tuple(_camera(camera) for camera in fields.tables("cameras", "camera")))
 
 
 def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
@@ -286,9 +262,46 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     )
 
 
-def _offset(sensor: dict[str, Any]) -> int | None:
-    given = sensor.get("offset_ns")
-    return None if given is None else int(given)
+def _lidar(fields: Fields) -> Lidar:
+    return Lidar(
+        name=fields.text("name"),
+        topic=fields.text("topic"),
+        rig_SE3_lidar=fields.matrix("rig_SE3_lidar", 4, 4),
+        offset_ns=_offset(fields),
+    )
+
+
+def _camera(fields: Fields) -> Camera:
+    return Camera(
+        number=fields.whole("number"),
+        name=fields.text("name"),
+        topic=fields.text("topic"),
+        width_px=fields.whole("width_px"),
+        height_px=fields.whole("height_px"),
+        rectified=fields.flag("rectified"),
+        projection=_projection(fields),
+        lens=_lens(fields),
+        offset_ns=_offset(fields),
+    )
+
+
+def _projection(fields: Fields) -> Matrix:
+    projection = fields.matrix("projection", 3, 4)
+    if np.linalg.matrix_rank(projection[:, :3]) < 3:
+        raise RigError(f"projection of {fields.of} is no K [R | t]: its first three columns are singular", where="rig")
+    return projection
+
+
+def _lens(fields: Fields) -> Lens:
+    model = fields.text("distortion_model") if "distortion_model" in fields else PINHOLE
+    try:
+        return Lens(model, fields.numbers("distortion") if "distortion" in fields else ())
+    except RigError as error:
+        raise RigError(f"{error.what} (distortion of {fields.of})", where="rig", remedy=error.remedy) from error
+
+
+def _offset(fields: Fields) -> int | None:
+    return fields.whole("offset_ns") if "offset_ns" in fields else None
 
 
 def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
@@ -301,10 +314,3 @@ def _lens_to_dict(lens: Lens) -> dict[str, Any]:
     if lens.model == PINHOLE:
         return {}
     return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
-
-
-def _matrix(value: object, shape: tuple[int, int], name: str) -> Matrix:
-    matrix = np.asarray(value, dtype=np.float64)
-    if matrix.shape != shape or not np.isfinite(matrix).all():
-        raise ValueError(f"{name} must be {shape[0]} x {shape[1]} finite numbers")
-    return matrix

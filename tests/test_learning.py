@@ -158,7 +158,12 @@ def test_a_killed_training_goes_on_and_ends_in_weights_that_say_everything(
     assert "seed 0 instead of 3" in str(other.exception)
 
 
-def test_the_command_says_what_it_needs(drives: tuple[Path, Path]) -> None:
-    for arguments, message in (([], "name recordings, or give --synthetic"), ([str(drives[0])], "give --validate")):
+def test_the_command_says_what_it_needs_before_any_work(drives: tuple[Path, Path], tmp_path: Path) -> None:
+    for arguments, message in (
+        ([], "name recordings, or give --synthetic"),
+        ([str(drives[0])], "give --validate"),
+        ([str(drives[0]), "--synthetic", "1", "--steps", "-5", "--out", str(tmp_path / "net")], "--steps: no training"),
+    ):
         refused = CliRunner().invoke(auditor, ["train-matcher", *arguments], standalone_mode=False)
         assert message in str(refused.exception)
+    assert not (tmp_path / "net").exists()

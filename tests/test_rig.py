@@ -64,19 +64,28 @@ def test_a_description_reads_back_to_the_same_rig() -> None:
 
 
 @pytest.mark.parametrize(
-    "spoil",
+    ("spoil", "says"),
     [
-        lambda d: d.pop("cameras"),
-        lambda d: d["cameras"][0].pop("projection"),
-        lambda d: d["cameras"][0].update(projection=[[1, 2], [3, 4]]),
-        lambda d: d["cameras"][0].update(projection=np.full((3, 4), np.nan).tolist()),
-        lambda d: d["lidar"].pop("rig_SE3_lidar"),
+        (lambda d: d.pop("cameras"), "the rig lacks cameras, which should be a list of tables"),
+        (lambda d: d.update(cameras="none"), "cameras of the rig should be a list of tables, but is 'none'"),
+        (lambda d: d.update(lidar=3), "lidar of the rig should be a table, but is 3"),
+        (lambda d: d["cameras"][0].pop("projection"), "camera 1 lacks projection, which should be 3 x 4 finite"),
+        (lambda d: d["cameras"][1].update(projection=[[1, 2], [3, 4]]), "projection of camera 2 should be 3 x 4"),
+        (lambda d: d["cameras"][0].update(projection=np.full((3, 4), np.nan).tolist()), "projection of camera 1"),
+        (lambda d: d["cameras"][0].update(projection=np.zeros((3, 4)).tolist()), "projection of camera 1 is no K"),
+        (lambda d: d["cameras"][0].update(width_px="abc"), "width_px of camera 1 should be a whole number.*'abc'"),
+        (lambda d: d["cameras"][0].update(height_px=1.5), "height_px of camera 1 should be a whole number.*1.5"),
+        (lambda d: d["cameras"][1].update(rectified="false"), "rectified of camera 2 should be true or false"),
+        (lambda d: d["cameras"][1].update(distortion=["x"]), "distortion of camera 2 should be a list of finite numb"),
+        (lambda d: d["cameras"][1].update(distortion_model="magic"), "'magic' is not known .distortion of camera 2"),
+        (lambda d: d["lidar"].pop("rig_SE3_lidar"), "the LiDAR lacks rig_SE3_lidar, which should be 4 x 4"),
+        (lambda d: d["lidar"].update(offset_ns="soon"), "offset_ns of the LiDAR should be a whole number.*'soon'"),
     ],
 )
-def test_an_incomplete_description_is_refused(spoil) -> None:
+def test_what_a_description_lacks_or_holds_wrongly_is_named(spoil, says: str) -> None:
     description = rig(0.5, 0.0).to_dict()
     spoil(description)
-    with pytest.raises(RigError, match="incomplete or ill-formed"):
+    with pytest.raises(RigError, match=says):
         Rig.from_dict(description)
 
 

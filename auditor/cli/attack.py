@@ -1,5 +1,6 @@
 """`auditor attack`: a compromised copy of a recording, with its ground truth inside."""
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.lab.plans import Attacker
@@ -94,6 +96,7 @@ def command(
     from auditor.pipeline import rigs_of  # noqa: PLC0415
     from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
 
+    _check_span(from_s, to_s)
     with open_recording(source) as recording:
         surveyed = survey(recording)
         known = rigs_of(surveyed, rig)[0]
@@ -119,7 +122,7 @@ def command(
             known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
             for attacker in attackers
         }
-        rewrite(recording, target, changes, _labels(attackers))
+        rewrite(recording, target, changes, _labels(attackers, start_ns))
     click.echo(target)
 
 
@@ -127,6 +130,32 @@ def _at(start_ns: int, seconds: float | None) -> int | None:
     return None if seconds is None else start_ns + round(seconds * _SECOND_NS)
 
 
-def _labels(attackers: "list[Attacker]") -> "Iterator[AttackLabel]":
-    """What was done, known only once the recording has gone by."""
-    yield from (attacker.label for attacker in attackers if attacker.label is not None)
+def _check_span(from_s: float | None, to_s: float | None) -> None:
+    first, last = from_s or 0.0, to_s
+    if math.isfinite(first) and (last is None or (math.isfinite(last) and first < last)):
+        return
+    raise SettingError(
+        f"an attack cannot go from {first:g} s to {'the end' if last is None else f'{last:g} s'}",
+        where="--from, --to",
+        remedy="give seconds after the recording's start, --from before --to",
+    )
+
+
+def _labels(attackers: "list[Attacker]", start_ns: int) -> "Iterator[AttackLabel]":
+    """What was done, known only once the recording has gone by. Raises SettingError for a sensor that was spared."""
+    for attacker in attackers:
+        if attacker.label is None:
+            raise _spared(attacker, start_ns)
+        yield attacker.label
+
+
+def _spared(attacker: "Attacker", start_ns: int) -> SettingError:
+    sensor = f"S_{attacker.plan.sensor}"
+    if attacker.newest_ns is None:
+        return SettingError(f"no data of {sensor} could be decoded, so nothing was attacked", where="--on")
+    long_s = (attacker.newest_ns - start_ns) / _SECOND_NS
+    return SettingError(
+        f"nothing was done to {sensor}, whose data ends {long_s:.1f} s after the recording's start",
+        where="--from, --to",
+        remedy="choose a time within that, and a delay that is shorter; nothing was written",
+    )

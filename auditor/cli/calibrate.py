@@ -67,10 +67,13 @@ def command(
     from auditor.cli.calibrating import show_held_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.judging import Tally  # noqa: PLC0415
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.targets import check_thresholds  # noqa: PLC0415
     from auditor.errors import ThresholdsError  # noqa: PLC0415
     from auditor.judging import calibrate, system_of  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
+    if out:
+        check_thresholds(out)
     tally = Tally()
     stores = [path for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if path not in stores]

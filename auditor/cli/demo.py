@@ -1,6 +1,8 @@
 """`auditor demo`: the first thing a newcomer runs."""
 
+import re
 import shutil
+from collections.abc import Sequence
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +17,18 @@ if TYPE_CHECKING:
     from auditor.store import Store
 
 _MARKER = ".auditor-demo"
+_MADE = re.compile(
+    r"""\.auditor-demo
+    | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
+    | audit/(
+        store\.json | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
+        | reports/(incident|evaluation)\.html
+    )
+    """,
+    re.VERBOSE,
+)
+"""What a demo makes beside its recordings: the store and its pages."""
+_MOST_NAMED = 3
 
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
@@ -41,8 +55,8 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.recordings import Origin  # noqa: PLC0415
     from auditor.store import Store, render_incident_report  # noqa: PLC0415
 
-    _prepare(folder)
     clean, suspected = fleet(folder)
+    _prepare(folder, (*clean, *suspected))
     store = folder / "audit"
     tally = Tally()
     _record((*clean, *suspected), jobs)
@@ -62,16 +76,36 @@ def command(folder: Path, method: str, jobs: int) -> int:
     return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
 
 
-def _prepare(folder: Path) -> None:
-    """An empty folder; what an earlier demo left there is removed, anything else is not touched."""
+def _prepare(folder: Path, takes: "Sequence[Take]") -> None:
+    """An empty folder; what an earlier demo left there is removed, if nothing else is among it."""
     from auditor.errors import SettingError  # noqa: PLC0415
 
-    if folder.exists() and any(folder.iterdir()) and not (folder / _MARKER).exists():
-        raise SettingError("the folder is not empty", where=folder, remedy="name an empty or a new one")
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
+    remedy = "name an empty or a new folder"
+    if folder.exists() and not folder.is_dir():
+        raise SettingError("it is a file", where=folder, remedy=remedy)
+    there = list(folder.iterdir()) if folder.exists() else []
+    if there and not (folder / _MARKER).exists():
+        raise SettingError("the folder is not empty", where=folder, remedy=remedy)
+    if strange := _strange(folder, [take.file.name for take in takes]):
+        named = ", ".join(strange[:_MOST_NAMED]) + (", ..." if len(strange) > _MOST_NAMED else "")
+        raise SettingError(
+            f"beside an earlier demo the folder holds {named}", where=folder, remedy=f"move that elsewhere, or {remedy}"
+        )
+    for path in there:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / _MARKER).touch()
+
+
+def _strange(folder: Path, names: Sequence[str]) -> list[str]:
+    """What no demo makes, by its place in the folder; recordings may be files or rosbag2 folders."""
+    recordings = {place for name in names for place in (name, f"{name}/metadata.yaml", f"{name}/{name}.db3")}
+    files = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    places = (path.relative_to(folder).as_posix() for path in files)
+    return sorted(place for place in places if place not in recordings and not _MADE.fullmatch(place))
 
 
 def _record(takes: "tuple[Take, ...]", jobs: int) -> None:

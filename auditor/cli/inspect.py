@@ -38,10 +38,19 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
-    from auditor.errors import AuditorError  # noqa: PLC0415
+    from auditor.cli.targets import check_new  # noqa: PLC0415
+    from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
 
+    if write_rig:
+        check_new(write_rig)
     found = find_recordings(recordings)
+    if write_rig and len(found.recordings) > 1:
+        raise SettingError(
+            f"these are {len(found.recordings)} recordings, and each may have a rig of its own",
+            where="--write-rig",
+            remedy="name one of them",
+        )
     tally = Tally()
     for error in found.errors:
         say(f"auditor: {error}")
@@ -65,6 +74,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
 
 
 def _describe(path: Path, told: Path | None, written: Path | None) -> dict[str, Any]:
+    from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.pipeline import misfits_of, rigs_of  # noqa: PLC0415
     from auditor.recordings import (  # noqa: PLC0415
@@ -88,6 +98,7 @@ def _describe(path: Path, told: Path | None, written: Path | None) -> dict[str, 
             missing = error.what
         if rigs and written:
             write_rig(rigs[0], written)
+            say(f"the rig is in {written}")
         misfits = [misfits_of(recording, surveyed, rig) for rig in rigs]
         described = [
             {**_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}

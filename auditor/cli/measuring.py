@@ -37,15 +37,17 @@ def measure_all(
 ) -> "list[Measured]":
     """Measure every recording at the paths into a store, in the order given; say what cannot be, and why.
 
-    Raises SettingError where `origin_of` does, before any work.
+    Raises SettingError where `origin_of` does, and RigError for a rig file that cannot be read, before any work.
     """
     from auditor.engines import run_all  # noqa: PLC0415
     from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
     from auditor.pipeline import MeasureTask, measure_recording  # noqa: PLC0415
-    from auditor.recordings import find_recordings  # noqa: PLC0415
+    from auditor.recordings import check_rig_file, find_recordings  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
     find_matcher(measuring.matcher, measuring.network)  # an unknown one is the command's error, not each recording's
+    if measuring.rig:
+        check_rig_file(measuring.rig)  # so is one that cannot be read
     found = find_recordings(paths)
     for error in found.errors:
         say(f"auditor: {error}")

@@ -24,8 +24,11 @@ def command(name: str, store: Path, recording: str | None, out: Path | None) -> 
 
     The evaluation page shows everything that auditor evaluate has measured into the store.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.targets import check_page  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store, render_evaluation_report, render_incident_report  # noqa: PLC0415 - heavy
 
+    if out:
+        check_page(out)
     kept = Store.open(store)
     target = out or store / "reports" / f"{name}.html"
     if name == "evaluation":

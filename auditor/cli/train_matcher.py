@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,6 +114,10 @@ def command(
             "nothing to try the network on", where="train-matcher", remedy="give --validate, or --synthetic"
         )
     training = psmnet_module("training")
+    chosen = training.TrainingSettings(
+        **settings, step=1 if full_resolution else 2, precision=training.best_precision(settings["device"])
+    )
+    training.check_settings(chosen)  # before samples are made, which takes long
     found = [find_recordings(paths) for paths in (recordings, validate)]
     for error in (error for one in found for error in one.errors):
         raise error
@@ -130,16 +135,9 @@ def command(
     tried = ", ".join(f"{len(files)} of {kind}" for kind, files in learning.validation.items())
     say(f"{len(learning.training)} samples to train on; tried on {tried}")
 
-    device = settings["device"]
-    chosen = training.TrainingSettings(
-        **settings,
-        step=1 if full_resolution else 2,
-        precision=training.best_precision(device),
-        samples=learning.known,
-    )
     training.use_threads(jobs)
     points: list[Point] = []
-    for some in teach(learning, chosen, out):
+    for some in teach(learning, replace(chosen, samples=learning.known), out):
         points += some
         for point in some:
             say(_line(point))

@@ -10,9 +10,9 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import ForkServerContext
@@ -118,11 +118,11 @@ class _Run(Generic[Item, Result]):
                 max_workers=self._jobs, max_tasks=1, context=context, initializer=_start_worker, initargs=[writer]
             ) as pool,
         ):
-            futures: dict[Future[Any], int] = {
-                pool.schedule(_run_there, args=[self._task, item, index]): index
-                for index, item in enumerate(self._items)
-            }
+            futures: dict[Future[Any], int] = {}
             try:
+                with _uninterrupted():  # a worker that is half started would be nobody's
+                    for index, item in enumerate(self._items):
+                        futures[pool.schedule(_run_there, args=[self._task, item, index])] = index
                 while futures:
                     done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
                     self._hear(reader)
@@ -131,8 +131,9 @@ class _Run(Generic[Item, Result]):
                     self._end_those_over_budget()
             finally:
                 if futures:
-                    pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
-                    pool.join()
+                    with _uninterrupted():
+                        pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
+                        pool.join()
 
     def _hear(self, reader: "Connection[Any, Any]") -> None:
         while reader.poll():
@@ -177,13 +178,28 @@ def _context() -> ForkServerContext:
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_PRELOADED)
-    # Ctrl-C is for this process, which stops the workers; they inherit that it is ignored.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C is for this process, which stops the workers; they inherit that it is blocked.
+    resource_tracker.ensure_running()  # started later, it would lift the block
+    with _uninterrupted():
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    return context
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C inside the block counts at its end."""
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
     try:
-        forkserver.ensure_running()
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
-    return context
+    if pressed and callable(before):  # what a shell starts in the background ignores Ctrl-C
+        before(signal.SIGINT, None)
 
 
 def _start_worker(progress: "Connection[Any, Any]") -> None:

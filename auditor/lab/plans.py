@@ -73,6 +73,7 @@ class Attacker:
     _memory: Memory | None = field(default=None, init=False)
     _first_ns: int | None = field(default=None, init=False)
     _last_ns: int | None = field(default=None, init=False)
+    _newest_ns: int | None = field(default=None, init=False)
     _done: str = field(default="", init=False)
     _parameters: dict[str, object] = field(default_factory=dict, init=False)
 
@@ -108,9 +109,15 @@ class Attacker:
         parameters = {"seed": plan.seed, "moving": plan.moving, **drawn}
         return AttackLabel(self.rig.topic(plan.sensor), self._done, self._first_ns, self._last_ns, parameters)
 
+    @property
+    def newest_ns(self) -> int | None:
+        """The newest stamp of the sensor that came by, attacked or not; None where no data of it did."""
+        return self._newest_ns
+
     def _attack_on(self, data: CameraImage | PointCloud) -> OnCamera | OnLidar | None:
         """What is done to the sensor's next data; None while nothing is."""
         on = self.plan.covers(data.stamp_ns)
+        self._newest_ns = data.stamp_ns if self._newest_ns is None else max(self._newest_ns, data.stamp_ns)
         if self._memory:
             self._memory.note(data, on=on)
         attack = self._memory.attack() if self._memory else self.plan.attack_at(data.stamp_ns, self.rig)

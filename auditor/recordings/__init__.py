@@ -8,7 +8,15 @@ from auditor.recordings.opening import open_recording
 from auditor.recordings.origin import Origin
 from auditor.recordings.path_pattern import read_path
 from auditor.recordings.rig_file import read_rig, write_rig
-from auditor.recordings.rigs import FoundRigs, check_rig, find_rigs, look_for_rigs, rig_of_camchain, told_rig
+from auditor.recordings.rigs import (
+    FoundRigs,
+    check_rig,
+    check_rig_file,
+    find_rigs,
+    look_for_rigs,
+    rig_of_camchain,
+    told_rig,
+)
 from auditor.recordings.surveying import Survey, survey
 from auditor.recordings.synchronising import FrameStream, synchronise
 from auditor.recordings.writers import write_bag, write_db3, write_mcap
@@ -26,6 +34,7 @@ __all__ = [
     "Survey",
     "Topic",
     "check_rig",
+    "check_rig_file",
     "convert",
     "find_recordings",
     "find_rigs",

@@ -26,6 +26,7 @@ from auditor.results import AttackLabel
 
 HEADER = "std_msgs/msg/Header"
 
+_ENDING = ".mcap"
 _KITTI_SCHEMAS = "kitti/"
 _ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 
@@ -43,7 +44,7 @@ class ConvertReport:
 def convert(recording: Recording, target: Path) -> ConvertReport:
     """Write any recording as MCAP, its ground truth and metadata with it; other attachments are left behind.
 
-    Raises RecordingError where the target exists or cannot be written.
+    Raises RecordingError where the target is not called .mcap, exists or cannot be written.
     """
     return rewrite(recording, target, {}, ())
 
@@ -59,8 +60,10 @@ def rewrite(
     `changes` goes by topic: a function from CameraImage to CameraImage (colours as BGR where there are any; `sensor` is
     0), or from PointCloud to PointCloud. An image keeps the form it had (raw, PNG, JPEG at quality 95); a message that
     cannot be decoded stays as it is. `labels` are asked for after the last message. Raises RecordingError where a topic
-    is not there, or the target exists or cannot be written.
+    is not there, or the target is not called .mcap, exists or cannot be written.
     """
+    if target.suffix.lower() != _ENDING:
+        raise RecordingError("recordings are written as MCAP", where=target, remedy=f"call it {target.stem}{_ENDING}")
     if target.exists():
         raise RecordingError("it exists already", where=target, remedy="choose another name, or remove it")
     there = {topic.name for topic in recording.topics()}

@@ -19,18 +19,22 @@ _HEAD = """\
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording shows it.
 """
 
+_REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
+
 
 def read_rig(path: Path) -> Rig:
     """Read a rig file. Raises RigError where it is missing, or holds no rig."""
     try:
         description = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise RigError(f"the rig file cannot be read ({reason})", where=path) from error
+    except OSError as error:
+        what = f"the rig file cannot be read ({error.strerror})"
+        raise RigError(what, where=path, remedy=f"check the path; {_REMEDY}") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RigError(f"the rig file is no TOML ({error})", where=path, remedy=_REMEDY) from error
     try:
         return Rig.from_dict(description)
     except RigError as error:
-        raise RigError(error.what, where=path, remedy="compare it with one written by `auditor inspect`") from error
+        raise RigError(error.what, where=path, remedy=error.remedy or _REMEDY) from error
 
 
 def write_rig(rig: Rig, path: Path) -> None:

@@ -126,9 +126,21 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
 
 def told_rig(path: Path, survey: Survey) -> Rig:
     """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
-    rig = rig_of_camchain(path, survey) if path.suffix in {".yaml", ".yml"} else read_rig(path)
+    rig = rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path)
     check_rig(rig, survey)
     return rig
+
+
+def check_rig_file(path: Path) -> None:
+    """Raises RigError where a rig file cannot be read, whatever the recordings."""
+    if _is_camchain(path):
+        read_camchain(path)
+    else:
+        read_rig(path)
+
+
+def _is_camchain(path: Path) -> bool:
+    return path.suffix in {".yaml", ".yml"}
 
 
 def rig_of_camchain(path: Path, survey: Survey) -> Rig:

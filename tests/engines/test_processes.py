@@ -124,6 +124,20 @@ def test_workers_end_with_their_parent() -> None:
     assert not any(is_running(pid) for pid in workers)
 
 
+def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() -> None:
+    """They start when the process that they are forked from has imported everything, which takes a second."""
+    program = (
+        "import os, signal, sys, threading\n"
+        "from tests.engines.test_processes import report_and_wait; from auditor.engines import run_all\n"
+        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "try:\n    list(run_all(report_and_wait, [1, 2], 2, lambda *_: None))\n"
+        "except KeyboardInterrupt:\n    sys.exit('interrupted')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stderr == "interrupted\n"
+
+
 def report_and_wait(item: int, progress: Progress) -> int:
     progress(str(os.getpid()), 0)
     signal.pause()

@@ -431,12 +431,12 @@ def test_offsets_in_a_rig_file_are_kept_and_refused_where_they_are_no_numbers(tm
 @pytest.mark.parametrize("text", ["", "nonsense = ", "[[cameras]]\nnumber = 1\n", "\xff"])
 def test_a_rig_file_that_holds_no_rig_is_a_clear_error(tmp_path: Path, text: str) -> None:
     (tmp_path / "rig.toml").write_text(text, "latin-1")
-    with pytest.raises(RigError, match=r"rig\.toml"):
+    with pytest.raises(RigError, match=r"rig\.toml: .*; .*--write-rig"):
         read_rig(tmp_path / "rig.toml")
 
 
 def test_a_rig_file_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match=r"missing.toml.*No such file"):
+    with pytest.raises(RigError, match=r"missing.toml.*No such file.*; check the path"):
         read_rig(tmp_path / "missing.toml")
 
 

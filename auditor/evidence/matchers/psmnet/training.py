@@ -51,7 +51,7 @@ def train(
     has samples by the name of their group. Raises SettingError for settings that make no sense, samples that do not
     fit, a checkpoint that is there without `resume` or not there with it.
     """
-    _check(settings)
+    check_settings(settings)
     checkpoint = folder / CHECKPOINT
     if checkpoint.exists() != resume:
         what = "no training to resume" if resume else "a training is here already"
@@ -186,7 +186,8 @@ def _compare_from_the_start(network: PSMNet, width: int) -> None:
         nn.init.zeros_(last.weight)
 
 
-def _check(settings: TrainingSettings) -> None:
+def check_settings(settings: TrainingSettings) -> None:
+    """Raises SettingError for settings that no training can be done with."""
     rows, columns = settings.crop
     pooled = settings.batch * math.prod(max(1, length // _LARGEST_POOL_PX) for length in settings.crop)
     multiple = MULTIPLE * settings.step
@@ -214,6 +215,7 @@ __all__ = [
     "TrainingRow",
     "TrainingSettings",
     "best_precision",
+    "check_settings",
     "train",
     "training_curve",
     "use_threads",

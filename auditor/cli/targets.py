@@ -1,0 +1,53 @@
+"""Where a command may write: what is there already is somebody's work, unless the same command made it."""
+
+from pathlib import Path
+
+from auditor.errors import AuditorError, SettingError
+
+_PAGE_MARK = b'<meta name="generator" content="auditor '
+_PAGE_HEAD_BYTES = 4096
+
+
+def check_new(target: Path) -> None:
+    """Raises SettingError where there is something already."""
+    if target.exists():
+        raise SettingError("it exists already", where=target, remedy="choose another name, or remove it")
+
+
+def check_page(target: Path) -> None:
+    """Raises SettingError where there is something else than a page that auditor wrote."""
+    if target.exists() and not _is_page(target):
+        raise _foreign(target, "no page that auditor wrote")
+
+
+def check_thresholds(target: Path) -> None:
+    """Raises SettingError where there is something else than a thresholds artefact."""
+    if target.exists() and not _is_thresholds(target):
+        raise _foreign(target, "no thresholds artefact")
+
+
+def _foreign(target: Path, what: str) -> SettingError:
+    there = "a folder" if target.is_dir() else what
+    return SettingError(
+        f"it exists already and is {there}", where=target, remedy="name another file with --out; nothing was written"
+    )
+
+
+def _is_page(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return _PAGE_MARK in file.read(_PAGE_HEAD_BYTES)
+    except OSError:
+        return False
+
+
+def _is_thresholds(path: Path) -> bool:
+    from auditor.store.calibrations import OutdatedCalibrationError, read_calibration  # noqa: PLC0415 - heavy
+
+    try:
+        read_calibration(path)
+    except OutdatedCalibrationError:
+        return True
+    except AuditorError:
+        return False
+    return True
