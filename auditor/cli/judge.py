@@ -32,6 +32,6 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
     if not ids:
         raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
     tally = Tally()
-    judge_all(kept, ids, Judging(**judging), tally)
-    show_audit(kept, form)
+    judged = judge_all(kept, ids, Judging(**judging), tally)
+    show_audit(kept, form, judged=judged)
     return tally.exit_code()

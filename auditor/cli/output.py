@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from auditor.store.export import Table
 
 _WIDEST_TABLE = 200
+_BRIEF_ID = 12
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -35,17 +36,34 @@ def emit(table: "Table", form: str, title: str = "") -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
-    """Print rows as a table, or one below the other where a table would be wider than the terminal."""
+    """Print rows as a table.
+
+    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows is said
+    once, above; where that is not enough, rows stand one below the other.
+    """
     from rich.console import Console  # noqa: PLC0415
 
     console = Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
     room = console.width if console.is_terminal else _WIDEST_TABLE
     console.width = 10_000  # so that a table is measured, not squeezed
     table = _table(rows, columns, title)
-    if console.measure(table).maximum <= room:
+    fits = console.measure(table).maximum <= room
+    if not rows:
+        if fits:
+            console.print(table)
+        console.print("(no rows)")
+        return
+    if not fits:
+        rows = [{column: _brief(column, row[column]) for column in columns} for row in rows]
+        same = [column for column in columns if len(rows) > 1 and all(row[column] == rows[0][column] for row in rows)]
+        if same:
+            alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
+            console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
+        columns = [column for column in columns if column not in same] or columns
+        table = _table(rows, columns, title)
+        fits = console.measure(table).maximum <= room
+    if fits:
         console.print(table)
-        if not rows:
-            console.print("(no rows)")
         return
     label_width = max(len(column) for column in columns)
     if title:
@@ -54,6 +72,17 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
         for column in columns:
             console.print(f"{column:>{label_width}}  {shown(row[column])}", soft_wrap=True)
         console.print()
+
+
+def _brief(column: str, value: object) -> object:
+    """A value with its ids cut to beginnings that still tell them apart, and that queries take as parameters."""
+    if isinstance(value, str):
+        return value[:_BRIEF_ID] if column.endswith("_id") else value
+    if isinstance(value, list | tuple):
+        return [_brief(column, item) for item in value]
+    if isinstance(value, dict):
+        return {name: _brief(name, item) for name, item in value.items()}
+    return value
 
 
 def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "TableOnScreen":
