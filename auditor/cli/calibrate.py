@@ -83,10 +83,7 @@ def command(
         measured = measure_all(recordings, store, tally, measuring)
         given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
     kept_before = [
-        (kept, known)
-        for kept in opened
-        for known in kept.ids("measurements")
-        if known not in {one for _, one in given}
+        (kept, known) for kept in opened for known in kept.ids("measurements") if known not in {one for _, one in given}
     ]
     clean = [(kept, known) for kept, known in kept_before if _is_clean(kept, known) and _is_cleared(kept, known)]
     clean += [(kept, known) for kept, known in given if _is_clean(kept, known)]

@@ -136,8 +136,8 @@ def _warn_of_incidents(results: "Sequence[HeldOut]", names: Mapping[str, str]) -
     if suspects:
         more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
         say(
-            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: look at them "
-            "before you trust these thresholds, and leave out what is not clean: it hides attacks like its own"
+            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: look at "
+            "them before you trust these thresholds, and leave out what is not clean: it hides attacks like its own"
         )
 
 

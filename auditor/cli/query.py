@@ -66,7 +66,9 @@ def _refuse_view(name: str) -> None:
 
     if name in {view.name for view in list_views()}:
         raise QueryError(
-            "it is a view, not a query", where=name, remedy=f'auditor query --sql "SELECT * FROM {name}" shows its rows'
+            "it is a view, not a query",
+            where=name,
+            remedy=f'auditor query --sql "FROM {name} LIMIT 20" shows rows of it',
         )
 
 

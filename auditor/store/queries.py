@@ -23,7 +23,9 @@ def query(name: str) -> SqlFile:
         return queries()[name]
     except KeyError:
         raise QueryError(
-            "there is no such query", where=name, remedy=f"the queries are {', '.join(known.name for known in list_queries())}"
+            "there is no such query",
+            where=name,
+            remedy=f"the queries are {', '.join(known.name for known in list_queries())}",
         ) from None
 
 
