@@ -26,9 +26,7 @@ def show_audit(
     `judged` are the measurements that were judged just now: verdicts that others keep from earlier are not shown, only
     said to be there.
     """
-    import pyarrow  # noqa: PLC0415 - heavy, as DuckDB is
-
-    from auditor.store import run_query  # noqa: PLC0415
+    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
 
     summary = run_query(store, "summary", {})
     shown_rows, earlier = [], 0
@@ -42,7 +40,7 @@ def show_audit(
     if earlier:
         count = "1 measurement keeps its" if earlier == 1 else f"{earlier} measurements keep their"
         say(f"{count} verdicts from earlier, not shown here; auditor query summary shows them")
-    summary = summary.take(pyarrow.array(shown_rows, pyarrow.int64()))
+    summary = summary.take(shown_rows) if shown_rows else summary.slice(0, 0)
     if form != "table":
         emit(summary, form)
         return
