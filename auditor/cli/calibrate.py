@@ -13,7 +13,7 @@ from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.cli.measuring import Measuring
-    from auditor.store import Store
+    from auditor.store import Store, StoredJudgement
 
 
 class _Frames(click.ParamType[range]):
@@ -83,9 +83,16 @@ def command(
         measured = measure_all(recordings, store, tally, measuring)
         given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
     kept_before = [
-        (kept, known) for kept in opened for known in kept.ids("measurements") if known not in {one for _, one in given}
+        (kept, known, judgements.get(known))
+        for kept, judgements in ((kept, kept.current_judgements()) for kept in opened)
+        for known in kept.ids("measurements")
+        if known not in {one for _, one in given}
     ]
-    clean = [(kept, known) for kept, known in kept_before if _is_clean(kept, known) and _is_cleared(kept, known)]
+    clean = [
+        (kept, known)
+        for kept, known, judgement in kept_before
+        if _is_clean(kept, known) and _is_cleared(kept, known, judgement)
+    ]
     clean += [(kept, known) for kept, known in given if _is_clean(kept, known)]
     if not clean:
         raise ThresholdsError(
@@ -124,11 +131,10 @@ def _is_clean(store: "Store", measurement: str) -> bool:
     return not attacked
 
 
-def _is_cleared(store: "Store", measurement: str) -> bool:
+def _is_cleared(store: "Store", measurement: str, judgement: "StoredJudgement | None") -> bool:
     """False, and said so, where the store's own verdicts speak against a measurement that nobody called clean."""
     from auditor.cli.judging import recording_name  # noqa: PLC0415
 
-    judgement = store.current_judgement(measurement)
     if judgement is None or not judgement.in_incidents:
         return True
     count = judgement.in_incidents

@@ -103,8 +103,7 @@ def _show(store: "Store", sql: str, answer: "Table", form: str) -> None:
     if len(answer) or not _OF_VERDICTS.search(sql):
         return
     measured = store.ids("measurements")
-    judged = {judgement.measurement_id for judgement in store.judgements()}
-    missing = len(set(measured) - judged)
+    missing = len(set(measured) - store.current_judgements().keys())
     if not measured:
         say("nothing has been measured: auditor scan audits recordings")
     elif missing:
