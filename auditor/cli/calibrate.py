@@ -13,7 +13,7 @@ from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.cli.measuring import Measuring
-    from auditor.store import Store
+    from auditor.store import Store, StoredJudgement
 
 
 class _Frames(click.ParamType[range]):
@@ -56,6 +56,9 @@ def command(
 ) -> int:
     """Learn thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
+    Of a store's measurements those with incidents are left out, and so is whatever carries the ground truth of an
+    attack; recordings that are given themselves are taken at their word.
+
     \b
     auditor calibrate clean_logs/*.mcap
     auditor calibrate drive.mcap --frames 0:200 -r 0
@@ -77,11 +80,23 @@ def command(
     tally = Tally()
     stores = [path for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if path not in stores]
-    measurements = [(kept, known) for kept in map(Store.open, stores) for known in kept.ids("measurements")]
+    opened = [Store.open(path) for path in stores]
+    given: list[tuple[Store, str]] = []
     if recordings:
         measured = measure_all(recordings, store, tally, measuring)
-        measurements += [(Store.open(store), known) for one in measured for known in one.measurement_ids]
-    clean = [(kept, known) for kept, known in measurements if _is_clean(kept, known)]
+        given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
+    kept_before = [
+        (kept, known, judgements.get(known))
+        for kept, judgements in ((kept, kept.current_judgements()) for kept in opened)
+        for known in kept.ids("measurements")
+        if known not in {one for _, one in given}
+    ]
+    clean = [
+        (kept, known)
+        for kept, known, judgement in kept_before
+        if _is_clean(kept, known) and _is_cleared(kept, known, judgement)
+    ]
+    clean += [(kept, known) for kept, known in given if _is_clean(kept, known)]
     if not clean:
         raise ThresholdsError(
             "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
@@ -117,6 +132,21 @@ def _is_clean(store: "Store", measurement: str) -> bool:
     if attacked:
         say(f"{recording_name(store, measurement)}: left out: it carries the ground truth of an attack")
     return not attacked
+
+
+def _is_cleared(store: "Store", measurement: str, judgement: "StoredJudgement | None") -> bool:
+    """False, and said so, where the store's own verdicts speak against a measurement that nobody called clean."""
+    from auditor.cli.judging import recording_name  # noqa: PLC0415
+
+    if judgement is None or not judgement.in_incidents:
+        return True
+    count = judgement.in_incidents
+    say(
+        f"{recording_name(store, measurement)}: left out: by its current verdicts (method {judgement.method}, "
+        f"r = {judgement.r}) {count} frame{' is' if count == 1 else 's are'} in incidents; if it is known to be clean, "
+        "give the recording itself, or judge the store again (auditor judge) where the verdicts were wrong"
+    )
+    return False
 
 
 def _check_resolution(r: Decimal, fewest: int, *, strict: bool) -> None:

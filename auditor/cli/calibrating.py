@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from auditor.thresholds import Calibration
 
 _MOST_ROWS = 20
+_MOST_NAMED = 5
 _ROBUST_COLUMNS = ("witness", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
 _HELD_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
@@ -67,6 +68,7 @@ def show_held_out(
         f"held out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: {_share(robust)} "
         f"and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
+    _warn_of_incidents(robust, names)
     say(f"{frames} clean frames resolve r = 0 and r from {1 / frames:.2g} up")
 
 
@@ -122,6 +124,21 @@ def _table(robust: "Sequence[HeldOut]", paper: "Sequence[HeldOut]", names: Mappi
     if len(rows) > len(worst):
         title += f"; the {len(worst)} raised most of {len(rows)}"
     print_rows([*worst, {"recording": "all together", **whole}], _HELD_OUT_COLUMNS, title=title)
+
+
+def _warn_of_incidents(results: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
+    """A recording in which the others find incidents may not be clean, or not like them."""
+    suspects = [
+        f"{names.get(one.recording, one.recording)} ({one.incidents})"
+        for one in sorted(results, key=lambda one: -one.incidents)
+        if one.incidents
+    ]
+    if suspects:
+        more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
+        say(
+            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: look at "
+            "them before you trust these thresholds, and leave out what is not clean: it hides attacks like its own"
+        )
 
 
 def _share(results: "Sequence[HeldOut]") -> str:

@@ -20,7 +20,7 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
     auditor judge -r 0
     auditor judge night/audit -r 2% --statistic plain
 
-    The new verdicts become the current ones; earlier ones stay in the store.
+    The new verdicts become the current ones; earlier ones stay in the store. What could not be judged now is not shown.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.showing import show_audit  # noqa: PLC0415
@@ -32,6 +32,6 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
     if not ids:
         raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
     tally = Tally()
-    judge_all(kept, ids, Judging(**judging), tally)
-    show_audit(kept, form)
+    judged = judge_all(kept, ids, Judging(**judging), tally)
+    show_audit(kept, form, judged=judged)
     return tally.exit_code()

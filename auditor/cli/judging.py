@@ -1,5 +1,6 @@
 """Judging as scan and judge do it: which thresholds, and what the verdicts mean for the exit code."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -81,29 +82,42 @@ class Tally:
         return Exit.INCOMPLETE if self.incomplete or self.failed else Exit.CLEAN
 
 
-def named_calibration(store: "Store", name: str | None) -> "Calibration | None":
-    """The calibration that the command line names: a file, or an id of the store or the beginning of one."""
-    from auditor.store import read_calibration  # noqa: PLC0415
+def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
+    """The calibration that the command line names: a file, or an id of the store there or the beginning of one.
+
+    Raises ThresholdsError where there is none, also where there is no store yet.
+    """
+    from auditor.store import Store, read_calibration  # noqa: PLC0415
 
     if name is None:
         return None
     if Path(name).is_file():
         return read_calibration(Path(name))
-    matching = [known for known in store.ids("calibrations") if known.startswith(name)]
-    if len(matching) != 1:
-        what = "no calibration has that id, and no file that name" if not matching else "several calibrations begin so"
-        raise ThresholdsError(what, where=name, remedy="auditor query calibrations lists them")
+    store = Store.open(folder) if Store.is_at(folder) else None
+    known = store.ids("calibrations") if store else []
+    matching = [one for one in known if name and one.startswith(name)]
+    if store is None or len(matching) != 1:
+        what = "several calibrations begin so" if matching else "no calibration has that id, and no file that name"
+        remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
+        raise ThresholdsError(what, where=name or "--calibration", remedy=remedy)
     return store.calibration(matching[0])
 
 
-def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tally: Tally) -> None:
-    """Judge measurements, say what cannot be judged and why, and add to the tally."""
+def listing_calibrations(folder: Path) -> str:
+    """A command that lists the calibrations of a store."""
+    sql = "SELECT DISTINCT calibration_id, kind, matcher, calibrated_at FROM calibrations"
+    return f'auditor query --store {shlex.quote(str(folder))} --sql "{sql}" lists them'
+
+
+def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tally: Tally) -> list[str]:
+    """Judge measurements, say what cannot be judged and why, and add to the tally; answer those that were judged."""
     from auditor.judging import fitting_calibration, judge_measurement, tells_incidents  # noqa: PLC0415
 
     criteria = judging.criteria
-    chosen = named_calibration(store, judging.calibration)
+    chosen = named_calibration(store.folder, judging.calibration)
     calibrations = [] if chosen else store.calibrations()
     current = store.current_judgements()
+    judged = []
     for measurement in measurements:
         name = recording_name(store, measurement)
         calibration = chosen or fitting_calibration(store, measurement, calibrations)
@@ -120,9 +134,11 @@ def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tal
             say(f"{name}: {error}")
             tally.failed = True
             continue
+        judged.append(measurement)
         _weigh(store, name, judgement, judging, tally)
         if not tells_incidents(calibration, criteria):
             say(f"{name}: the clean frames are too few to tell so many incidents an hour from none: judged as at 0")
+    return judged
 
 
 def recording_name(store: "Store", measurement: str) -> str:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table as TableOnScreen
 
     from auditor.store.export import Table
 
-_WIDEST_TABLE = 200
+WIDEST_TABLE = 200
+_BRIEF_ID = 12
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -35,18 +37,43 @@ def emit(table: "Table", form: str, title: str = "") -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
-    """Print rows as a table, or one below the other where a table would be wider than the terminal."""
+    """Print rows as a table.
+
+    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows is said
+    once, above; what is too wide even so becomes several tables, and rows one below the other where a column is.
+    """
     from rich.console import Console  # noqa: PLC0415
 
     console = Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
-    room = console.width if console.is_terminal else _WIDEST_TABLE
+    room = console.width if console.is_terminal else WIDEST_TABLE
     console.width = 10_000  # so that a table is measured, not squeezed
-    table = _table(rows, columns, title)
-    if console.measure(table).maximum <= room:
-        console.print(table)
-        if not rows:
-            console.print("(no rows)")
+
+    def fits(some: Sequence[str]) -> bool:
+        return console.measure(_table(rows, some, title)).maximum <= room
+
+    if not rows:
+        if fits(columns):
+            console.print(_table(rows, columns, title))
+        console.print("(no rows)")
         return
+    groups = [columns]
+    if not fits(columns):
+        rows = [{column: _brief(column, row[column]) for column in columns} for row in rows]
+        same = [column for column in columns if len(rows) > 1 and all(row[column] == rows[0][column] for row in rows)]
+        if same:
+            alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
+            console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
+        columns = [column for column in columns if column not in same] or columns
+        groups = _groups(columns, fits)
+    if groups and (len(groups) == 1 or len(rows) > 1):
+        for number, group in enumerate(groups):
+            console.print(_table(rows, group, "" if number else title))
+    else:
+        _print_below(console, rows, columns, title)
+
+
+def _print_below(console: "Console", rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> None:
+    """Print rows one below the other, a line for each column."""
     label_width = max(len(column) for column in columns)
     if title:
         console.print(title)
@@ -56,12 +83,47 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
         console.print()
 
 
+def _groups(columns: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> list[Sequence[str]]:
+    """The columns in groups that fit, each led by the one that names the rows; none where a column cannot fit."""
+    if fits(columns):
+        return [columns]
+    leading = "name" if "name" in columns else columns[0]
+    groups = [[leading]]
+    for column in columns:
+        if column == leading:
+            continue
+        if fits([*groups[-1], column]):
+            groups[-1].append(column)
+        elif fits([leading, column]):
+            groups.append([leading, column])
+        else:
+            return []
+    return [*groups]
+
+
+def _brief(column: str, value: object) -> object:
+    """A value with its ids cut to beginnings that still tell them apart, and that queries take as parameters."""
+    if isinstance(value, str):
+        return value[:_BRIEF_ID] if column.endswith("_id") else value
+    if isinstance(value, list | tuple):
+        return [_brief(column, item) for item in value]
+    if isinstance(value, dict):
+        return {name: _brief(name, item) for name, item in value.items()}
+    return value
+
+
 def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "TableOnScreen":
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
-    table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", pad_edge=False)
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        title=Text(title) if title else None,
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
+    )
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
         table.add_column(Text(column), justify="right" if numeric and rows else "left", no_wrap=True)

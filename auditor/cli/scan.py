@@ -37,12 +37,13 @@ def command(
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
     these. What the store has measured already is not measured again.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.judging import Judging, Tally, judge_all, named_calibration  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
     from auditor.cli.showing import show_audit  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    how, tally = Judging(**judging), Tally()
+    how, tally, judged = Judging(**judging), Tally(), list[str]()
+    named_calibration(store, how.calibration)  # a wrong name is told before hours of measuring, not after
     measured = measure_all(recordings, store, tally, measuring)
     if not measured:
         return tally.exit_code()
@@ -52,6 +53,6 @@ def command(
         say("measured only: no verdicts were reached; auditor judge reaches them")
         tally.incomplete = True
     else:
-        judge_all(kept, ids, how, tally)
-    show_audit(kept, form, {one.recording_id for one in measured})
+        judged = judge_all(kept, ids, how, tally)
+    show_audit(kept, form, {one.recording_id for one in measured}, judged)
     return tally.exit_code()

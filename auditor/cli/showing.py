@@ -3,31 +3,56 @@
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
-from auditor.cli.output import emit, print_rows, shown
+import click
+
+from auditor.cli.output import emit, print_rows, say, shown
 
 if TYPE_CHECKING:
     from auditor.store import Store
 
 _RECORDING_COLUMNS = ("recording", "frames", "audited", "clean", "attacked", "unidentified", "sensors", "r")
+_UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "margin")
 
 
-def show_audit(store: "Store", form: str, recording_ids: Collection[str] | None = None) -> None:
-    """Print the summary of some recordings, or of all; as a table with the columns a person wants, and incidents."""
+def show_audit(
+    store: "Store",
+    form: str,
+    recording_ids: Collection[str] | None = None,
+    judged: Collection[str] | None = None,
+) -> None:
+    """Print the summary of some recordings, or of all; as a table with the columns a person wants, and incidents.
+
+    `judged` are the measurements that were judged just now: verdicts that others keep from earlier are not shown, only
+    said to be there.
+    """
     from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
 
     summary = run_query(store, "summary", {})
-    if recording_ids is not None:
-        ids = summary["recording_id"].to_pylist()
-        summary = summary.take([row for row, known in enumerate(ids) if known in recording_ids])
+    shown_rows, earlier = [], 0
+    for place, row in enumerate(summary.to_pylist()):
+        if recording_ids is not None and row["recording_id"] not in recording_ids:
+            continue
+        if judged is None or row["measurement_id"] in judged or row["method"] is None:
+            shown_rows.append(place)
+        else:
+            earlier += 1
+    if earlier:
+        count = "1 measurement keeps its" if earlier == 1 else f"{earlier} measurements keep their"
+        say(f"{count} verdicts from earlier, not shown here; auditor query summary shows them")
+    summary = summary.take(shown_rows) if shown_rows else summary.slice(0, 0)
     if form != "table":
         emit(summary, form)
         return
-    print_rows([_recording(row) for row in summary.to_pylist()], _RECORDING_COLUMNS)
+    rows = summary.to_pylist()
+    print_rows([_recording(row) for row in rows], _RECORDING_COLUMNS)
+    if any(row["resolvable"] is False for row in rows):
+        click.echo(f"{_UNRESOLVED} not resolvable: judged as at r = 0")
+    measurements = {row["measurement_id"] for row in rows}
     incidents = [
         _incident(row)
         for row in run_query(store, "incidents", {}).to_pylist()
-        if recording_ids is None or any(part["recording_id"] in recording_ids for part in row["parts"])
+        if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
     if incidents:
         print_rows(incidents, _INCIDENT_COLUMNS, title="Incidents")
@@ -43,7 +68,7 @@ def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
         "attacked": row["attacked"],
         "unidentified": row["unidentified"],
         "sensors": row["attacked_names"],
-        "r": rate if row["resolvable"] is not False else f"{rate} (not resolvable)",
+        "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
     }
 
 

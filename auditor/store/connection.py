@@ -59,16 +59,17 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
             for view in _in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
         except (duckdb.IOException, duckdb.InvalidInputException) as error:
-            raise StoreError(first_line(error), where=store.folder if store else "") from error
+            raise StoreError(in_one_line(error), where=store.folder if store else "") from error
         connection.execute("SET allowed_paths = ?", [readable])
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         yield connection
 
 
-def first_line(error: duckdb.Error) -> str:
-    """What DuckDB says went wrong, on one line and without its drawing of the place."""
-    return str(error).strip().partition("\n")[0]
+def in_one_line(error: duckdb.Error) -> str:
+    """What DuckDB says went wrong and what may be meant instead, on one line and without its drawing of the place."""
+    said = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
+    return " ".join(said.split())
 
 
 def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:

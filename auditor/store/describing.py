@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from auditor.errors import QueryError
 from auditor.store.connection import connected
+from auditor.store.queries import list_queries
 from auditor.store.schema import TABLES, Column, table_schema
 from auditor.store.sql_files import Parameter, SqlFile, queries, views
 
@@ -25,7 +26,7 @@ def describe(name: str) -> Description:
         return _described(queries()[name], "query")
     if name in views():
         return _described(views()[name], "view")
-    known = ", ".join([*queries(), *views()])
+    known = ", ".join([*(known.name for known in list_queries()), *views()])
     raise QueryError("there is no such query or view", where=name, remedy=f"there are {known}")
 
 

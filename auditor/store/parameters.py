@@ -30,7 +30,9 @@ def bind(query: SqlFile, given: Mapping[str, object]) -> dict[str, Value]:
 def _value(query: SqlFile, parameter: Parameter, given: Mapping[str, object]) -> Value:
     if parameter.name not in given and parameter.required:
         raise QueryError(
-            f"parameter {parameter.name} is missing", where=f"query {query.name}", remedy=parameter.sentence
+            f"parameter {parameter.name} is missing",
+            where=f"query {query.name}",
+            remedy=f"write {parameter.name}={_EXAMPLES.get(parameter.type, '...')}: {parameter.sentence}",
         )
     value = given.get(parameter.name, parameter.default)
     if value is None:
@@ -89,6 +91,7 @@ _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "RATE": _rate,
     "RATE[]": _rates,
 }
+_EXAMPLES = {"BIGINT": "12", "DOUBLE": "0.5", "RATE": "0.01"}
 _MEANING = {
     "VARCHAR": "a text",
     "BIGINT": "a whole number",

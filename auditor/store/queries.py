@@ -6,15 +6,15 @@ import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
-from auditor.store.connection import connected, first_line
+from auditor.store.connection import connected, in_one_line
 from auditor.store.parameters import Value, bind
 from auditor.store.sql_files import SqlFile, queries
 from auditor.store.store import Store
 
 
 def list_queries() -> list[SqlFile]:
-    """All queries, by name."""
-    return list(queries().values())
+    """All queries, by name, without those that nobody but a page asks (`report_...`)."""
+    return [known for known in queries().values() if not known.name.startswith("report_")]
 
 
 def query(name: str) -> SqlFile:
@@ -23,7 +23,9 @@ def query(name: str) -> SqlFile:
         return queries()[name]
     except KeyError:
         raise QueryError(
-            "there is no such query", where=name, remedy=f"the queries are {', '.join(queries())}"
+            "there is no such query",
+            where=name,
+            remedy=f"the queries are {', '.join(known.name for known in list_queries())}",
         ) from None
 
 
@@ -58,7 +60,7 @@ def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa
                 )
             return connection.sql(text, params=values).to_arrow_table()
         except duckdb.Error as error:
-            raise QueryError(first_line(error), where=where, remedy="auditor query lists the views") from error
+            raise QueryError(in_one_line(error), where=where, remedy="auditor query lists the views") from error
 
 
 def _kinds(statements: list[duckdb.Statement]) -> str:

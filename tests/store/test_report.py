@@ -172,7 +172,7 @@ def test_an_unresolvable_rate_is_marked(store, tmp_path):
     add_recording(store, r="0.001")
     words = page_of(store, tmp_path).words
     assert "r is not resolvable with N" in words
-    assert "0.1 % r of each statistic, not resolvable" in words
+    assert "r by design 0.1 % false-alarm rate of each statistic, not resolvable" in words
 
 
 def test_incidents_are_runs_of_the_same_finding(store):
@@ -292,6 +292,32 @@ def test_several_recordings_are_listed_and_their_incidents_numbered_through(stor
     assert "Camera S2 (middle) was attacked" in words.split("Incidents")[0]
     assert "This is the longest of 2 incidents in 3 recordings" in words
     assert words.count("Settings and provenance") == 3
+
+
+def test_none_of_several_as_long_is_called_the_longest(store, tmp_path):
+    add_recording(store, "a.mcap", attacks=[((1,), 5, 9)])
+    add_recording(store, "b.mcap", attacks=[((2,), 5, 9)], vehicle=None)
+    words = page_of(store, tmp_path).words
+    assert "This is one of 2 incidents in 2 recordings" in words
+    assert "10 frames in incidents Frames audited" in words
+
+
+def test_frames_in_incidents_and_those_raised_alone_are_told_apart(store):
+    add_recording(store, attacks=[((1,), 5, 9)])
+    page = load_page(store)
+    (recording,) = page.recordings
+    page = replace(page, recordings=(replace(recording, in_incidents=4),))
+    words = Page(render(page)).words
+    assert "1 4 frames in incidents, 1 raised alone" in words
+    assert "1 frame raised alone is not confirmed by the half second around it" in words
+
+
+def test_vehicles_have_a_column_where_some_are_known(store, tmp_path):
+    add_recording(store, "a.mcap", vehicle=None)
+    add_recording(store, "b.mcap", vehicle=None)
+    assert "Recording From Duration" in page_of(store, tmp_path).words
+    add_recording(store, "c.mcap")
+    assert "Recording Vehicle From Duration" in page_of(store, tmp_path).words
 
 
 def test_of_many_incidents_some_are_only_listed(store, tmp_path):

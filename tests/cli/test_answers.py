@@ -1,0 +1,179 @@
+"""What the store answers can be read, and no silence or old verdict is taken for a finding of today."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import output, run
+from auditor.store import Store
+from tests.store.report_stores import add_recording, new_store
+
+ATTACK = [((1,), 10, 19)]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return new_store(tmp_path)
+
+
+def said(store: Store, capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[str, str]:
+    """What a query prints, with exit code 0."""
+    capfd.readouterr()
+    assert run(["query", *arguments, "--store", str(store.folder)]) == 0
+    return capfd.readouterr()
+
+
+def refused(capfd: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """What is said where a command could not run."""
+    capfd.readouterr()
+    assert run([str(argument) for argument in arguments]) == 2
+    return capfd.readouterr().err
+
+
+def commands_in(text: str) -> list[list[str]]:
+    """The commands that a message gives, as a shell would take them apart."""
+    found = re.findall(r'(?<!\w)auditor (?:"[^"]*"|[^;"])*?(?= lists them| shows| reaches|;|$)', text)
+    return [shlex.split(line)[1:] for line in found if not line.startswith("auditor: ")]
+
+
+def test_no_rows_are_no_silence(store, capfd):
+    add_recording(store)
+    out, err = said(store, capfd, "incidents", "recording=drive.mcap")
+    assert out.strip() == "(no rows)"
+    assert "not judged" not in err
+
+
+def test_no_rows_for_want_of_verdicts_say_so(store, capfd):
+    assert "nothing has been measured" in said(store, capfd, "incidents")[1]
+    add_recording(store, "a.mcap", judged=False)
+    add_recording(store, "b.mcap")
+    out, err = said(store, capfd, "incidents")
+    assert "(no rows)" in out
+    assert "1 of 2 measurements is not judged" in err
+    assert "not judged" in said(store, capfd, "--sql", "SELECT * FROM verdicts WHERE kind = 'attacked'")[1]
+    assert "not judged" not in said(store, capfd, "skipped")[1]
+    assert json.loads(said(store, capfd, "incidents", "--format", "json")[0]) == []
+
+
+@pytest.mark.parametrize("recording", ["nosuch", ""])
+def test_a_recording_that_is_not_there_is_refused(store, capfd, recording):
+    add_recording(store)
+    err = refused(capfd, "query", "incidents", f"recording={recording}", "--store", store.folder)
+    assert f"no recording has the name or id {recording!r}" in err
+    [command] = commands_in(err)
+    assert run(command) == 0
+    assert "drive.mcap" in capfd.readouterr().out
+
+
+def test_a_calibration_that_is_not_there_is_refused_with_a_command_that_lists_them(store, capfd):
+    add_recording(store)
+    [known] = store.ids("calibrations")
+    for arguments in (
+        ("query", "thresholds", "calibration=zzz", "--store", store.folder),
+        ("judge", store.folder, "--calibration", "zzz"),
+    ):
+        [command] = commands_in(refused(capfd, *arguments))
+        assert run(command) == 0
+        assert known in capfd.readouterr().out
+
+
+def test_a_wrong_calibration_is_told_before_anything_is_measured(tmp_path, capfd, monkeypatch):
+    def measure_all(*_: object) -> None:
+        raise AssertionError("it was measured")
+
+    monkeypatch.setattr("auditor.cli.measuring.measure_all", measure_all)
+    err = refused(capfd, "scan", tmp_path / "drive.mcap", "--calibration", "zzz", "--store", tmp_path / "new")
+    assert "auditor calibrate" in err
+    assert not (tmp_path / "new").exists()
+
+
+def test_only_what_was_judged_now_is_shown(store, capfd):
+    add_recording(store, attacks=ATTACK)
+    judge = ["judge", str(store.folder), "--method", "paper"]
+    assert run([*judge, "-r", "0"]) == 1
+    assert "Incidents" in capfd.readouterr().out
+    assert run([*judge, "-r", "0.001", "--strict"]) == 2
+    shown = capfd.readouterr()
+    assert "drive.mcap" not in shown.out
+    assert "Incidents" not in shown.out
+    assert "1 measurement keeps its verdicts from earlier" in shown.err
+    assert run([*judge, "-r", "0.001", "--strict", "--format", "json"]) == 2
+    assert json.loads(capfd.readouterr().out) == []
+
+
+def test_what_a_store_finds_attacked_is_not_calibrated_on(store, capfd):
+    add_recording(store, "attacked.mcap", attacks=ATTACK, labelled=False)
+    add_recording(store, "clean.mcap", labelled=False)
+    assert run(["calibrate", str(store.folder), "-r", "0", "--store", str(store.folder)]) == 0
+    shown = capfd.readouterr()
+    assert "attacked.mcap: left out: by its current verdicts" in shown.err
+    assert "10 frames are in incidents" in shown.err
+    assert "clean.mcap: left out" not in shown.err
+    assert "from 1 clean recordings" in shown.out
+
+
+def test_a_recording_with_held_out_incidents_is_warned_of(store, capfd):
+    for name, attacks in (("a.mcap", ()), ("b.mcap", ()), ("hit.mcap", ATTACK)):
+        add_recording(store, name, attacks=attacks, labelled=False, judged=False)
+    assert run(["calibrate", str(store.folder), "-r", "0", "--store", str(store.folder)]) == 0
+    err = capfd.readouterr().err
+    assert re.search(r"WARNING: judged by the others there are incidents in hit\.mcap \(\d+\): look", err)
+
+
+def test_sql_errors_tell_what_may_be_meant(store, capfd):
+    for sql, hint in (
+        ("SELECT * FROM verdict", 'Did you mean "verdicts"?'),
+        ("SELECT kindd FROM verdicts", "Candidate bindings:"),
+    ):
+        err = refused(capfd, "query", "--sql", sql, "--store", store.folder)
+        assert hint in err
+        assert "LINE 1" not in err
+        assert len(err.splitlines()) == 1
+
+
+def test_a_query_without_its_parameter_and_a_view_say_what_to_write(store, capfd):
+    add_recording(store)
+    assert "write frame=12: Number of the frame." in refused(capfd, "query", "frame", "--store", store.folder)
+    [command] = commands_in(refused(capfd, "query", "verdicts", "--store", store.folder))
+    assert run([*command, "--store", str(store.folder)]) == 0
+
+
+def test_the_list_fits_the_terminal_and_leaves_out_what_only_pages_ask(store, capfd, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "70")
+    out, _ = said(store, capfd)
+    assert max(map(len, out.splitlines())) <= 70
+    assert "report_frames" not in out
+    assert "incidents  " in out
+
+
+def test_a_wide_answer_cuts_ids_and_says_once_what_is_the_same(store, capfd, monkeypatch):
+    ids = {name: add_recording(store, name) for name in ("a.mcap", "b.mcap")}
+    out, _ = said(store, capfd, "summary")
+    assert all(known not in out and known[:12] in out for known in ids.values())
+    above, *_ = out.splitlines()
+    assert above.startswith("the same in all 2 rows: vehicle car 7, ")
+    assert "vehicle" not in out.removeprefix(above)
+    assert max(map(len, out.removeprefix(above).splitlines())) <= output.WIDEST_TABLE
+    recordings = json.loads(said(store, capfd, "summary", "--format", "json")[0])
+    assert {row["measurement_id"] for row in recordings} == set(ids.values()), "programs get them whole"
+    prefix = recordings[0]["recording_id"][:12]
+    [row] = json.loads(said(store, capfd, "summary", f"recording={prefix}", "--format", "json")[0])
+    assert row["name"] == recordings[0]["name"]
+    monkeypatch.setattr(output, "WIDEST_TABLE", 70)
+    out, _ = said(store, capfd, "summary")
+    assert max(len(line.rstrip()) for line in out.splitlines()[1:]) <= 70
+    monkeypatch.undo()
+    short, _ = said(store, capfd, "--sql", "SELECT measurement_id, 1 AS one FROM measurements")
+    assert all(known in short for known in ids.values()), "what fits is not cut"
+
+
+def test_tables_of_an_audit_fit_eighty_columns(store, capfd):
+    add_recording(store, attacks=ATTACK, r="0.001")
+    assert run(["judge", str(store.folder), "--method", "paper", "-r", "0.001"]) == 1
+    out = capfd.readouterr().out
+    assert "0.001*" in out
+    assert "* not resolvable" in out
+    assert max(len(line.rstrip()) for line in out.splitlines()) <= 80
