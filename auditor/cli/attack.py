@@ -44,7 +44,7 @@ class _Sensor(click.ParamType[int]):
 )
 @click.option(
     "--size",
-    type=click.FloatRange(min=0),
+    type=options.FiniteRange(min=0),
     help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
     "hidden sector or turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
     "(blobs), share of light that dims.",

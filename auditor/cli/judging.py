@@ -4,7 +4,6 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,16 +31,7 @@ class Judging:
     min_coverage: float = 0.99
 
     def __post_init__(self) -> None:
-        allowed = self.incidents_per_hour
-        if allowed is None:
-            return
-        if not isfinite(allowed):
-            raise SettingError(
-                f"{allowed} is no number of incidents",
-                where="--incidents-per-hour",
-                remedy="give a number, 0 or more, or leave it away to bound them by nothing but r",
-            )
-        if self.method == "paper":
+        if self.method == "paper" and self.incidents_per_hour is not None:
             raise SettingError(
                 "the paper's method has no score that incidents per hour could set",
                 where="--incidents-per-hour",

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from decimal import Decimal
 from functools import wraps
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,6 +18,18 @@ if TYPE_CHECKING:
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 DEFAULT_STORE = Path("audit")
+
+
+class FiniteRange(click.FloatRange):
+    """A number within limits; "nan" and "inf", which Python reads as numbers, are none."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number. Fails as click does."""
+        number = super().convert(value, param, ctx)
+        if not isfinite(number):
+            self.fail(f"{value!r} is no number", param, ctx)
+        return float(number)
+
 
 store_option = click.option(
     "--store",
@@ -102,7 +115,7 @@ def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (
         click.option(
             "--memory-limit",
-            type=click.FloatRange(min=0, min_open=True),
+            type=FiniteRange(min=0, min_open=True),
             default=4096,
             show_default=True,
             metavar="MB",
@@ -110,7 +123,7 @@ def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--time-limit",
-            type=click.FloatRange(min=0, min_open=True),
+            type=FiniteRange(min=0, min_open=True),
             metavar="SECONDS",
             help="Time that measuring one recording may take.  [default: any, while a frame comes every ten minutes]",
         ),
@@ -218,7 +231,7 @@ def judging_options(command: Decorated) -> Decorated:
     for option in (
         click.option(
             "--min-coverage",
-            type=click.FloatRange(0, 1),
+            type=FiniteRange(0, 1),
             default=0.99,
             show_default=True,
             help="Share of frames below which a recording counts as not fully audited.",
@@ -241,7 +254,7 @@ def judging_options(command: Decorated) -> Decorated:
         ),
         click.option(
             "--incidents-per-hour",
-            type=click.FloatRange(min=0),
+            type=FiniteRange(min=0),
             metavar="NUMBER",
             help="With --method robust: at most so many on clean drives; sets the threshold of its score.",
         ),
