@@ -1,5 +1,6 @@
 """Verdicts of the robust method: the attack that explains all witnesses at once, and what carried it."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -32,6 +33,12 @@ class System:
     elements: tuple[Element, ...]
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
+
+    @property
+    def in_several_pairs(self) -> frozenset[int]:
+        """The cameras matched with more than one other: what is wrong with one of them shows in all its pairs."""
+        pairs = Counter(s for e in self.elements if e.witness is Witness.UNLIKE for s in (e.i, e.k))
+        return frozenset(sensor for sensor, number in pairs.items() if number > 1)
 
     @property
     def attack_sets(self) -> tuple[tuple[int, ...], ...]:

@@ -4,7 +4,7 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved alike.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +29,7 @@ _MOSTLY = 0.5
 
 _LEAST_TOLD = 0.2  # of a margin of -1.8
 
-_RAIN_RAISES = 0.0
+_RAIN_RAISES = -0.75
 """The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
 
 
@@ -49,10 +49,10 @@ def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yard
     return told
 
 
-def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
+def weigh(verdict: Verdict, causes: Sequence[Suspicion], in_several_pairs: Collection[int] = ()) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
-    The attack stays the first of its alternatives.
+    The attack stays the first of its alternatives. `in_several_pairs` are the cameras matched with more than one other.
 
     A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
     that the verdict was reached without cannot have raised anything. What stands out much further in one place than a
@@ -60,7 +60,7 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion]) -> Verdict:
     """
     raised = verdict.kind in FINDINGS
     least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if raised else 0.0
-    kept = tuple(one for one in causes if (_explains(one, verdict) if raised else _by_itself(one)))
+    kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if raised else _by_itself(one)))
     enough = any(
         one.score >= ENOUGH
         and _margin(one) >= least
@@ -85,13 +85,14 @@ def _by_itself(suspicion: Suspicion) -> bool:
     return suspicion.score >= ENOUGH and suspicion.cause is not Cause.SOILED
 
 
-def _explains(suspicion: Suspicion, verdict: Verdict) -> bool:
+def _explains(suspicion: Suspicion, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
     """Whether a cause can have raised what a verdict's evidence says."""
     witnesses = {one.witness for one in verdict.evidence}
     if suspicion.cause is Cause.SOILED and suspicion.sensor not in verdict.attacked:
-        # What looks like dirt on one camera may be light in another: only the clearest dirt is believed.
+        # To one pair dirt on a camera looks like light in the other: several must see it, clearer than what was raised.
         strongest = max(one.margin for one in verdict.evidence)
-        return _margin(suspicion) >= strongest and _raises_most(suspicion.sensor, verdict)
+        seen = suspicion.sensor in in_several_pairs and _margin(suspicion) >= strongest
+        return seen and _raises_most(suspicion.sensor, verdict)
     if suspicion.cause is Cause.DARK:
         return Witness.LIGHT.value not in witnesses
     if suspicion.cause is Cause.RAIN and not witnesses.isdisjoint(OF_THE_LIDAR):

@@ -55,7 +55,11 @@ def judge_heard(
     alone = accuse(z, system, missing)
     around = accuse(window_means(z, frames.stamps_ns, WINDOW_S), system, missing, threshold)
     told = [_with_frozen(s, others) for s, others in zip(_sensors(system, still), causes or [()] * len(z), strict=True)]
-    return [_joined(weigh(one, why), weigh(moment, why)) for one, moment, why in zip(alone, around, told, strict=True)]
+    several = system.in_several_pairs
+    return [
+        _joined(weigh(one, why, several), weigh(moment, why, several))
+        for one, moment, why in zip(alone, around, told, strict=True)
+    ]
 
 
 def _sensors(system: System, chosen: NDArray[np.bool_]) -> list[frozenset[int]]:

@@ -110,6 +110,10 @@ def test_a_lidar_that_nobody_could_contradict_is_said_to_be_so_whatever_else_is_
     assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
 
 
+def test_a_reference_is_in_several_pairs_and_its_witnesses_are_not():
+    assert SYSTEM.in_several_pairs == {3}
+
+
 def test_frames_keep_their_order_whatever_each_of_them_lacks():
     z = np.full((4, len(SYSTEM.elements)), -1.0)
     z[1, SYSTEM.elements.index(U23)] = 2.0
