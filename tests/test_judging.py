@@ -5,7 +5,7 @@ from decimal import Decimal
 import pytest
 
 from auditor.cli.judging import Judging, Tally, judge_all
-from auditor.errors import SettingError, StoreError
+from auditor.errors import StoreError
 from auditor.judging import Criteria, calibrate, judge_measurement
 from auditor.results import Method
 from auditor.store import tables
@@ -92,9 +92,3 @@ def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_p
         load_page(store)
         counts.append(reads.count("judgements"))
     assert counts[1] == 2 * counts[0]
-
-
-@pytest.mark.parametrize("number", [float("inf"), float("nan")])
-def test_a_number_of_incidents_per_hour_that_is_none_is_refused(number):
-    with pytest.raises(SettingError, match=r"--incidents-per-hour: (inf|nan) is no number of incidents; give a number"):
-        Judging(ZERO, incidents_per_hour=number)

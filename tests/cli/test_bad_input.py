@@ -144,6 +144,7 @@ def test_a_thresholds_file_that_is_none_is_refused(clean: Path, store: Path, tmp
         (["scan", "-r", "1.5"], "not between 0 and 1"),
         (["scan", "-r", "often"], "no number"),
         (["scan", "--incidents-per-hour", "inf"], "'inf' is no number"),
+        (["scan", "--incidents-per-hour", "nan"], "'nan' is no number"),
         (["scan", "--min-coverage", "nan"], "'nan' is no number"),
         (["scan", "--incidents-per-hour", "1", "--method", "paper"], "leave it away"),
         (["calibrate", "--frames", "20"], "no range of frames"),
