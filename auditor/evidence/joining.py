@@ -1,6 +1,7 @@
 """Cameras that do not stand on one line: each pair is measured as a rig of two, and a frame is what all pairs say."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -10,8 +11,7 @@ from auditor.evidence.comparing import Comparison, compare_cameras
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.one_view import Evidence, Looked, OwnEvidence, lidar_views
 from auditor.evidence.rectifying import PairView
-from auditor.evidence.sectors import emptiness
-from auditor.evidence.testimony import Testimony, lights, specks_of, standing_alone
+from auditor.evidence.testimony import Testimony, testify
 from auditor.rig import LIDAR, Rig, Triple
 from auditor.symptoms import Pair
 
@@ -57,13 +57,10 @@ def joined(
     Light, empty strips and scattered points are looked for in the common view, whose pictures and LiDAR's views the
     others are: its cells are larger than what cameras beside a line miss.
     """
-    alone = standing_alone(views, rig)
-    return Testimony(
+    return replace(
+        testify(halves, {}, views, rig),
         contradicted=_of_pairs({pair: one.contradicted for pair, one in told.items()}),
         unlike=_of_pairs({pair: one.unlike for pair, one in told.items()}),
-        light=lights(halves, views, alone, rig),
-        emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
-        specks=specks_of(views, alone, rig),
         adjudications=_of_pairs({pair: one.adjudications for pair, one in told.items()}),
         likenesses=_of_pairs({pair: one.likenesses for pair, one in told.items()}),
     )

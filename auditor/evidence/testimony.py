@@ -69,7 +69,7 @@ def testify(
     `halves` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (witness, reference),
     `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
-    alone = standing_alone(views, rig)
+    alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): too_near(views[k], alone[k], rig, i, matchable(stereo.range_px), halves[k].shape)
         for (i, k), stereo in maps.items()
@@ -87,25 +87,15 @@ def testify(
             for (j, k), points in adjudications.items()
         },
         unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
-        light=lights(halves, views, alone, rig),
+        light=_lights(halves, views, alone, rig),
         emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
-        specks=specks_of(views, alone, rig),
+        specks={k: specks(view, alone[k], rig.camera(k).width_px) for k, view in views.items()},
         adjudications=adjudications,
         likenesses=likenesses,
     )
 
 
-def standing_alone(views: Mapping[int, LidarView], rig: Rig) -> dict[int, Mask]:
-    """By reference which of the LiDAR's points stand alone."""
-    return {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
-
-
-def specks_of(views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig) -> dict[int, Specks]:
-    """By reference how many of the LiDAR's points stand `alone`."""
-    return {k: specks(view, alone[k], rig.camera(k).width_px) for k, view in views.items()}
-
-
-def lights(
+def _lights(
     halves: Mapping[int, NDArray[np.uint8]], views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig
 ) -> dict[Pair, Light]:
     """The light that one of two cameras alone sees, for all pairs."""
