@@ -1,5 +1,6 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
+from collections.abc import Iterator
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
@@ -85,17 +86,7 @@ def command(
     if recordings:
         measured = measure_all(recordings, store, tally, measuring)
         given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
-    kept_before = [
-        (kept, known, judgements.get(known))
-        for kept, judgements in ((kept, kept.current_judgements()) for kept in opened)
-        for known in kept.ids("measurements")
-        if known not in {one for _, one in given}
-    ]
-    clean = [
-        (kept, known)
-        for kept, known, judgement in kept_before
-        if _is_clean(kept, known) and _is_cleared(kept, known, judgement)
-    ]
+    clean = [one for kept in opened for one in _cleared(kept, {known for _, known in given})]
     clean += [(kept, known) for kept, known in given if _is_clean(kept, known)]
     if not clean:
         raise ThresholdsError(
@@ -132,6 +123,14 @@ def _is_clean(store: "Store", measurement: str) -> bool:
     if attacked:
         say(f"{recording_name(store, measurement)}: left out: it carries the ground truth of an attack")
     return not attacked
+
+
+def _cleared(store: "Store", given: set[str]) -> "Iterator[tuple[Store, str]]":
+    """What a store holds beside the measurements `given` that neither labels nor verdicts speak against."""
+    judgements = store.current_judgements()
+    for known in store.ids("measurements"):
+        if known not in given and _is_clean(store, known) and _is_cleared(store, known, judgements.get(known)):
+            yield store, known
 
 
 def _is_cleared(store: "Store", measurement: str, judgement: "StoredJudgement | None") -> bool:

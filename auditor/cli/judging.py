@@ -84,10 +84,10 @@ def named_calibration(folder: Path, name: str | None) -> "Calibration | None":
     if Path(name).is_file():
         return read_calibration(Path(name))
     store = Store.open(folder) if Store.is_at(folder) else None
-    known = store.ids("calibrations") if store else []
-    matching = [one for one in known if name and one.startswith(name)]
+    matching = store.calibrations_called(name) if store else []
     if store is None or len(matching) != 1:
         what = "several calibrations begin so" if matching else "no calibration has that id, and no file that name"
+        known = store is not None and bool(store.ids("calibrations"))
         remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
         raise ThresholdsError(what, where=name or "--calibration", remedy=remedy)
     return store.calibration(matching[0])

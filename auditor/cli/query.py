@@ -78,18 +78,13 @@ def _check_names(store: "Store", asked: "SqlFile", values: Mapping[str, str]) ->
 
     named = {parameter.name: values[parameter.name] for parameter in asked.parameters if parameter.name in values}
     recording, calibration = named.get("recording"), named.get("calibration")
-    if recording is not None and not any(
-        recording and (recording == known.name or known.recording_id.startswith(recording))
-        for known in store.recordings()
-    ):
+    if recording is not None and not store.recordings_called(recording):
         raise QueryError(
             f"no recording has the name or id {recording!r}",
             where=f"query {asked.name}",
             remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
         )
-    if calibration is not None and not any(
-        calibration and known.startswith(calibration) for known in store.ids("calibrations")
-    ):
+    if calibration is not None and not store.calibrations_called(calibration):
         raise QueryError(
             f"no calibration has an id that begins with {calibration!r}",
             where=f"query {asked.name}",

@@ -89,8 +89,7 @@ def _audits(store: Store, wanted: str | None, teachers: _Teachers) -> list[_Audi
     """The latest measurement of each rig of each wanted recording, by time of recording."""
     recordings = {
         recording.recording_id: recording
-        for recording in store.recordings()
-        if wanted is None or wanted == recording.name or (wanted and recording.recording_id.startswith(wanted))
+        for recording in (store.recordings() if wanted is None else store.recordings_called(wanted))
     }
     if wanted is not None and not recordings:
         raise StoreError(

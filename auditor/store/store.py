@@ -106,6 +106,14 @@ class Store:
             for row in self._rows("recordings")
         ]
 
+    def recordings_called(self, wanted: str) -> list[RecordingRecord]:
+        """Those of this name, or whose ids begin so."""
+        return [
+            known
+            for known in self.recordings()
+            if wanted and (wanted == known.name or known.recording_id.startswith(wanted))
+        ]
+
     def has_recording(self, recording_id: str) -> bool:
         """True where a recording was kept."""
         return self.path("recordings", recording_id).is_file()
@@ -220,6 +228,10 @@ class Store:
             with suppress(OutdatedCalibrationError):
                 found.append(self.calibration(calibration_id))
         return found
+
+    def calibrations_called(self, beginning: str) -> list[str]:
+        """The ids of calibrations that begin so."""
+        return [known for known in self.ids("calibrations") if beginning and known.startswith(beginning)]
 
     def teachers(self) -> dict[str, tuple[str, ...]]:
         """The recordings that each calibration was made from, by its id: also those of older versions."""
