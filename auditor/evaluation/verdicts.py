@@ -88,7 +88,7 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
 
     A rig without triples has no systems, so that nothing is said of its cases.
     """
-    elements = rig_elements(rig)
+    elements, of_rig = rig_elements(rig), systems(rig)
     ratios = np.array([case.ratios for case in cases], dtype=np.float64).reshape(len(cases), len(elements))
     clean = np.array([case.experiment == "clean" for case in cases], dtype=np.bool_)
     for held_out, tested, calibrated in _folds(cases, clean):
@@ -97,7 +97,7 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
         scales = yardsticks(ratios[calibrated], elements, JUDGED_R)
         z = margins(ratios, scales)
         around_z = _around(z, cases, np.flatnonzero(tested).tolist())
-        for sensors in systems(rig):
+        for sensors in of_rig:
             chosen = [place for place in np.flatnonzero(tested).tolist() if _is_judged(cases[place], sensors, rig)]
             columns = [c for c, element in enumerate(elements) if set(element.needed) <= set(sensors)]
             system = System(
@@ -109,7 +109,7 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
             around = accuse(around_z[np.ix_(chosen, columns)], system, missing)
             for place, verdict, moment in zip(chosen, found, around, strict=True):
                 case = cases[place]
-                finding = sensors == systems(rig)[-1] and verdict.kind in FINDINGS and moment.kind in FINDINGS
+                finding = sensors == of_rig[-1] and verdict.kind in FINDINGS and moment.kind in FINDINGS
                 yield (
                     case.evaluation_id,
                     CaseVerdict(

@@ -143,9 +143,9 @@ def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
 
     No two cameras see enough of its points, or lie far enough apart, or clean frames taught nothing of it.
     """
-    denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
     if LIDAR not in present:
         return [""] * len(z)
+    denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
     unheard = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
     return [_UNHEARD if alone else "" for alone in unheard.tolist()]
 

@@ -70,10 +70,8 @@ def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ..
     lacks points, or has some here and there, need not be contradicted by the others.
     """
     raised, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
-    own, denied = (
-        np.array([e.witness in chosen for e in elements], dtype=np.bool_)
-        for chosen in (OF_THE_LIDAR, {Witness.CONTRADICTED})
-    )
+    own = np.array([e.witness in OF_THE_LIDAR for e in elements], dtype=np.bool_)
+    denied = np.array([e.witness is Witness.CONTRADICTED for e in elements], dtype=np.bool_)
     silent[np.ix_(raised[:, own].any(axis=1), denied)] = 0
     unexplained = np.array([[1 - explained(e, s) for s in sets] for e in elements], dtype=np.float64)
     demanded = np.array([[demands(e, s) for s in sets] for e in elements], dtype=np.float64)
