@@ -52,11 +52,10 @@ def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yard
 def weigh(verdict: Verdict, causes: Sequence[Suspicion], in_several_pairs: Collection[int] = ()) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
-    The attack stays the first of its alternatives. `in_several_pairs` are the cameras matched with more than one other.
-
     A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
     that the verdict was reached without cannot have raised anything. What stands out much further in one place than a
-    cause does over the whole picture is that place's own: an attack.
+    cause does over the whole picture is that place's own: an attack. Of a `suspect` verdict it stays the first of the
+    alternatives. `in_several_pairs` are the cameras matched with more than one other.
     """
     raised = verdict.kind in FINDINGS
     least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if raised else 0.0

@@ -107,7 +107,7 @@ def report(title: str, parts: Sequence[tuple[Rig, Learnt, Sequence[Series]]], *,
                 counted = outcome(series, verdict)
                 for name in names(series):
                     rows[kind, name].update(counted)
-            if kind != "attack":
+            if list_accused and kind != "attack":
                 accused += accusations(series, verdicts, suspected(series.frames, learnt, rig))
     print(title)
     for (kind, name), n in rows.items():
