@@ -36,14 +36,14 @@ def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: 
 
 def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str) -> None:
     """The thresholds of the paper's method at r, one row a statistic and triple."""
-    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
 
     thresholds = run_query(store, "thresholds", {"calibration": calibration.calibration_id, "r": r})
     if form != "table":
         emit(thresholds, form)
         return
     _head(calibration)
-    rows = thresholds.to_pylist()
+    rows = rows_of(thresholds)
     told = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in rows]
     print_rows(told, _PAPER_COLUMNS)
 

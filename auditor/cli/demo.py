@@ -122,10 +122,10 @@ def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
 
 def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
     """Print what was planted beside what was found; True where they are the same."""
-    from auditor.store import run_query  # noqa: PLC0415
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
 
-    summary = {row["name"]: row for row in run_query(store, "summary", {}).to_pylist()}
-    incidents = run_query(store, "incidents", {}).to_pylist()
+    summary = {row["name"]: row for row in rows_of(run_query(store, "summary", {}))}
+    incidents = rows_of(run_query(store, "incidents", {}))
     rows = []
     for take in takes:
         found = summary[take.file.name]

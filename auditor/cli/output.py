@@ -27,11 +27,11 @@ format_option = click.option(
 
 def emit(table: "Table", form: str, title: str = "") -> None:
     """Print rows to stdout in one of FORMATS."""
-    if form == "table":
-        print_rows(table.to_pylist(), table.column_names, title)
-        return
-    from auditor.store.export import encode  # noqa: PLC0415 - Arrow is heavy
+    from auditor.store.export import encode, rows_of  # noqa: PLC0415 - Arrow is heavy
 
+    if form == "table":
+        print_rows(rows_of(table), table.column_names, title)
+        return
     sys.stdout.buffer.write(encode(table, form))
     sys.stdout.buffer.flush()
 

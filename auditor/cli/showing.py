@@ -26,11 +26,11 @@ def show_audit(
     `judged` are the measurements that were judged just now: verdicts that others keep from earlier are not shown, only
     said to be there.
     """
-    from auditor.store import run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
 
     summary = run_query(store, "summary", {})
     shown_rows, earlier = [], 0
-    for place, row in enumerate(summary.to_pylist()):
+    for place, row in enumerate(rows_of(summary)):
         if recording_ids is not None and row["recording_id"] not in recording_ids:
             continue
         if judged is None or row["measurement_id"] in judged or row["method"] is None:
@@ -44,14 +44,14 @@ def show_audit(
     if form != "table":
         emit(summary, form)
         return
-    rows = summary.to_pylist()
+    rows = rows_of(summary)
     print_rows([_recording(row) for row in rows], _RECORDING_COLUMNS)
     if any(row["resolvable"] is False for row in rows):
         click.echo(f"{_UNRESOLVED} not resolvable: judged as at r = 0")
     measurements = {row["measurement_id"] for row in rows}
     incidents = [
         _incident(row)
-        for row in run_query(store, "incidents", {}).to_pylist()
+        for row in rows_of(run_query(store, "incidents", {}))
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
     if incidents:

@@ -17,7 +17,7 @@ from auditor.identification.robust import WINDOW_S
 from auditor.identification.windows import window_means
 from auditor.results import FINDINGS, VerdictKind
 from auditor.rig import LIDAR, Rig
-from auditor.store import Store, run_sql
+from auditor.store import Store, rows_of, run_sql
 from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
 from auditor.thresholds import Yardstick
 
@@ -71,7 +71,7 @@ def judge_cases(store: Store) -> None:
     elements_of = cache(lambda rig_id: rig_elements(rig_of(rig_id)))
     setups: dict[tuple[str, tuple[Element, ...]], list[Case]] = defaultdict(list)
     rigs: dict[tuple[str, tuple[Element, ...]], Rig] = {}
-    for row in run_sql(store, _CASES).to_pylist():
+    for row in rows_of(run_sql(store, _CASES)):
         setup = row["setup"], elements_of(row["rig_id"])
         rigs[setup] = rig_of(row["rig_id"])
         setups[setup].append(_case(row))

@@ -5,7 +5,7 @@ import pyarrow
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.describing import Description, describe, list_views
 from auditor.store.evaluation_report import render_evaluation_report
-from auditor.store.export import table_of
+from auditor.store.export import rows_of, table_of
 from auditor.store.frames_writer import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
@@ -46,6 +46,7 @@ __all__ = [
     "read_calibration",
     "render_evaluation_report",
     "render_incident_report",
+    "rows_of",
     "run_query",
     "run_sql",
     "table_of",

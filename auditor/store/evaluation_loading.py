@@ -16,6 +16,7 @@ from auditor.store.evaluation_objects import OBJECT_RATES, object_grids, object_
 from auditor.store.evaluation_page import Evaluated, EvaluationPage, Setup
 from auditor.store.evaluation_sheets import sheets
 from auditor.store.evaluation_tables import described, grids
+from auditor.store.export import rows_of
 from auditor.store.queries import run_query, run_sql
 from auditor.store.store import Store
 
@@ -25,13 +26,13 @@ CLEARLY_SEEN = 0.9
 
 def load_evaluation(store: Store) -> EvaluationPage:
     """The page of everything that was evaluated into a store. Raises StoreError where nothing was."""
-    parts = run_sql(store, "SELECT * FROM evaluations ORDER BY name, stretch").to_pylist()
+    parts = rows_of(run_sql(store, "SELECT * FROM evaluations ORDER BY name, stretch"))
     if not parts:
         raise StoreError(
             "nothing has been evaluated", where=store.folder, remedy="attack clean recordings with auditor evaluate"
         )
     answers = {
-        name: run_query(store, f"evaluation_{name}", parameters).to_pylist()
+        name: rows_of(run_query(store, f"evaluation_{name}", parameters))
         for name, parameters in {
             "detection": {"r": list(CURVE_RATES)},
             "identification": {"r": list(CURVE_RATES)},

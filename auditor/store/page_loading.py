@@ -17,6 +17,7 @@ from auditor.errors import StoreError
 from auditor.frames import SensorState
 from auditor.results import Method, Statistic, VerdictKind
 from auditor.rig import Rig
+from auditor.store.export import rows_of
 from auditor.store.page import (
     EDGE,
     Clock,
@@ -153,7 +154,7 @@ def _outline(store: Store, audit: _Audit, teachers: _Teachers) -> RecordingPart:
 def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:
     """What each measurement has of every incident, as the query of that name finds them."""
     incidents: dict[str, list[IncidentPart]] = {}
-    for number, row in enumerate(run_query(store, "incidents", {"recording": recording}).to_pylist()):
+    for number, row in enumerate(rows_of(run_query(store, "incidents", {"recording": recording}))):
         for place, part in enumerate(row["parts"], start=1):
             incident = IncidentPart(
                 number=number,
@@ -245,7 +246,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     part = replace(part, sensors=_coverage(store, audit, errors, part.sensors), truths=truths)
     if audit.judgement is None or not len(errors.frames):
         return part
-    frames = run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}).to_pylist()
+    frames = rows_of(run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}))
     timeline = Timeline(part, _measured(store, audit, errors), frames)
     return replace(
         part,

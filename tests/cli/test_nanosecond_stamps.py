@@ -1,0 +1,80 @@
+"""Real clocks tick in nanoseconds: a recording with such stamps is audited, asked about and reported."""
+
+import csv
+import importlib.util
+import io
+import json
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from auditor.cli import run
+from auditor.store import list_queries
+from tests.small_drives import PERIOD_NS, write_drive
+
+START_NS = 1_317_042_145_964_389_445
+ATTACKED = {2: range(5, 12)}
+FROM_UTC = "2011-09-26T13:02:26.464389445Z"
+FORMATS = ("table", "json", "csv", "parquet")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean recording and an attacked one, scanned with exit code 1 into the store `audit`."""
+    folder = tmp_path_factory.mktemp("nanoseconds")
+    clean, attacked = (folder / name for name in ("clean.mcap", "attacked.mcap"))
+    write_drive(clean, seed=1, start_ns=START_NS - 60 * 10**9)
+    write_drive(attacked, seed=1, start_ns=START_NS, attacked=ATTACKED)
+    store = ["--store", str(folder / "audit")]
+    assert run(["calibrate", str(clean), "-r", "0", *store]) == 0
+    assert run(["scan", str(attacked), "-r", "0", *store]) == 1
+    return folder
+
+
+def asked(folder: Path, capfdbinary: pytest.CaptureFixture[bytes], *arguments: str) -> bytes:
+    """What a query prints, with exit code 0."""
+    capfdbinary.readouterr()
+    assert run(["query", *arguments, "--store", str(folder / "audit")]) == 0
+    return capfdbinary.readouterr().out
+
+
+def test_pandas_which_alone_has_a_type_for_nanoseconds_is_not_there():
+    assert importlib.util.find_spec("pandas") is None
+
+
+def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):
+    told = {form: asked(folder, capfdbinary, "incidents", "--format", form) for form in FORMATS}
+    assert FROM_UTC in told["table"].decode()
+    [row] = json.loads(told["json"])
+    assert (row["from_utc"], row["from_ns"]) == (FROM_UTC, START_NS + 5 * PERIOD_NS)
+    [row] = csv.DictReader(io.StringIO(told["csv"].decode()))
+    assert (row["from_utc"], row["from_ns"]) == (FROM_UTC, str(START_NS + 5 * PERIOD_NS))
+    [moment] = pq.read_table(pa.BufferReader(told["parquet"])).column("from_utc")
+    assert moment.value == START_NS + 5 * PERIOD_NS
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("name", [known.name for known in list_queries()])
+def test_every_query_answers(name, form, folder, capfdbinary):
+    assert asked(folder, capfdbinary, name, *(["frame=7"] if name == "frame" else []), "--format", form)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_moment_of_ones_own_sql_is_told(form, folder, capfdbinary):
+    sql = "SELECT make_timestamp_ns(stamp_ns) AS moment, [moment] AS moments FROM verdicts ORDER BY frame LIMIT 1"
+    told = asked(folder, capfdbinary, "--sql", sql, "--format", form)
+    assert form == "parquet" or b"2011-09-26T13:02:25.964389445Z" in told
+
+
+@pytest.mark.parametrize("method", ["robust", "paper"])
+def test_judging_again_ends_in_the_code_of_findings(method, folder, capfd):
+    assert run(["judge", str(folder / "audit"), "-r", "0", "--method", method]) == 1
+    assert "Incidents" in capfd.readouterr().out
+
+
+def test_the_report_tells_the_moment(folder, tmp_path):
+    page = tmp_path / "page.html"
+    assert run(["report", "--store", str(folder / "audit"), "--out", str(page)]) == 0
+    assert "2011-09-26 13:02:26.464 UTC" in page.read_text()

@@ -1,0 +1,67 @@
+"""Answers leave the store with all digits of their times, in every form."""
+
+import csv
+import io
+import json
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from auditor.store import rows_of, run_sql
+from auditor.store.export import encode
+from tests.store.making import new_store
+
+NS = 1_317_042_145_964_389_445
+TEXT = "2011-09-26T13:02:25.964389445Z"
+
+
+def answer(folder, sql):
+    return run_sql(new_store(folder), f"SELECT {sql} AS x")
+
+
+@pytest.mark.parametrize(
+    ("sql", "value"),
+    [
+        (f"make_timestamp_ns({NS}::BIGINT)", TEXT),
+        ("make_timestamp_ns(1317042145000000000::BIGINT)", "2011-09-26T13:02:25.000000000Z"),
+        ("make_timestamp_ns(-1::BIGINT)", "1969-12-31T23:59:59.999999999Z"),
+        ("NULL::TIMESTAMP_NS", None),
+        ("TIMESTAMP '2011-09-26 13:02:25.9'", "2011-09-26T13:02:25.900000Z"),
+        ("TIMESTAMPTZ '2011-09-26 13:02:25.9+02'", "2011-09-26T11:02:25.900000Z"),
+        ("TIMESTAMP '21000-01-01'", "21000-01-01T00:00:00.000000Z"),
+        ("DATE '2011-09-26'", "2011-09-26"),
+        ("'01:02:03.123456789'::TIME_NS", "01:02:03.123456789"),
+        (f"{{'at': [make_timestamp_ns({NS}::BIGINT), NULL], 'n': 1}}", {"at": [TEXT, None], "n": 1}),
+        (f"[make_timestamp_ns({NS}::BIGINT)]::TIMESTAMP_NS[1]", [TEXT]),
+        (f"map {{'at': make_timestamp_ns({NS}::BIGINT)}}", [{"key": "at", "value": TEXT}]),
+        (f"union_value(at := make_timestamp_ns({NS}::BIGINT))", TEXT),
+        ("map {'n': 1}", [("n", 1)]),
+        ("[0.5::DOUBLE, NULL]", [0.5, None]),
+    ],
+)
+def test_a_time_is_text_with_every_digit_wherever_it_stands(tmp_path, sql, value):
+    table = answer(tmp_path, sql)
+    assert rows_of(table) == [{"x": value}]
+    assert json.loads(encode(table, "json")) == json.loads(json.dumps([{"x": value}]))
+
+
+def test_csv_holds_the_same_texts_as_json(tmp_path):
+    moment = f"make_timestamp_ns({NS}::BIGINT)"
+    table = answer(tmp_path, f"{moment} AS at, [{moment}] AS all, DATE '2011-09-26' AS day, 7")
+    [row] = csv.DictReader(io.StringIO(encode(table, "csv").decode()))
+    assert row == {"at": TEXT, "all": f'["{TEXT}"]', "day": "2011-09-26", "x": "7"}
+
+
+def test_parquet_keeps_nanoseconds_as_they_are(tmp_path):
+    table = answer(tmp_path, f"make_timestamp_ns({NS}::BIGINT)")
+    [column] = pq.read_table(pa.BufferReader(encode(table, "parquet"))).columns
+    assert column.type == pa.timestamp("ns")
+    assert column.cast(pa.int64()).to_pylist() == [NS]
+
+
+def test_rows_are_in_their_order_and_none_are_none(tmp_path):
+    store = new_store(tmp_path)
+    some = run_sql(store, f"SELECT make_timestamp_ns({NS}::BIGINT + x) AS at, x FROM range(3) AS r(x) ORDER BY x DESC")
+    assert rows_of(some) == [{"at": f"{TEXT[:-2]}{5 + x}Z", "x": x} for x in (2, 1, 0)]
+    assert rows_of(some.slice(0, 0)) == []
