@@ -32,7 +32,7 @@ from tests.store.making import NOON
 FOLDER = Path(__file__).parent
 FRAME, STRETCH = FOLDER / "frame.toml", FOLDER / "stretch.toml"
 
-FRAME_NUMBER = 20
+FRAME_NUMBER = 3
 WALL = BogusWall(range_m=3.2, lateral_m=0.3)
 """Nearer than the widest pair's matcher can see."""
 FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
