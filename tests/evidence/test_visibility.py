@@ -56,8 +56,10 @@ def seen(u, rows, d0, rig=None):
 
 @pytest.mark.parametrize(
     ("right", "down", "visible"),
-    [(1, 0, False), (-1, 0, False), (0, 3, False), (0, -3, False), (1, 3, False)]
-    + [(2, 0, True), (-2, 0, True), (0, 4, True), (0, -4, True)],
+    [
+        *((1, 0, False), (-1, 0, False), (0, 3, False), (0, -3, False), (1, 3, False)),
+        *((2, 0, True), (-2, 0, True), (0, 4, True), (0, -4, True)),
+    ],
 )
 def test_a_near_point_hides_what_is_within_one_column_and_three_rows_at_half_resolution(right, down, visible):
     assert seen([200, 150 + 2 * right], [60, 60 + 2 * down], [60, 10]) == [True, visible]
