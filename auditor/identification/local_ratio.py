@@ -98,5 +98,5 @@ def _window_sums(grid: Grid, window: Window) -> NDArray[np.int64]:
     """The sum of every whole window, from a summed-area table; none where the grid is smaller than a window."""
     table = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), dtype=np.int64)
     table[1:, 1:] = grid.cumsum(axis=0, dtype=np.int64).cumsum(axis=1)
-    r, c = min(window.rows, grid.shape[0] + 1), min(window.columns, grid.shape[1] + 1)
+    r, c = window.rows, window.columns
     return np.asarray(table[r:, c:] - table[:-r, c:] - table[r:, :-c] + table[:-r, :-c])

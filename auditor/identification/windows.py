@@ -20,7 +20,7 @@ def window_means(z: Floats, stamp_ns: NDArray[np.int64], seconds: float) -> Floa
     step = np.diff(stamp_ns, prepend=stamp_ns[:1])
     usual = np.median(step[1:]) if step.size > 1 else 0
     run = np.cumsum((step < 0) | (step > GAP_PERIODS * usual))
-    time_ns = np.cumsum(np.where(step < 0, 2 * half + 1, step))
+    time_ns = np.cumsum(np.maximum(step, 0))
     first_of_run = np.searchsorted(run, run, side="left")
     end_of_run = np.searchsorted(run, run, side="right")
     first = np.maximum(np.searchsorted(time_ns, time_ns - half, side="left"), first_of_run)

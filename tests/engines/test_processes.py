@@ -73,14 +73,11 @@ def greedy(item: str, progress: Progress) -> str:
     if item == "hungry":
         kept = bytearray(600 << 20)
         kept[:: 1 << 12] = bytes(len(kept) >> 12)
+    if item in ("hungry", "silent"):
         signal.pause()
-    for step in range(20):
-        if item == "silent":
-            signal.pause()
-        time.sleep(0.1)
-        progress("slowly" if item == "slow" else "quickly", step)
-        if item == "modest":
-            break
+    while item == "endless":
+        time.sleep(0.05)
+        progress("slowly", 0)
     return item
 
 
@@ -88,23 +85,44 @@ def greedy(item: str, progress: Progress) -> str:
     ("item", "limits", "says"),
     [
         ("hungry", Limits(memory_mb=500), "more than 500 MB of memory"),
-        ("slow", Limits(seconds=0.5), "longer than 0.5 s"),
+        ("endless", Limits(seconds=0.5), "longer than 0.5 s"),
         ("silent", Limits(silent_s=0.5), "no frame came for"),
     ],
 )
 def test_a_task_over_its_budget_is_one_error_and_the_others_go_on(item: str, limits: Limits, says: str) -> None:
-    done = {o.item: o for o in run_all(greedy, ["modest", item, "modest too"], 2, lambda *_: None, lambda _: limits)}
-    if item == "slow":
-        done.pop("modest too")  # it takes as long
+    """Only the task that never ends has a budget: however busy the machine, the others come to their end."""
+    items = ["modest", item, "modest too"]
+    outcomes = run_all(greedy, items, 2, lambda *_: None, lambda one: limits if one == item else Limits())
+    done = {o.item: o for o in outcomes}
     assert isinstance(done[item].error, LimitError)
     assert says in str(done[item].error)
     assert "--" in str(done[item].error)
-    assert done["modest"].result == "modest"
+    assert {one: outcome.result for one, outcome in done.items() if one != item} == {
+        "modest": "modest",
+        "modest too": "modest too",
+    }
 
 
-def test_frames_that_come_keep_a_task_alive_and_large_recordings_may_be_silent_longer() -> None:
-    [done] = run_all(greedy, ["slow"], 1, lambda *_: None, lambda _: Limits(silent_s=0.5))
-    assert done.result == "slow"
+def twenty_frames(item: str, progress: Progress) -> str:
+    for frame in range(20):
+        progress("measuring", frame)
+    return item
+
+
+def test_frames_that_come_keep_a_task_alive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on by 400 s with every frame: 8000 s in all, and never 500 s of silence."""
+    now = [0.0]
+    monkeypatch.setattr("auditor.engines.processes.monotonic", lambda: now[0])
+
+    def goes_on(item: str, what: str, count: int) -> None:
+        now[0] += 400
+
+    [done] = run_all(twenty_frames, ["patient"], 1, goes_on, lambda _: Limits(silent_s=500))
+    assert done.result == "patient"
+    assert now[0] == 8000
+
+
+def test_large_recordings_may_be_silent_longer() -> None:
     assert limits_of(10**11).silent_s == pytest.approx(10_600)
     assert limits_of(10**11, seconds=5).silent_s is None
 
@@ -118,7 +136,7 @@ def test_workers_end_with_their_parent() -> None:
         assert parent.stdout is not None
         workers = [int(parent.stdout.readline()) for _ in range(2)]
         parent.kill()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 300  # which only a failing test waits for
     while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(is_running(pid) for pid in workers)
@@ -129,9 +147,10 @@ def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() ->
     program = (
         "import os, signal, sys, threading\n"
         "from tests.engines.test_processes import report_and_wait; from auditor.engines import run_all\n"
-        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "try:\n    list(run_all(report_and_wait, [1, 2], 2, lambda *_: None))\n"
+        "try:\n"
+        "    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "    list(run_all(report_and_wait, [1, 2], 2, lambda *_: None))\n"
         "except KeyboardInterrupt:\n    sys.exit('interrupted')\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -1,10 +1,11 @@
 """Small rigs that look at one textured plane, so that every disparity is known."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.lidar import LidarView
 from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.rig import Camera, Lidar, Rig
 
@@ -55,3 +56,13 @@ def moved(rig: Rig, offsets_m: tuple[tuple[float, float, float], ...]) -> Rig:
         seen_from = np.column_stack([np.eye(3), -(camera.centre_m + np.array(offset))])
         cameras.append(replace(camera, rectified=False, projection=camera.intrinsics @ camera.rotation @ seen_from))
     return Rig(rig.lidar, tuple(cameras))
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenDown(LidarView):
+    """A view whose disparities a test writes down."""
+
+    d0_px: NDArray[np.float32]
+
+    def disparity_px(self, rig: Rig, witness: int) -> NDArray[np.float32]:
+        return self.d0_px

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,11 @@ from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
 
 def cloud(*points: tuple[float, float, float]) -> PointCloud:
     return PointCloud(0, np.array(points, dtype=np.float32).reshape(-1, 3))
+
+
+def at(u: float, v: float, depth_m: float) -> tuple[float, float, float]:
+    """The point that camera 3 sees there."""
+    return depth_m, -(u - WIDTH / 2) / FOCAL * depth_m, -(v - HEIGHT / 2) / FOCAL * depth_m
 
 
 def test_disparities_at_a_witness_follow_equation_1_where_the_optical_axes_are_parallel() -> None:
@@ -52,3 +59,57 @@ def test_a_full_projection_matrix_moves_columns_that_the_simple_equation_would_n
         simple[0] - 0.02 * (FOCAL * 3.4 + WIDTH / 2 * 10) / 10 / 9.98 + WIDTH / 2 * 0.02 / 9.98, abs=0.4
     )
     assert abs(full[0] - simple[0]) > 0.15
+
+
+def test_a_point_is_in_view_up_to_half_a_pixel_beyond_the_outer_pixels() -> None:
+    inside = [at(-0.4, 60, 9), at(319.4, 60, 9), at(160, -0.4, 9), at(160, 119.4, 9)]
+    outside = [at(-0.6, 60, 9), at(319.6, 60, 9), at(160, -0.6, 9), at(160, 119.6, 9)]
+    view = lidar_view(cloud(*inside, *outside), plane_rig(), 3)
+    assert sorted(zip(view.column.tolist(), view.row.tolist(), strict=True)) == [
+        (0, 60),
+        (160, 0),
+        (160, 119),
+        (319, 60),
+    ]
+    assert view.returns == 4
+    assert sorted(view.u_px.tolist()) == pytest.approx([-0.4, 160, 160, 319.4], abs=1e-3)
+
+
+def test_nothing_a_metre_from_the_camera_or_nearer_is_seen_wherever_the_lidar_stands() -> None:
+    view = lidar_view(cloud(at(100, 60, 0.9), at(160, 60, 1.0), at(220, 60, 1.25)), plane_rig(), 3)
+    assert view.column.tolist() == [220]
+    rig = plane_rig()
+    behind = rig.lidar.rig_SE3_lidar.copy()
+    behind[2, 3] = -0.5
+    view = lidar_view(
+        cloud((1.4, 0.0, 0.0), (1.75, 0.5, 0.0)), replace(rig, lidar=replace(rig.lidar, rig_SE3_lidar=behind)), 3
+    )
+    assert view.point_m[:, 0].tolist() == [1.75]
+
+
+@pytest.mark.parametrize(
+    ("right", "down", "hidden"),
+    [
+        (4, 0, True),
+        (-4, 0, True),
+        (0, 7, True),
+        (0, -7, True),
+        (4, 7, True),
+        (5, 0, False),
+        (-5, 0, False),
+        (0, 8, False),
+        (0, -8, False),
+    ],
+)
+def test_a_near_point_hides_what_is_within_four_columns_and_seven_rows(right: int, down: int, hidden: bool) -> None:
+    view = lidar_view(cloud(at(160, 60, 6.0), at(160 + right, 60 + down, 9.0)), plane_rig(), 3)
+    assert view.row.size == 2 - hidden
+
+
+@pytest.mark.parametrize(("depth_m", "kept"), [(12.0, 2), (12.2, 1)])
+def test_a_point_is_hidden_by_one_nearer_by_more_than_three_pixels_at_sixty_centimetres(
+    depth_m: float, kept: int
+) -> None:
+    # 300 px 0.6 m make 18 px at 10 m, 15 at 12 m and 14.75 at 12.2 m.
+    view = lidar_view(cloud(at(160, 60, 10.0), at(161, 60, depth_m)), plane_rig(), 3)
+    assert view.row.size == kept

@@ -1,10 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from auditor.evidence.lidar import LidarView, lidar_view
 from auditor.evidence.specks import isolated
 from auditor.evidence.visibility import Reach, too_near, visible_to_witness
 from auditor.frames import PointCloud
-from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
+from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_rig
 
 MATCHER = Reach(115.2, 128)
 
@@ -42,6 +45,56 @@ def test_the_scale_is_that_of_a_baseline_of_sixty_centimetres():
     # At a baseline of 0.3 m the same two points differ by half as many pixels; what hides them does not change.
     view, d0 = view_of([145, 170], [60, 60], [18, 3])
     assert visible_to_witness(view, plane_rig(), 2, d0 / 2).tolist() == [False, True]
+
+
+def seen(u, rows, d0, rig=None):
+    """Which of the points at these columns and rows of S_3 are visible to S_1, given their disparities."""
+    view, _ = view_of(u, rows, np.ones(len(u)))
+    view = replace(view, u_px=np.float32(u))
+    return visible_to_witness(view, rig or plane_rig(), 1, np.float32(d0)).tolist()
+
+
+@pytest.mark.parametrize(
+    ("right", "down", "visible"),
+    [
+        *((1, 0, False), (-1, 0, False), (0, 3, False), (0, -3, False), (1, 3, False)),
+        *((2, 0, True), (-2, 0, True), (0, 4, True), (0, -4, True)),
+    ],
+)
+def test_a_near_point_hides_what_is_within_one_column_and_three_rows_at_half_resolution(right, down, visible):
+    assert seen([200, 150 + 2 * right], [60, 60 + 2 * down], [60, 10]) == [True, visible]
+
+
+@pytest.mark.parametrize(("d0", "visible"), [(57.0, True), (56.5, False)])
+def test_a_point_is_hidden_by_one_nearer_by_more_than_three_pixels(d0, visible):
+    assert seen([200, 140 + d0], [60, 60], [60, d0]) == [True, visible]
+
+
+@pytest.mark.parametrize(("column", "visible"), [(-1.1, False), (-0.9, True), (318.9, True), (319.0, False)])
+def test_a_point_is_visible_as_far_as_the_witness_s_half_resolution_image_goes(column, visible):
+    assert seen([column + 4], [60], [4]) == [visible]
+
+
+def test_a_point_left_of_the_witness_s_image_hides_nothing():
+    assert seen([50, 3], [60, 60], [60, 2]) == [False, True]
+
+
+def test_rows_below_a_lower_witness_count_as_its_last():
+    rig = plane_rig()
+    lower = replace(rig, cameras=(replace(rig.cameras[0], height_px=99), *rig.cameras[1:]))
+    assert seen([200, 150, 150], [98, 119, 80], [60, 10, 10], lower) == [True, False, True]
+
+
+def test_the_mask_of_what_is_too_near_is_that_worked_out_by_hand():
+    # One point a little over the limit at row 30, column 100 of the half-resolution grid; the others are not.
+    rows, columns = np.int32([60, 60, 100]), np.int32([200, 40, 100])
+    view = WrittenDown(
+        3, columns, rows, np.float32(columns), np.zeros((3, 3), np.float32), 3, np.float32([116, 115, 120])
+    )
+    mask = too_near(view, np.array([False, False, True]), plane_rig(), 1, Reach(115.0, 20), (60, 160))
+    expected = np.zeros((60, 160), dtype=np.bool_)
+    expected[30 - 8 : 30 + 9, 100 - 8 - 9 : 100 + 9] = True
+    np.testing.assert_array_equal(mask, expected)
 
 
 def nothing(view):

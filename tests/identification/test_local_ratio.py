@@ -67,3 +67,23 @@ def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_rea
     )
     found = local_ratios((seen, blind, light, absent), {seen: Cells(full, half), blind: Cells(few, few)}, {light: 0.25})
     assert found == (pytest.approx(48 * 8 / (48 * 16 + 200)), None, 0.25, None)
+
+
+def test_the_lidar_is_looked_at_in_windows_of_six_by_six_cells_to_which_forty_innocent_points_are_added():
+    valid, against = np.full((14, 14), 4, dtype=np.uint8), np.zeros((14, 14), dtype=np.uint8)
+    against[4:10, 5:11] = 4
+    denied = Element(Witness.CONTRADICTED, 1, 3)
+    assert local_ratios([denied], {denied: Cells(valid, against)}, {}) == (144 / (144 + 40),)
+
+
+def test_cameras_are_compared_in_windows_of_six_by_eight_cells_to_which_two_hundred_innocent_pixels_are_added():
+    valid, against = np.full((14, 14), 5, dtype=np.uint8), np.zeros((14, 14), dtype=np.uint8)
+    against[4:10, 5:13] = 5
+    unlike = Element(Witness.UNLIKE, 1, 3)
+    assert local_ratios([unlike], {unlike: Cells(valid, against)}, {}) == (240 / (240 + 200),)
+
+
+def test_the_lidar_s_prior_fits_its_beams():
+    one = np.ones((12, 14), dtype=np.uint8)
+    denied = Element(Witness.CONTRADICTED, 1, 3)
+    assert local_ratios([denied], {denied: Cells(one, one)}, {}) == (36 / (36 + 18),)

@@ -5,7 +5,18 @@ import pytest
 
 from auditor.elements import Element, Witness
 from auditor.errors import ThresholdsError
-from auditor.identification.margins import CEILINGS, FLOORS, Yardstick, margins, yardstick, yardsticks
+from auditor.identification.margins import (
+    CEILINGS,
+    FLOORS,
+    Yardstick,
+    margins,
+    strength_yardstick,
+    strength_yardsticks,
+    yardstick,
+    yardsticks,
+)
+from auditor.identification.raisable import raisable
+from auditor.results import Cause
 
 R = Decimal("0.01")
 
@@ -24,6 +35,51 @@ def test_one_clean_window_at_one_does_not_silence_an_element():
 def test_a_lidar_that_never_fills_the_view_is_not_raised_for_it():
     found = yardstick(Witness.EMPTY, [1.0] * 50, R)
     assert margins(np.array([[1.0]]), [found])[0, 0] <= 0
+
+
+@pytest.mark.parametrize(
+    ("witness", "floor", "ceiling"),
+    [
+        (Witness.CONTRADICTED, 0.48, 0.6),
+        (Witness.UNLIKE, 0.25, 0.5),
+        (Witness.LIGHT, 0.3, 0.5),
+        (Witness.EMPTY, 0.85, 1.0),
+        (Witness.SCATTERED, 0.4, 1.0),
+    ],
+)
+def test_thresholds_lie_between_these_floors_and_ceilings(witness, floor, ceiling):
+    assert yardstick(witness, [0.0] * 100, R).theta == floor
+    assert yardstick(witness, [1.0] * 100, R).theta == ceiling
+    between = (floor + 0.01 - 0.1) / 0.9
+    assert yardstick(witness, [between] * 100, R).theta == pytest.approx(floor + 0.01)
+
+
+def test_a_yardstick_of_nineteen_equal_samples_and_a_large_one_is_worked_out_by_hand():
+    # theta: 0.3 and a tenth of 0.7; scale: the 95th percentile of the samples less their median.
+    found = yardstick(Witness.UNLIKE, [0.1] * 10 + [0.3] * 11, Decimal("0.1"))
+    assert found.theta == pytest.approx(0.37)
+    assert found.scale == pytest.approx(0.37 / 4)
+    wide = yardstick(Witness.UNLIKE, [0.0] * 15 + [0.02 * n for n in range(1, 7)], Decimal("0.3"))
+    assert wide.theta == 0.25
+    assert wide.scale == pytest.approx(0.1)
+    assert wide.samples == 21
+
+
+def test_the_margins_of_what_is_just_over_or_far_off_are_worked_out_by_hand():
+    z = margins(np.array([[0.6], [0.61], [0.8], [0.81], [0.3], [0.29]]), [Yardstick(0.5, 0.1, 9)]).ravel()
+    np.testing.assert_allclose(z, [1, 1.1, 3, 3, -2, -2])
+
+
+@pytest.mark.parametrize(
+    ("samples", "r", "theta"), [([0.2] * 100, 0, 1.0), ([0.8] * 100, 0, 1.0), ([1.0] * 100, 0, 1.25), ([2.0], 1, 2.5)]
+)
+def test_a_cause_s_threshold_is_a_quarter_more_than_clean_frames_show_and_one_at_least(samples, r, theta):
+    assert strength_yardstick(samples, Decimal(r)) == Yardstick(theta, theta / 4, len(samples))
+
+
+def test_a_cause_never_shown_has_no_threshold():
+    samples = {(Cause.LATE, 1): [2.0], (Cause.LATE, 2): []}
+    assert strength_yardsticks(samples, R) == {(Cause.LATE, 1): Yardstick(2.5, 0.625, 1)}
 
 
 @pytest.mark.parametrize("witness", list(Witness))
@@ -68,3 +124,8 @@ def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(witnes
     scales = [yardstick(witness, mixed.tolist(), R)]
     assert (margins(attack[count:, None], scales) > 0).all()
     assert (margins(clean[:, None], scales) <= 0).all()
+
+
+def test_only_what_lies_above_its_floor_can_be_raised_by_some_threshold():
+    elements = [Element(witness, 1, 3) for witness in (Witness.UNLIKE, Witness.UNLIKE, Witness.LIGHT, Witness.LIGHT)]
+    assert raisable(elements, [0.25, 0.26, None, 0.31]) == [elements[1], elements[3]]

@@ -71,4 +71,5 @@ def test_a_folder_that_links_to_itself_ends(tmp_path: Path) -> None:
 def test_the_real_data_are_found(real_data: Path) -> None:
     found = names(find_recordings([real_data]).recordings)
     kitti = [f"kitti_raw_2011_09_26_drive_{number}" for number in ("0001", "0009", "0048")]
-    assert found == [*kitti, "ros1_tilt_laser.bag", "ros2_vlp16"]
+    assert {*kitti, "ros1_tilt_laser.bag", "ros2_vlp16"} <= set(found)
+    assert len(set(found)) == len(found)

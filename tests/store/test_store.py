@@ -456,7 +456,7 @@ add_judgement(store, rig, measurement_id, "c12u" * (rows // 4))
 def run_killed(folder, point):
     root = Path(__file__).parents[2]
     command = [sys.executable, "-c", KILLED, str(root), str(folder), point]
-    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=300)
 
 
 def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_bytes(tmp_path):

@@ -1,0 +1,196 @@
+"""How many small changes of the code that makes the numbers do the quick tests notice?
+
+    python -m tests.benchmarks.mutants [--seed 1] [--count 100] [--jobs 2] [--subject windows]
+
+Draws mutants of the modules of each subject in equal parts, puts each into a copy of the repository, and runs the quick
+tests of its subject there: a mutant is killed where they fail. `equivalent_mutants.toml` lists those that cannot be
+noticed, with the reason; they are not drawn. The real frames that AUDITOR_TEST_DATA names are among the tests.
+"""
+
+import argparse
+import difflib
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, zip_longest
+from multiprocessing.pool import ThreadPool
+from pathlib import Path
+from queue import SimpleQueue
+
+from tests.benchmarks.mutation import Mutant, mutants_of
+
+ROOT = Path(__file__).resolve().parents[2]
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.toml")
+DEFAULT_SEED = 1
+WITHOUT = "not hash and not digest"
+"""Tests of the parameters' hash notice every change of a number: that proves nothing."""
+
+_CPU_SECONDS = 120
+_COPIED = ("auditor", "tests", "schemas", "queries", "reports", "docs", "pyproject.toml", "README.md")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Modules of one subject, as globs below the package, and their quick tests below tests/, the most specific first.
+
+    A module belongs to the first subject that names it.
+    """
+
+    name: str
+    modules: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+IDENTIFICATION = ("identification", "golden/test_golden.py")
+EVIDENCE = ("evidence/test_checks_by_hand.py", "golden/test_golden.py")
+SUBJECTS = (
+    Subject("E", ("evidence/comparing.py",), ("evidence/test_comparing.py", *EVIDENCE)),
+    Subject(
+        "LiDAR projection",
+        ("evidence/lidar.py", "evidence/visibility.py"),
+        ("evidence/test_lidar.py", "evidence/test_visibility.py", *EVIDENCE),
+    ),
+    Subject(
+        "NCC",
+        ("evidence/likeness.py", "evidence/photometric.py", "evidence/gain.py", "evidence/texture.py"),
+        ("evidence/test_likeness.py", "evidence/test_photometric.py", *EVIDENCE),
+    ),
+    Subject("LiDAR conflict", ("evidence/contradiction.py",), ("evidence/test_contradiction.py", *EVIDENCE)),
+    Subject(
+        "thresholds",
+        ("identification/thresholds.py", "identification/robust_thresholds.py", "thresholds.py"),
+        ("identification/test_thresholds.py", *IDENTIFICATION),
+    ),
+    Subject(
+        "windows",
+        ("identification/windows.py", "identification/local_ratio.py"),
+        ("identification/test_windows.py", "identification/test_local_ratio.py", *IDENTIFICATION),
+    ),
+    Subject("parameters", ("evidence/parameters.py", "identification/parameters.py"), (*IDENTIFICATION, *EVIDENCE)),
+    Subject("identification", ("identification/*.py",), IDENTIFICATION),
+)
+
+
+def main() -> None:
+    """Draw mutants, run them, print the survivors and the share of those killed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=DEFAULT_SEED)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--subject", choices=[subject.name for subject in SUBJECTS])
+    options = parser.parse_args()
+    drawn = [
+        (subject, mutant)
+        for subject, mutant in draw(options.seed, options.count)
+        if options.subject in {None, subject.name}
+    ]
+    killed, total = Counter[str](), Counter[str](subject.name for subject, _ in drawn)
+    with tempfile.TemporaryDirectory() as folder:
+        for subject, mutant, survived in run(drawn, options.jobs, Path(folder)):
+            killed[subject.name] += not survived
+            if survived:
+                print(
+                    f"\nsurvived: {mutant.module}, {mutant.where}: {mutant.operator}\n{difference(mutant)}", flush=True
+                )
+    for name, count in total.items():
+        print(f"{name:20} {killed[name]:3} of {count:3} killed")
+    print(f"{'all':20} {killed.total():3} of {total.total():3} killed")
+
+
+def draw(seed: int, count: int) -> list[tuple[Subject, Mutant]]:
+    """So many mutants, from the subjects in turn; none of those known to be equivalent."""
+    equivalent = {(m["module"], m["where"], m["operator"], m["line"]) for m in known_equivalent()}
+    shuffled = []
+    for subject, modules in modules_by_subject():
+        found = [m for module in modules for m in mutants_of(module, (ROOT / module).read_text())]
+        random.Random(f"{seed} {subject.name}").shuffle(found)
+        shuffled.append([(subject, mutant) for mutant in found if mutant.key not in equivalent])
+    in_turn = chain.from_iterable(zip_longest(*shuffled))
+    return [one for one in in_turn if one is not None][:count]
+
+
+def known_equivalent() -> list[dict[str, str]]:
+    """The mutants that no test can notice, each with its `reason`."""
+    found: list[dict[str, str]] = tomllib.loads(EQUIVALENT.read_text())["mutants"]
+    return found
+
+
+def modules_by_subject() -> Iterator[tuple[Subject, list[str]]]:
+    """Each subject that has modules with them, relative to the repository."""
+    taken: set[Path] = set()
+    for subject in SUBJECTS:
+        mine = sorted({path for glob in subject.modules for path in (ROOT / "auditor").glob(glob)} - taken)
+        taken.update(mine)
+        if mine:
+            yield subject, [path.relative_to(ROOT).as_posix() for path in mine]
+
+
+def run(drawn: Sequence[tuple[Subject, Mutant]], jobs: int, folder: Path) -> Iterator[tuple[Subject, Mutant, bool]]:
+    """Each mutant with whether it survived; each of `jobs` threads has a copy of the repository."""
+    copies: SimpleQueue[Path] = SimpleQueue()
+    for job in range(jobs):
+        copies.put(_copy(folder / str(job)))
+
+    def survives(one: tuple[Subject, Mutant]) -> tuple[Subject, Mutant, bool]:
+        copy = copies.get()
+        try:
+            return *one, _survives(*one, copy)
+        finally:
+            copies.put(copy)
+
+    with ThreadPool(jobs) as pool:
+        for subject in dict.fromkeys(subject for subject, _ in drawn):
+            copy = copies.get()
+            if not _passes(subject.tests, copy, compiled=True):
+                sys.exit(f"the tests of {subject.name} fail without any mutant")
+            copies.put(copy)
+        yield from pool.imap_unordered(survives, drawn)
+
+
+def _copy(folder: Path) -> Path:
+    folder.mkdir()
+    for name in _COPIED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def _survives(subject: Subject, mutant: Mutant, copy: Path) -> bool:
+    path = copy / mutant.module
+    original = path.read_text()
+    path.write_text(mutant.source)
+    try:
+        return _passes((f"{path.parent.name}/test_{path.name}", *subject.tests), copy, compiled=False)
+    finally:
+        path.write_text(original)
+
+
+def _passes(tests: Sequence[str], copy: Path, *, compiled: bool) -> bool:
+    """Whether those of the tests that exist pass in a copy. Compiled modules are kept of the original alone."""
+    chosen = dict.fromkeys(f"tests/{name}" for name in tests if (copy / "tests" / name).exists())
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
+    command += ["-k", WITHOUT, *chosen]
+    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "" if compiled else "1"}
+    limited = ["sh", "-c", f'ulimit -t {_CPU_SECONDS}; exec "$@"', "sh", *command]
+    done = subprocess.run(limited, cwd=copy, env=environment, capture_output=True, check=False)
+    return done.returncode == 0
+
+
+def difference(mutant: Mutant) -> str:
+    """The changed lines."""
+    before, after = (ROOT / mutant.module).read_text().splitlines(), mutant.source.splitlines()
+    lines = list(difflib.unified_diff(before, after, lineterm="", n=0))[2:]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,213 @@
+"""What the golden files hold, worked out anew from real frames; run as a program it writes them.
+
+    python -m tests.golden.values
+
+Do so only where a figure is meant to change, and read the difference before it is kept.
+"""
+
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from decimal import Decimal
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from auditor.elements import rig_elements
+from auditor.evidence import Watch, measure
+from auditor.evidence.matchers import find_matcher
+from auditor.frames import CameraImage, Frame
+from auditor.identification.local_ratio import local_ratios
+from auditor.identification.robust_thresholds import robust_thresholds
+from auditor.judging import Criteria, calibrate, judge_measurement, system_of
+from auditor.lab.attacks import BogusWall, Facula
+from auditor.results import Measurement, Procedure
+from auditor.rig import LIDAR, Rig
+from auditor.store import MeasurementRecord, Store
+from auditor.store.queries import run_sql
+from tests.benchmarks.real_drives import frames
+from tests.store.making import NOON
+
+FOLDER = Path(__file__).parent
+FRAME, STRETCH = FOLDER / "frame.toml", FOLDER / "stretch.toml"
+
+FRAME_NUMBER = 3
+WALL = BogusWall(range_m=3.2, lateral_m=0.3)
+"""Nearer than the widest pair's matcher can see."""
+FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
+CASES: Mapping[str, Mapping[int, BogusWall | Facula]] = {
+    "clean": {},
+    "wall": {LIDAR: WALL},
+    "facula on S_1": {1: FACULA},
+    "facula on S_4": {4: FACULA},
+}
+STRETCH_FRAMES = range(14, 28)
+STANDS_STILL = range(25, 28), 3
+"""From the first of these frames on the sensor shows the same image."""
+COLUMNS = (
+    "frame, e, kind, attacked, named, out_of_system, margin, reason, evidence, alternatives, causes, finding,"
+    " finding_attacked"
+)
+ATTACKED = {
+    "facula on S_2": (range(16, 19), 2, FACULA),
+    "wall": (range(21, 25), LIDAR, BogusWall(range_m=8.0, lateral_m=0.0)),
+}
+
+HIGH_RATE = 5000.0
+"""Incidents an hour: so many that the few clean frames can tell them from none."""
+
+Table = dict[str, Any]
+
+
+def one_frame() -> dict[str, dict[str, Table]]:
+    """By case and subject: the counts of each triple, each check's statistic, and the sums of its cells."""
+    rig, stream = frames("0009", all_cameras=True)
+    frame = next(islice(stream, FRAME_NUMBER, None))
+    return {name: _figures(_changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
+
+
+def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
+    measured, _ = measure(frame, rig, find_matcher("sgbm"))
+    elements = rig_elements(rig)
+    return {
+        "counts": {
+            " ".join(map(str, triple)): [
+                counts.valid_px,
+                counts.inconsistent_px,
+                counts.gated_valid_px,
+                counts.gated_inconsistent_px,
+                counts.out_of_range_px,
+            ]
+            for triple, counts in zip(rig.triples, measured.counts, strict=True)
+            if counts is not None
+        },
+        "statistics": {
+            f"{e.witness.value} {e.i} {e.k}": ratio
+            for e, ratio in zip(elements, _ratios(measured, rig), strict=True)
+            if ratio is not None
+        },
+        "cells": {
+            f"{e.witness.value} {e.i} {e.k}": [int(measured.cells[e].valid.sum()), int(measured.cells[e].against.sum())]
+            for e in elements
+            if e in measured.cells
+        },
+    }
+
+
+def one_stretch() -> dict[str, Any]:
+    """Some frames of a drive, attacks and a fault among them, as the clean frames of another drive have them judged."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store.open(Path(folder) / "audit", create=True)
+        rig, stream = frames("0001", all_cameras=True)
+        clean = _measured(store, rig, stream, "a")
+        rig, stream = frames("0009", all_cameras=True)
+        audited = _measured(store, rig, _stretch(stream, rig), "b")
+        calibration = calibrate([(store, clean)])
+        judge_measurement(store, audited, calibration, Criteria(Decimal(0)))
+        rows = run_sql(store, f"SELECT {COLUMNS} FROM verdicts ORDER BY frame").to_pylist()
+        thresholds = robust_thresholds(calibration, system_of(rig), Decimal(0), HIGH_RATE)
+    return {
+        "score": thresholds.score,
+        "thresholds": {
+            " ".join(str(part) for part in key if part is not None): [scale.theta, scale.scale, scale.samples]
+            for key, scale in {**thresholds.yardsticks, **thresholds.causes}.items()
+        },
+        "frames": [_readable(row) for row in rows],
+    }
+
+
+def _stretch(stream: Iterator[Frame], rig: Rig) -> Iterator[Frame]:
+    still, sensor = STANDS_STILL
+    kept: dict[int, CameraImage] = {}
+    for frame in islice(stream, STRETCH_FRAMES.start, STRETCH_FRAMES.stop):
+        if frame.number in still:
+            kept.setdefault(sensor, frame.images[sensor])
+        seen = replace(frame, images={**frame.images, **kept})
+        yield _changed(seen, rig, {s: attack for during, s, attack in ATTACKED.values() if frame.number in during})
+
+
+def _changed(frame: Frame, rig: Rig, attacks: Mapping[int, BogusWall | Facula]) -> Frame:
+    images, cloud = dict(frame.images), frame.cloud
+    for sensor, attack in attacks.items():
+        if isinstance(attack, Facula):
+            images[sensor] = attack.apply(images[sensor])
+        else:
+            assert cloud is not None
+            cloud = attack.apply(cloud, rig)
+    return replace(frame, images=images, cloud=cloud)
+
+
+def _measured(store: Store, rig: Rig, stream: Iterator[Frame], recording: str) -> str:
+    matcher, watch = find_matcher("sgbm"), Watch()
+    procedure = Procedure(matcher.name, matcher.settings)
+    record = MeasurementRecord(recording * 64, rig.rig_id, procedure, (), {}, NOON, seconds=1.0)
+    store.write_rig(rig)
+    with store.frames_writer(record.measurement_id, rig) as writer:
+        for frame in stream:
+            measured, evidence = measure(frame, rig, matcher)
+            writer.add(replace(measured, symptoms=watch.observe(evidence)), _ratios(measured, rig))
+        writer.commit(record)
+    return record.measurement_id
+
+
+def _ratios(measured: Measurement, rig: Rig) -> tuple[float | None, ...]:
+    return local_ratios(rig_elements(rig), measured.cells, measured.shares)
+
+
+def _readable(row: Mapping[str, object]) -> Table:
+    """A verdict without what is NULL in it; structures become lists of their values, sensors and words first."""
+    return {name: _plain(value) for name, value in row.items() if value is not None}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return [_plain(part) for part in value.values() if part is not None]
+    return [_plain(part) for part in value] if isinstance(value, list) else value
+
+
+def read(path: Path) -> dict[str, Any]:
+    """What a golden file holds."""
+    return tomllib.loads(path.read_text())
+
+
+def _section(head: str, table: Mapping[str, object]) -> str:
+    return f"\n{head}\n" + "".join(_line(name, value) for name, value in table.items())
+
+
+def _line(name: str, value: object) -> str:
+    key = name if name.isidentifier() else f'"{name}"'
+    return f"{key} = {_toml(value)}\n"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def _write() -> None:
+    figures, stretch = one_frame(), one_stretch()
+    FRAME.write_text(
+        f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
+        "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
+        "# cells: the sums over the grid, valid and against.\n"
+        + "".join(
+            _section(f'["{case}".{subject}]', table)
+            for case, tables in figures.items()
+            for subject, table in tables.items()
+        )
+    )
+    STRETCH.write_text(
+        f"# Frames {STRETCH_FRAMES.start} to {STRETCH_FRAMES[-1]} of KITTI drive 0009, judged at r = 0 by drive 0001.\n"
+        "# thresholds: theta, scale and the number of clean samples.\n"
+        + "".join(f"# {name}: frames {during.start} to {during[-1]}\n" for name, (during, *_) in ATTACKED.items())
+        + f"# S_{STANDS_STILL[1]} stands still: frames {STANDS_STILL[0].start} to {STANDS_STILL[0][-1]}\n\n"
+        + _line("score", stretch["score"])
+        + _section("[thresholds]", stretch["thresholds"])
+        + "".join(_section("[[frames]]", verdict) for verdict in stretch["frames"])
+    )
+
+
+if __name__ == "__main__":
+    _write()
