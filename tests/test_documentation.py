@@ -90,6 +90,12 @@ def test_every_link_of_a_document_leads_to_a_file_that_is_there(path: Path) -> N
     assert [target for target in targets if "://" not in target and not (path.parent / target).exists()] == []
 
 
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_the_lines_of_a_document_are_shorter_than_120_characters(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert [f"line {number}: {line}" for number, line in enumerate(lines, 1) if len(line) >= 120] == []
+
+
 def test_the_citation_names_this_version_and_the_paper() -> None:
     citation = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
     assert citation["cff-version"] == "1.2.0"
