@@ -1,6 +1,6 @@
 -- How often objects that two sensors see do not match, by the sensors attacked: the object-level baseline of the paper's Table I, with the false alarms that it costs.
 --
--- A frame is raised by the share of objects without a partner, where it is above a threshold from clean frames as in the method's own tables, and, where r is NULL, by any object without a partner: that rule learns nothing from clean frames.
+-- A frame is a detection where the share of objects without a partner is above a threshold from clean frames, as in the method's own tables, or, where r is NULL, where any object has no partner: that rule learns nothing from clean frames.
 --
 -- param iou RATE[] = 0.5, 0.7: Intersection over union from which two objects are partners.
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.

@@ -1,6 +1,6 @@
 -- How small an attack is still detected: by the width of a wall and by the radius of a facula, in the paper's Scenario 1 (Figs 11 and 12).
 --
--- The system is the LiDAR, the leftmost camera and the one farthest from it. The paper puts its faculas on the left, the reference camera; the witness is attacked here as well.
+-- The system is the LiDAR, the leftmost camera and the one farthest from it. The paper puts its faculas on the left, the reference camera; here the source camera is attacked as well.
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.

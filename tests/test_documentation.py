@@ -8,11 +8,14 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from ruamel.yaml import YAML
 
+from auditor import __version__
 from auditor.cli import VERBS, auditor
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
 def command_of(verb: str) -> click.Command:
@@ -48,7 +51,7 @@ def test_every_option_is_explained(verb: str) -> None:
 
 
 def test_the_readme_and_the_group_help_name_every_verb_and_no_other() -> None:
-    assert set(re.findall(r"^\| `auditor ([\w-]+)`", README, re.MULTILINE)) == set(VERBS)
+    assert tuple(re.findall(r"^\| `auditor ([\w-]+)`", README, re.MULTILINE)) == VERBS
     assert set(re.findall(r"^  ([\w-]+)  ", CliRunner().invoke(auditor, ["--help"]).output, re.MULTILINE)) >= set(VERBS)
 
 
@@ -67,11 +70,37 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
     assert done.returncode == 0, done.stdout
 
 
-def test_no_placeholder_is_left_in_the_documents() -> None:
-    for path in (
-        ROOT / "README.md",
-        *sorted((ROOT / "docs").glob("*.md")),
-        ROOT / "CHANGELOG.md",
-        ROOT / "CONTRIBUTING.md",
-    ):
-        assert "@@" not in path.read_text(), path
+def test_the_readme_calls_the_program_where_its_first_command_installs_it() -> None:
+    first_screen, own_recordings = README.split("## ")[:2]
+    installed = re.search(r"(\S+/bin/auditor) demo", first_screen)
+    assert installed is not None
+    for block in re.findall(r"^```sh\n(.*?)^```", own_recordings, re.MULTILINE | re.DOTALL):
+        for line in block.splitlines():
+            assert line.startswith(f"{installed[1]} "), line
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_no_placeholder_is_left_in_the_documents(path: Path) -> None:
+    assert "@@" not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_of_a_document_leads_to_a_file_that_is_there(path: Path) -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text(encoding="utf-8"))
+    assert [target for target in targets if "://" not in target and not (path.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_the_lines_of_a_document_are_shorter_than_120_characters(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert [f"line {number}: {line}" for number, line in enumerate(lines, 1) if len(line) >= 120] == []
+
+
+def test_the_citation_names_this_version_and_the_paper() -> None:
+    citation = YAML(typ="safe", pure=True).load(ROOT / "CITATION.cff")
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["title"] == "auditor"
+    assert citation["version"] == __version__
+    (paper,) = citation["references"]
+    assert f"doi:{paper['doi']}" in README
+    assert [author["family-names"] for author in paper["authors"]] == re.findall(r"[A-Z]\. (\w+)[,:]", README)

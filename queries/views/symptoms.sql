@@ -1,4 +1,4 @@
--- One row a measured frame and matched camera pair: what tells a fault from an attack.
+-- One row a measured frame and matched camera pair: what separates a fault from an attack.
 --
 -- column frame: Number of the frame within the recording.
 -- column i: The witness camera.
