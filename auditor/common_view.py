@@ -16,13 +16,9 @@ from auditor.errors import RigError
 from auditor.geometry import Matrix, compose, motion
 from auditor.lenses import NO_LENS
 from auditor.rig import Camera, Rig
+from auditor.shared_parameters import COMMON_VIEW
 
-_CELL_PX = 8
-_WIDEST = 1.2  # tan of 50 degrees
-_FARTHEST_PX = 4096  # from the principal point: a focal length may be anything
-_FEWEST_PX = 32
-_FINEST = 0.6
-"""Recorded pixels a rectified one at least: towards the edges of a wide lens there is more to see, but blurred."""
+_CELL_PX = COMMON_VIEW.cell_px
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +75,7 @@ def _orientation(rig: Rig) -> Matrix:
     x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
     z = np.sum([camera.rotation[2] for camera in rig.cameras], axis=0)
     z = z - x * (x @ z)
-    if np.linalg.norm(z) < 0.1:
+    if np.linalg.norm(z) < COMMON_VIEW.shortest_axis:
         raise RigError(f"{_names(rig)} look along the line they stand on", where="rig")
     z = z / np.linalg.norm(z)
     return np.stack([x, np.cross(z, x), z])
@@ -88,7 +84,7 @@ def _orientation(rig: Rig) -> Matrix:
 def upright(cameras: Sequence[Camera]) -> Matrix:
     """(3, 3) rotation to axes that suit cameras wherever they stand: z where they look on average, x to their right."""
     across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
-    if np.linalg.norm(ahead) < 0.1 * len(cameras):
+    if np.linalg.norm(ahead) < COMMON_VIEW.shortest_axis * len(cameras):
         raise RigError("the cameras look in opposite directions", where="rig")
     z = ahead / np.linalg.norm(ahead)
     x = across - z * (z @ across)
@@ -102,14 +98,15 @@ def _names(rig: Rig) -> str:
 
 def _window(rig: Rig, view_SO3_rig: Matrix, focal: float, *, widest: bool) -> tuple[int, int, int, int, int]:
     """Left and top against the principal point, width and height, in pixels; and how many of them every camera sees."""
-    reach = max(int(min(_WIDEST * focal, _FARTHEST_PX) / _CELL_PX), 1)  # a damaged calibration may see next to nothing
+    # A damaged calibration may see next to nothing.
+    reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / _CELL_PX), 1)
     places = np.arange(-reach, reach + 1) * _CELL_PX / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:
         seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, _CELL_PX)
     top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
     width, height = (columns - 1) * _CELL_PX + 1, (rows - 1) * _CELL_PX + 1
-    if min(width, height) < _FEWEST_PX:
+    if min(width, height) < COMMON_VIEW.fewest_px:
         raise RigError(
             f"{_names(rig)} have no view in common", where="rig", remedy="leave out the one that looks elsewhere"
         )
@@ -126,7 +123,7 @@ def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: int) -> NDArr
     with np.errstate(invalid="ignore"):
         seen = (u >= 0) & (u <= camera.width_px - 1) & (v >= 0) & (v <= camera.height_px - 1)
         for axis in (0, 1):
-            seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > _FINEST * step_px
+            seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > COMMON_VIEW.finest * step_px
     return seen
 
 
@@ -143,7 +140,7 @@ def recorded_pixels(camera: Camera, view_SO3_rig: Matrix, x: Matrix, y: Matrix) 
     K, R = camera.intrinsics, camera.rotation @ view_SO3_rig.T
     across, down = np.meshgrid(x, y)
     ahead = R[2, 0] * across + R[2, 1] * down + R[2, 2]
-    ahead = np.where(ahead > 0.05, ahead, np.nan)
+    ahead = np.where(ahead > COMMON_VIEW.nearest_ahead, ahead, np.nan)
     bent_x, bent_y = camera.lens.distort(
         (R[0, 0] * across + R[0, 1] * down + R[0, 2]) / ahead, (R[1, 0] * across + R[1, 1] * down + R[1, 2]) / ahead
     )

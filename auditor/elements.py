@@ -6,6 +6,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 from auditor.rig import LIDAR, Rig
+from auditor.shared_parameters import PAIR_DEPTH
 
 
 class Witness(StrEnum):
@@ -63,10 +64,6 @@ def elements_of(
     )
 
 
-_FEWEST_PX_AT_10_M = 9.0
-"""A pair that resolves less cannot tell a surface from one half as far again, and contradicts nobody."""
-
-
 def rig_elements(rig: Rig) -> tuple[Element, ...]:
     """The elements that frames of a rig are judged by."""
     contradicting = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
@@ -74,8 +71,11 @@ def rig_elements(rig: Rig) -> tuple[Element, ...]:
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
-    """Whether the pair's disparities say enough about depth to deny what the LiDAR says."""
+    """Whether the pair's disparities say enough about depth to deny what the LiDAR says.
+
+    A pair that resolves less cannot tell a surface from one half as far again.
+    """
     # Cameras of different focal lengths are compared at the shortest of those that share a view.
     cameras = rig.cameras if rig.shares_view else (rig.camera(j), rig.camera(k))
     focal_px = min(camera.focal_px for camera in cameras)
-    return focal_px * rig.baseline_m(j, k) / 10 >= _FEWEST_PX_AT_10_M
+    return focal_px * rig.baseline_m(j, k) / PAIR_DEPTH.distance_m >= PAIR_DEPTH.fewest_px

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import RigError
+from auditor.shared_parameters import LENS_REACH
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +33,6 @@ MODELS = {
 
 _SIZES = {PINHOLE: (0,), POLYNOMIAL: (0, 4, 5), RATIONAL: (8, 12), FISHEYE: (4,)}
 _ROUNDS = 60
-_WIDEST = 4.0  # tan of 76 degrees off the axis
-_STEPS = 4000
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Lens:
         """The ray that appears at (x, y): what `distort` takes there; NaN where none does."""
         if self.model == PINHOLE:
             return x, y
-        radii = np.linspace(0, self.reach, _STEPS)
+        radii = np.linspace(0, self.reach, LENS_REACH.steps)
         seen = radii * self._ratio(radii * radii)
         ideal_x, ideal_y = x, y
         for _ in range(_ROUNDS):
@@ -94,11 +93,11 @@ class Lens:
     @cached_property
     def reach(self) -> float:
         """How far off the axis, as a tangent, the model can be trusted: beyond it polynomials turn back inwards."""
-        radii = np.linspace(0, _WIDEST, _STEPS)
+        radii = np.linspace(0, LENS_REACH.widest, LENS_REACH.steps)
         with np.errstate(all="ignore"):
             seen = radii * self._ratio(radii * radii)
         turns = np.flatnonzero(~(np.diff(seen) > 0))
-        return float(radii[turns[0]]) if turns.size else _WIDEST
+        return float(radii[turns[0]]) if turns.size else LENS_REACH.widest
 
     def _ratio(self, r2: Floats) -> Floats:
         """Distorted over ideal distance from the axis, by the square of the ideal one."""

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-REGION_STEP = 4
+from auditor.shared_parameters import REGION_MASK
+
+REGION_STEP = REGION_MASK.step_px
 """A pixel of a region's mask is so many full-resolution pixels wide."""
 
 

@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from auditor.elements import Element
 from auditor.frames import Presence
 from auditor.regions import Region
+from auditor.shared_parameters import DISPARITY_ERROR_SAMPLES
 from auditor.symptoms import Pair, PairSymptoms
 
 COUNTING_VERSION = 4
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
+
+JUDGING_VERSION = 1
+"""Raised whenever the same measurement and calibration would give other verdicts."""
 
 NO_FINGERPRINT = -1
 """Of a sensor that is not there, or whose data cannot tell whether it stands still."""
@@ -25,7 +29,7 @@ EXPERIMENTS_VERSION = 1
 Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
 """
 
-MIN_VALID_PX = 200
+MIN_VALID_PX = DISPARITY_ERROR_SAMPLES.fewest_valid_px
 """Fewer valid pixels than this and a disparity error is not measured."""
 
 

@@ -18,14 +18,12 @@ from auditor.fields import Fields
 from auditor.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
 from auditor.lenses import NO_LENS, PINHOLE, Lens
 from auditor.rig_kind import RigKind
+from auditor.shared_parameters import RIG_GEOMETRY
 
 LIDAR = 0
 
-MOST_OFF_PX = 1.0
+MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
-
-_FAR_M = 10.0
-_ALIKE = 1e-3  # of the focal length: intrinsics that differ by less are the same
 
 
 class Triple(NamedTuple):
@@ -178,14 +176,14 @@ class Rig:
         return all(
             camera.rectified
             and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
-            and np.allclose(camera.intrinsics, first.intrinsics, atol=_ALIKE * first.focal_px)
+            and np.allclose(camera.intrinsics, first.intrinsics, atol=RIG_GEOMETRY.same_intrinsics * first.focal_px)
             for camera in self.cameras
         )
 
     @cached_property
     def off_line_px(self) -> dict[int, float]:
         """By camera how many rows it misses what is 10 m away, were it rectified with those on the best line."""
-        per_metre = min(camera.focal_px for camera in self.cameras) / _FAR_M
+        per_metre = min(camera.focal_px for camera in self.cameras) / RIG_GEOMETRY.far_m
         missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
         return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
 

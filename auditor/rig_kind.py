@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
-KIND_TOLERANCE_SHARE = 0.02
-KIND_TOLERANCE_M = 0.005
+from auditor.shared_parameters import RIG_KIND_TOLERANCE
+
+KIND_TOLERANCE_SHARE = RIG_KIND_TOLERANCE.share
+KIND_TOLERANCE_M = RIG_KIND_TOLERANCE.baseline_m
 
 
 @dataclass(frozen=True)

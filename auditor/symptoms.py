@@ -6,6 +6,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.shared_parameters import POINT_LEAD
+
 Pair = tuple[int, int]
 
 
@@ -60,12 +62,10 @@ class Agreement(NamedTuple):
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 
-_UNSURE_POINTS = 10
-
 
 def lead(these: Number, others: Number) -> Number:
     """By what share of both these points are more, from -1 to 1; few prove little."""
-    return (these - others) / (these + others + _UNSURE_POINTS)
+    return (these - others) / (these + others + POINT_LEAD.pseudo_count)
 
 
 class Specks(NamedTuple):

@@ -13,8 +13,9 @@ from auditor.elements import Element
 from auditor.results import CauseIn, Procedure, Statistic
 from auditor.rig import Triple
 from auditor.rig_kind import RigKind
+from auditor.shared_parameters import SCORE_LIMITS
 
-LOWEST_MARGIN, HIGHEST_MARGIN = -2.0, 3.0
+LOWEST_MARGIN, HIGHEST_MARGIN = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
 """Margins z of the robust method are kept between these: no single element decides alone."""
 
 Floats = NDArray[np.float64]

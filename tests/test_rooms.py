@@ -52,10 +52,12 @@ def test_a_module_of_one_room_imports_no_other_room(path: Path) -> None:
             "geometry",
             "lenses",
             "results",
+            "parameters",
             "rig",
             "rig_kind",
             "regions",
             "resources",
+            "shared_parameters",
             "symptoms",
             "thresholds",
         }

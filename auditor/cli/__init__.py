@@ -22,6 +22,7 @@ VERBS = (
     "evaluate",
     "query",
     "report",
+    "parameters",
     "weights",
     "train-matcher",
 )

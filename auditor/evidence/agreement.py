@@ -13,19 +13,10 @@ from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness
+from auditor.evidence.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.evidence.stereo import StereoMap
 from auditor.rig import Rig
 from auditor.symptoms import Agreement
-
-_POINTS = 2500
-_FEWEST = 200
-_AGREE_PX = 1
-_DIFFER_PX = 2
-_LARGEST_BIAS_PX = 24
-_SHIFTS_PX = (-16, -12, -8, 8, 12, 16)  # half a degree at least: LiDARs lie up to a quarter beside their calibration
-_RANGE_MARGIN_PX = 3.0
-_ALIKE = 0.7
-_HALF = 2
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -47,11 +38,11 @@ class Moment:
     @classmethod
     def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, rig: Rig, witness: int) -> "Moment":
         """Keep what the pictures confirm, and points within the matcher's range."""
-        step = _HALF // stereo.step
-        sure = alike.comparable & (alike.alike > _ALIKE)
-        every = slice(None, None, max(view.row.size // _POINTS, 1))
+        step = HALF // stereo.step
+        sure = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
+        every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
         d0 = view.disparity_px(rig, witness)[every]
-        near = d0 < stereo.range_px - _RANGE_MARGIN_PX
+        near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
         return cls(
             np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),
             view.row[every][near],
@@ -64,11 +55,11 @@ def agreement(now: Moment, before: Moment | None) -> Agreement:
     """Compare the LiDAR's points with stereo, of this frame and of the one before; all NaN where too few can be."""
     difference = _differences(now, now.sure_px)
     asked = np.count_nonzero(~np.isnan(difference))
-    if asked < _FEWEST:
+    if asked < LIDAR_AGREEMENT.fewest:
         return Agreement()
     bias, biased = _bias(difference)
-    moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in _SHIFTS_PX}
-    moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in _SHIFTS_PX}
+    moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
+    moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
     (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
     earlier = None if before is None else _differences(now, before.sure_px)
     return Agreement(
@@ -89,7 +80,7 @@ def agreement(now: Moment, before: Moment | None) -> Agreement:
 def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
     """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
     height, width = sure_px.shape
-    row, column = (points.row + down) // _HALF, (points.column + right) // _HALF
+    row, column = (points.row + down) // HALF, (points.column + right) // HALF
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     ds = sure_px[np.where(inside, row, 0), np.where(inside, column, 0)]
     return np.asarray(np.where(inside, ds - points.d0_px, np.nan), dtype=np.float32)
@@ -98,17 +89,20 @@ def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0)
 def _agreeing(difference: Floats) -> float:
     """The share of those asked that agree; 0 where too few were."""
     asked = int(np.count_nonzero(~np.isnan(difference)))
-    return float(np.count_nonzero(np.abs(difference) <= _AGREE_PX)) / asked if asked >= _FEWEST else 0.0
+    agreeing = float(np.count_nonzero(np.abs(difference) <= LIDAR_AGREEMENT.agree_px))
+    return agreeing / asked if asked >= LIDAR_AGREEMENT.fewest else 0.0
 
 
 def _only(these: Floats, others: Floats) -> float:
     """How many points agree by these differences and are far off by the others, where both can be asked."""
-    return float(np.count_nonzero((np.abs(these) <= _AGREE_PX) & (np.abs(others) > _DIFFER_PX)))
+    agree, differ = np.abs(these) <= LIDAR_AGREEMENT.agree_px, np.abs(others) > LIDAR_AGREEMENT.differ_px
+    return float(np.count_nonzero(agree & differ))
 
 
 def _bias(difference: Floats) -> tuple[float, float]:
     """The constant with which most points agree, in whole pixels, and their share."""
-    near = difference[np.abs(difference) < _LARGEST_BIAS_PX]
-    counts = np.bincount(np.rint(near).astype(np.intp) + _LARGEST_BIAS_PX, minlength=3)
-    bias = int(np.argmax(np.convolve(counts, np.ones(3), mode="same"))) - _LARGEST_BIAS_PX
+    largest, window = LIDAR_AGREEMENT.largest_bias_px, LIDAR_AGREEMENT.bias_window_px
+    near = difference[np.abs(difference) < largest]
+    counts = np.bincount(np.rint(near).astype(np.intp) + largest, minlength=window)
+    bias = int(np.argmax(np.convolve(counts, np.ones(window), mode="same"))) - largest
     return float(bias), _agreeing(difference - np.float32(bias))

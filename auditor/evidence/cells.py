@@ -6,9 +6,10 @@ from numpy.typing import NDArray
 
 from auditor.evidence.contradiction import Adjudication
 from auditor.evidence.likeness import Likeness
+from auditor.evidence.parameters import COUNT_GRID
 from auditor.results import Cells
 
-CELL_PX = 8
+CELL_PX = COUNT_GRID.cell_px
 """Width and height of a cell in full-resolution pixels."""
 
 _HALF_SIDE = CELL_PX // 2

@@ -6,15 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
+from auditor.evidence.parameters import DISPARITY_ERROR, MATCHER_RANGE
 from auditor.evidence.stereo import StereoMap
 from auditor.results import Counts
 from auditor.rig import Rig
-
-ABSOLUTE_PX = 3.0
-RELATIVE = 0.05
-
-# A matcher's disparities stop at its range; so close to it they are not to be trusted either.
-_RANGE_MARGIN_PX = 3.0
 
 Indices = NDArray[np.signedinteger]
 
@@ -38,7 +33,8 @@ def inconsistent(d1: NDArray[np.float32], d2: NDArray[np.float32]) -> NDArray[np
     d1 and d2 have one shape, are in full-resolution pixels and at one baseline; NaN is never inconsistent.
     """
     difference = np.abs(d1 - d2)
-    return np.asarray((difference > ABSOLUTE_PX) & (difference > RELATIVE * np.minimum(d1, d2)))
+    relative = DISPARITY_ERROR.relative * np.minimum(d1, d2)
+    return np.asarray((difference > DISPARITY_ERROR.absolute_px) & (difference > relative))
 
 
 def compare_cameras(
@@ -84,6 +80,6 @@ def compare_with_lidar(view: LidarView, stereo: StereoMap, rig: Rig, witness: in
         inconsistent_px=int(np.count_nonzero(over)),
         gated_valid_px=int(np.count_nonzero(valid & gate)),
         gated_inconsistent_px=int(np.count_nonzero(gated_over)),
-        out_of_range_px=int(np.count_nonzero(valid & (d0 > stereo.range_px - _RANGE_MARGIN_PX))),
+        out_of_range_px=int(np.count_nonzero(valid & (d0 > stereo.range_px - MATCHER_RANGE.margin_px))),
     )
     return Comparison(counts, row[gated_over], column[gated_over], stereo.step)

@@ -14,17 +14,10 @@ from numpy.typing import NDArray
 from auditor.evidence.comparing import inconsistent
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness, likeness_at
+from auditor.evidence.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.evidence.stereo import StereoMap
 from auditor.evidence.visibility import visible_to_witness
 from auditor.rig import Rig
-
-MOST_ADJUDICATED = 1000
-"""Under a strong attack most pixels are inconsistent: of more than this, every so many-th stands for its neighbours."""
-
-_RANGE_MARGIN_PX = 3.0
-_PASSES_OVER_PX = 3.0
-_ALIKE = 0.7
-_CLEARLY_LESS = 0.3
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float32]
@@ -61,16 +54,17 @@ def adjudicate(
     row, column = view.row // stereo.step, view.column // stereo.step
     ds = stereo.disparity_px[row, column]
     valid = stereo.valid[row, column] & stereo.textured[row, column]
-    valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - _RANGE_MARGIN_PX)
+    valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     valid &= visible_to_witness(view, rig, witness, d0)
-    confident = alike.alike[view.row // 2, view.column // 2]
-    valid &= confident > _ALIKE
+    confident = alike.alike[view.row // HALF, view.column // HALF]
+    valid &= confident > PATCH_CORRELATION.consistent
     over = inconsistent(d0, ds)
     flagged = np.flatnonzero(valid & over)
-    stride = max(-(-flagged.size // MOST_ADJUDICATED), 1)
+    # Under a strong attack most pixels are inconsistent: every so many-th stands for its neighbours.
+    stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
     sample = flagged[::stride]
-    n0 = likeness_at(*halves, view.row[sample] // 2, view.column[sample] // 2, d0[sample] / np.float32(2))
-    guilty = n0 < confident[sample] - np.float32(_CLEARLY_LESS)
+    n0 = likeness_at(*halves, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
+    guilty = n0 < confident[sample] - np.float32(LIDAR_CONFLICT.clearly_less)
     guilty[guilty] = ~_merely_hidden(view, stereo, rig, witness, sample[guilty])
     contradicted = np.zeros(valid.size, dtype=np.bool_)
     # Points lie in row-major order: those left out are neighbours of the one that stands for them.
@@ -89,11 +83,12 @@ def _merely_hidden(view: LidarView, stereo: StereoMap, rig: Rig, witness: int, s
     ds = stereo.disparity_px[view.row[sample] // stereo.step, view.column[sample] // stereo.step]
     P = (camera.projection @ rig.lidar.rig_SE3_lidar).astype(np.float32)
     origin, ray = P[:, 3:], P[:, :3] @ view.point_m[sample].T  # homogeneous pixels of O and of X - O
-    depth = np.float32(camera.focal_px * rig.baseline_m(witness, view.reference)) / np.maximum(ds, np.float32(1e-3))
+    focal_times_baseline = np.float32(camera.focal_px * rig.baseline_m(witness, view.reference))
+    depth = focal_times_baseline / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
     u, v, w = origin + ray * ((depth - origin[2]) / ray[2])
     column, row = np.rint(u / w / stereo.step).astype(np.intp), np.rint(v / w / stereo.step).astype(np.intp)
     height, width = stereo.disparity_px.shape
     # Where stereo sees something farther than the LiDAR there is nothing to pass over.
     nearer = (depth < ray[2] + origin[2]) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     there = stereo.disparity_px[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    return np.asarray(nearer & (there < ds - np.float32(_PASSES_OVER_PX)))
+    return np.asarray(nearer & (there < ds - np.float32(LIDAR_CONFLICT.passes_over_px)))

@@ -9,23 +9,14 @@ from numpy.typing import NDArray
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness
 from auditor.evidence.one_view import Evidence
+from auditor.evidence.parameters import DAMAGED_PIXELS, GAIN_FIT, HALF
 from auditor.evidence.stereo import StereoMap
 from auditor.regions import REGION_STEP
 from auditor.rig import Rig
 from auditor.symptoms import Pair
 
-_HALF = 2
-_ALIKE = 0.8
-_MARK = 35.0  # grey levels
-_SATURATED = 250
-_FEWEST_SURE = 200
-_ROUNDS = 3
-_KEPT_SHARE = 0.7
-_GAINS = (0.5, 2.0)
-_SPECK = np.ones((5, 5), dtype=np.uint8)
-_GAP = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
-_SMALLEST = 30  # pixels of the mask
-_PART_SHARE = 0.1
+_OPENED = np.ones(DAMAGED_PIXELS.opened_px, dtype=np.uint8)
+_CLOSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, DAMAGED_PIXELS.closed_px)
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float32]
@@ -82,7 +73,7 @@ def _sight(sees: Mask) -> NDArray[np.uint8]:
 
 
 def _shrunk(half: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    size = (-(-half.shape[1] * _HALF // REGION_STEP), -(-half.shape[0] * _HALF // REGION_STEP))
+    size = (-(-half.shape[1] * HALF // REGION_STEP), -(-half.shape[0] * HALF // REGION_STEP))
     return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
@@ -119,9 +110,10 @@ def _nearness(
         i = next(c.number for c in rig.cameras if c.number != k)
         put(k, view.u_px, view.row, view.disparity_px(rig, i) / np.float32(rig.baseline_m(i, k)))
     for (i, k), stereo in maps.items():
-        step, every = _HALF // stereo.step, REGION_STEP // _HALF
+        step, every = HALF // stereo.step, REGION_STEP // HALF
         likeness = likenesses[i, k]
-        row, column = np.nonzero(likeness.comparable[::every, ::every] & (likeness.alike[::every, ::every] > _ALIKE))
+        consistent = likeness.comparable & (likeness.alike > DAMAGED_PIXELS.consistent)
+        row, column = np.nonzero(consistent[::every, ::every])
         disparity = stereo.disparity_px[:: step * every, :: step * every][row, column]
         u = (column * REGION_STEP).astype(np.float32)
         place = put(k, u, row * REGION_STEP, disparity / np.float32(rig.baseline_m(i, k)))
@@ -133,30 +125,30 @@ def _nearness(
     _, nearest = cv2.distanceTransformWithLabels(missing, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
     values = np.zeros(int(nearest.max()) + 1, dtype=np.float32)
     values[nearest[missing == 0]] = known[missing == 0]
-    return np.asarray(cv2.medianBlur(values[nearest], 5), dtype=np.float32), sure
+    return np.asarray(cv2.medianBlur(values[nearest], DAMAGED_PIXELS.median_px), dtype=np.float32), sure
 
 
 def _fitted(warped: Floats, still: Floats, sure: Mask) -> Floats:
     """The other picture at this camera's gain and offset, learnt where the two are surely alike."""
-    told = sure & (np.maximum(warped, still) < _SATURATED)
+    told = sure & (np.maximum(warped, still) < GAIN_FIT.saturated)
     x, y = warped[told], still[told]
-    if x.size < _FEWEST_SURE:
+    if x.size < DAMAGED_PIXELS.gain_fewest:
         return warped
     gain, offset = np.float32(1), np.float32(np.median(y - x))
-    keep = int(_KEPT_SHARE * x.size)
-    for _ in range(_ROUNDS):
+    keep = int(DAMAGED_PIXELS.gain_kept_share * x.size)
+    for _ in range(DAMAGED_PIXELS.gain_rounds):
         best = np.argpartition(np.abs(gain * x + offset - y), keep)[:keep]
         spread = x[best] - x[best].mean()
-        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *_GAINS)
+        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *GAIN_FIT.gains)
         offset = y[best].mean() - gain * x[best].mean()
     return np.asarray(np.clip(gain * warped + offset, 0, 255), dtype=np.float32)
 
 
 def _solid(difference: Floats) -> Mask:
     """The larger parts of what stands out, without specks and gaps."""
-    mark = (cv2.blur(difference, (3, 3)) > _MARK).astype(np.uint8)
-    _, part, boxes, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(mark, cv2.MORPH_OPEN, _SPECK))
+    mark = (cv2.blur(difference, DAMAGED_PIXELS.blur_px) > DAMAGED_PIXELS.differs_by).astype(np.uint8)
+    _, part, boxes, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(mark, cv2.MORPH_OPEN, _OPENED))
     area = boxes[:, cv2.CC_STAT_AREA].copy()
     area[0] = 0  # what is not marked
-    kept = area >= max(_SMALLEST, _PART_SHARE * area.max())
-    return np.asarray(cv2.morphologyEx(kept[part].astype(np.uint8), cv2.MORPH_CLOSE, _GAP) > 0)
+    kept = area >= max(DAMAGED_PIXELS.smallest, DAMAGED_PIXELS.part_share * area.max())
+    return np.asarray(cv2.morphologyEx(kept[part].astype(np.uint8), cv2.MORPH_CLOSE, _CLOSED) > 0)

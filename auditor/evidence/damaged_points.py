@@ -9,17 +9,9 @@ from numpy.typing import NDArray
 from auditor.evidence.cells import CELL_PX
 from auditor.evidence.contradiction import Adjudication
 from auditor.evidence.lidar import LidarView
+from auditor.evidence.parameters import DAMAGED_POINTS
 from auditor.regions import Solid
 from auditor.rig import Rig
-
-_WINDOW = (7, 7)  # cells
-_FEWEST_IN_WINDOW = 30
-_DENIED_SHARE = 0.4
-_FEWEST = 15
-_LAYERS = 3
-_LAYER_SHARE = 0.15  # of all denied points: fewer at one depth are no surface
-_THINNEST_M, _THICKEST_M = 0.08, 0.25
-_PART_SHARE = 0.2
 
 Mask = NDArray[np.bool_]
 Points = NDArray[np.float32]
@@ -38,12 +30,12 @@ def damaged_points(view: LidarView, adjudications: Sequence[Adjudication], rig: 
         np.logical_or.reduce([getattr(a, name) for a in adjudications]) for name in ("contradicted", "valid")
     )
     against, valid = (_window_sums(row[mask], column[mask], shape) for mask in (denied, asked))
-    dense = (valid >= _FEWEST_IN_WINDOW) & (against >= _DENIED_SHARE * valid)
+    dense = (valid >= DAMAGED_POINTS.window_fewest) & (against >= DAMAGED_POINTS.window_share * valid)
     left = denied & dense[row, column]
     damaged = np.zeros(left.size, dtype=np.bool_)
     depth = _depth(view.point_m, rig)
-    fewest = max(_FEWEST, _LAYER_SHARE * np.count_nonzero(left))
-    for _ in range(_LAYERS):
+    fewest = max(DAMAGED_POINTS.fewest, DAMAGED_POINTS.layer_share * np.count_nonzero(left))
+    for _ in range(DAMAGED_POINTS.layers):
         if np.count_nonzero(left) < fewest:
             break
         middle, reach = _densest_layer(depth[left])
@@ -87,19 +79,19 @@ def _window_sums(row: NDArray[np.int32], column: NDArray[np.int32], shape: tuple
     """How many points lie in the window around each cell."""
     counts = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1]).reshape(shape)
     return cv2.boxFilter(
-        counts.astype(np.float32), cv2.CV_32F, _WINDOW, normalize=False, borderType=cv2.BORDER_CONSTANT
+        counts.astype(np.float32), cv2.CV_32F, DAMAGED_POINTS.window, normalize=False, borderType=cv2.BORDER_CONSTANT
     )
 
 
 def _densest_layer(depth: Points) -> tuple[float, float]:
     """The middle of the depth at which most points lie, and how far from it they still belong to one surface."""
     ascending = np.sort(depth)
-    ends = np.searchsorted(ascending, ascending + np.float32(2 * _THICKEST_M), side="right")
+    ends = np.searchsorted(ascending, ascending + np.float32(2 * DAMAGED_POINTS.thickest_m), side="right")
     first = int(np.argmax(ends - np.arange(ascending.size)))
     inside = ascending[first : ends[first]]
     middle = float(np.median(inside))
-    spread = 4 * float(np.median(np.abs(inside - middle)))
-    return middle, min(max(spread, _THINNEST_M), _THICKEST_M)
+    spread = DAMAGED_POINTS.deviations * float(np.median(np.abs(inside - middle)))
+    return middle, min(max(spread, DAMAGED_POINTS.thinnest_m), DAMAGED_POINTS.thickest_m)
 
 
 def _connected(
@@ -108,6 +100,7 @@ def _connected(
     """The points of a layer in those connected parts of it that hold most of the seeds."""
     grid = np.zeros(shape, dtype=np.uint8)
     grid[row[layer], column[layer]] = 1
-    _, part = cv2.connectedComponents(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
+    _, part = cv2.connectedComponents(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones(DAMAGED_POINTS.gap, np.uint8)))
     counts = np.bincount(part[row[seeds], column[seeds]])
-    return np.asarray(layer & np.isin(part[row, column], np.flatnonzero(counts >= _PART_SHARE * counts.max())))
+    kept = np.flatnonzero(counts >= DAMAGED_POINTS.part_share * counts.max())
+    return np.asarray(layer & np.isin(part[row, column], kept))

@@ -13,24 +13,9 @@ import numpy as np
 
 from auditor.evidence.joining import OF_TWO
 from auditor.evidence.one_view import Evidence
+from auditor.evidence.parameters import CALIBRATION_CHECK, HALF, PATCH_CORRELATION
 from auditor.rig import Rig
 from auditor.symptoms import Pair, PairSymptoms, lead
-
-EVERY = 5
-"""One frame of so many is looked at."""
-
-_MOST_LOOKS = 200
-
-_LEAST_IN_STEP = 0.45
-_LEAST_AGREEING = 0.5
-_LEAST_LEAD = 0.3  # of points that agree only once all are moved
-_CLEAR_OFFSET_PX = 1.5
-_WRONG_SCALE = 0.05
-_FEWEST_POINTS = 50
-_FITTING_FRAMES = 0.75
-"""Quantile of the shares that fit: an attack on up to three quarters of the frames is no wrong calibration."""
-
-_SMALLEST_PX = 8.0  # disparities that tell a scale
 
 
 class Fitting:
@@ -50,7 +35,7 @@ class Fitting:
     def offer(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
         """Take the next measured frame; most are let pass."""
         number, self._frames = self._frames, self._frames + 1
-        if number % EVERY == 0 and number // EVERY < _MOST_LOOKS:
+        if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
             self.look(evidence, symptoms)
 
     def look(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
@@ -87,7 +72,7 @@ class Fitting:
             yield f"the LiDAR {rig.lidar.name} and stereo {sentence}"
             return
         for pair in known:
-            if agreeing[pair] < _LEAST_AGREEING:
+            if agreeing[pair] < CALIBRATION_CHECK.least_agreeing:
                 yield (
                     f"the LiDAR {rig.lidar.name} and stereo agree at {agreeing[best]:.0%} of points within 1 px by "
                     f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera turned?"
@@ -100,8 +85,8 @@ class Fitting:
             for pair in known
         ]
         turned = _median([one.turned for one in symptoms])
-        moved = min(leads) >= _LEAST_LEAD and turned >= _LEAST_AGREEING
-        if agreeing >= _LEAST_AGREEING and not moved:
+        moved = min(leads) >= CALIBRATION_CHECK.least_lead and turned >= CALIBRATION_CHECK.least_agreeing
+        if agreeing >= CALIBRATION_CHECK.least_agreeing and not moved:
             return None
         told = f"agree at {agreeing:.0%} of points within 1 px"
         if moved:
@@ -109,17 +94,17 @@ class Fitting:
             way = _way(*ways.most_common(1)[0][0])
             return f"{told}, and better once its points are {way}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))
-        if abs(scale - 1) > _WRONG_SCALE:
+        if abs(scale - 1) > CALIBRATION_CHECK.wrong_scale:
             told += f", its disparities being {scale:.2f} times the LiDAR's"
         return f"{told}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
 
 
 def _rows_complaint(pair: Pair, seen: list[PairSymptoms], rig: Rig) -> str | None:
     in_step, offset_px = _fitting([s.rows.in_step for s in seen]), _median([s.rows.offset_px for s in seen])
-    if isnan(in_step) or in_step >= _LEAST_IN_STEP:
+    if isnan(in_step) or in_step >= CALIBRATION_CHECK.least_aligned:
         return None
     names = f"the pictures of {rig.name(pair[0])} and {rig.name(pair[1])}"
-    if abs(offset_px) >= _CLEAR_OFFSET_PX:
+    if abs(offset_px) >= CALIBRATION_CHECK.clear_offset_px:
         return f"{names} are off by {abs(offset_px):.1f} rows: wrong rectification flag, or another vehicle's rig?"
     return f"{names} show {in_step:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
 
@@ -134,16 +119,19 @@ def _scale(evidence: Evidence, pair: Pair) -> float | None:
     view, stereo = evidence.lidar[k], evidence.maps[pair]
     sure = evidence.testimony.likenesses[pair]
     row, column = view.row // stereo.step, view.column // stereo.step
-    told = (sure.alike * sure.comparable)[view.row // 2, view.column // 2] > 0.7
+    told = (sure.alike * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
     d0, ds = view.disparity_px(evidence.rig, i), stereo.disparity_px[row, column]
-    told &= (d0 > _SMALLEST_PX) & (ds > 0)
-    return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= _FEWEST_POINTS else None
+    told &= (d0 > CALIBRATION_CHECK.smallest_px) & (ds > 0)
+    return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= CALIBRATION_CHECK.fewest_points else None
 
 
 def _fitting(shares: list[float]) -> float:
-    """The share that fits in those frames that fit well; NaN where it was never measured."""
+    """The share that fits in those frames that fit well; NaN where it was never measured.
+
+    So an attack on up to three quarters of the frames is no wrong calibration.
+    """
     known = [share for share in shares if not isnan(share)]
-    return float(np.quantile(known, _FITTING_FRAMES)) if known else float("nan")
+    return float(np.quantile(known, CALIBRATION_CHECK.frames_quantile)) if known else float("nan")
 
 
 def _median(values: list[float]) -> float:

@@ -3,13 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-SATURATED = 250.0
-"""Grey levels from which on a brightness says nothing."""
-
-_ROUNDS = 6
-_KEPT_SHARE = 0.6
-_FEWEST = 100
-_GAINS = (0.5, 2.0)
+from auditor.evidence.parameters import GAIN_FIT
 
 Grid = NDArray[np.float32]
 
@@ -20,16 +14,16 @@ def fit_gain(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:
     Both are grey levels of one shape. Saturated ones say nothing of either; where hardly any other is left the cameras
     are taken to be equal.
     """
-    told = np.maximum(source, target) < SATURATED
+    told = np.maximum(source, target) < GAIN_FIT.saturated
     x, y = source[told], target[told]
-    if x.size < _FEWEST:
+    if x.size < GAIN_FIT.fewest:
         return np.float32(1), np.float32(0)
     gain, offset = np.float32(1), np.float32(np.median(y) - np.median(x))
-    keep = int(_KEPT_SHARE * x.size)
-    for _ in range(_ROUNDS):
+    keep = int(GAIN_FIT.kept_share * x.size)
+    for _ in range(GAIN_FIT.rounds):
         best = np.argpartition(np.abs(gain * x + offset - y), keep)[:keep]
         mean_x, mean_y = x[best].mean(), y[best].mean()
         spread = x[best] - mean_x
-        gain = np.clip(np.dot(spread, y[best] - mean_y) / max(np.dot(spread, spread), np.float32(1)), *_GAINS)
+        gain = np.clip(np.dot(spread, y[best] - mean_y) / max(np.dot(spread, spread), np.float32(1)), *GAIN_FIT.gains)
         offset = mean_y - gain * mean_x
     return np.float32(gain), np.float32(offset)

@@ -6,14 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.parameters import LIDAR_PROJECTION
 from auditor.frames import PointCloud
 from auditor.geometry import Matrix
 from auditor.rig import Camera, Rig
-
-_NEAREST_M = 1.0
-_OCCLUSION_WINDOW = (9, 15)  # columns, rows
-_OCCLUSION_BASELINE_M = 0.6
-_OCCLUSION_PX = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +43,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     P = _projection(rig, camera)
     points = cloud.xyz_m
     depth = points @ P[2, :3] + P[2, 3]
-    points = points[depth > _NEAREST_M]
+    points = points[depth > LIDAR_PROJECTION.nearest_m]
     u, v, depth = _project(P, points)
     column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
     in_view = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
@@ -64,11 +60,11 @@ def _unhidden(
     camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
     """(M,) mask of the points with no much nearer neighbour: the LiDAR sits above and looks over near edges."""
-    disparity = np.float32(camera.focal_px * _OCCLUSION_BASELINE_M) / depth
+    disparity = np.float32(camera.focal_px * LIDAR_PROJECTION.baseline_m) / depth
     dense = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
     dense[row, column] = disparity
-    nearest = cv2.dilate(dense, np.ones(_OCCLUSION_WINDOW[::-1], dtype=np.uint8))
-    return np.asarray(nearest[row, column] - disparity <= _OCCLUSION_PX)
+    nearest = cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8))
+    return np.asarray(nearest[row, column] - disparity <= LIDAR_PROJECTION.nearer_by_px)
 
 
 def _projection(rig: Rig, camera: Camera) -> NDArray[np.float32]:

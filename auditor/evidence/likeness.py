@@ -7,27 +7,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.gain import SATURATED, fit_gain
+from auditor.evidence.gain import fit_gain
+from auditor.evidence.parameters import GAIN_FIT, HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.evidence.stereo import StereoMap
 from auditor.evidence.visibility import Reach
 
-_REACH = 3  # patches of 7 x 7
+_REACH = PATCH_CORRELATION.radius_px
 _SIDE = 2 * _REACH + 1
 _AREA = _SIDE * _SIDE
-_PATCH_FLOOR = 9.0  # grey levels, added to each patch's norm: a patch without texture is like nothing
-_TEXTURED = 40.0  # norm of a patch in grey levels: 5.7 a pixel
-_UNLIKE = 0.2
+_PATCH_FLOOR = PATCH_CORRELATION.norm_floor  # a patch without texture correlates with nothing
 _WHITE = np.float32(255)
-_BRIGHTER = 40.0  # grey levels, either way
-_NEARBY = np.ones((5, 5), dtype=np.uint8)
-_AROUND_HIDDEN = np.ones((3, 3), dtype=np.uint8)
-_LANDS_LEFT = 2.0  # half-resolution pixels
-_BESIDE = 25  # half-resolution pixels
-_SPARSE = 4
-_OVERSAMPLING = 2
-_BESIDE_STEPS = 1  # of the oversampled picture: half a pixel
-_HALF = 2
-_MATCHABLE_SHARE = 0.9
+_NEARBY = np.ones(PHOTOMETRIC_CONSISTENCY.nearby_px, dtype=np.uint8)
+_AROUND_HIDDEN = np.ones(PHOTOMETRIC_CONSISTENCY.around_occluded_px, dtype=np.uint8)
+_OVERSAMPLING, _BESIDE_STEPS = PATCH_CORRELATION.oversampling, PATCH_CORRELATION.steps_beside
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -50,14 +42,14 @@ class Likeness:
 
 def matchable(range_px: int) -> Reach:
     """What is too near for a matcher of that range; towards its end matches are wrong already."""
-    return Reach(_MATCHABLE_SHARE * range_px, range_px)
+    return Reach(MATCHER_RANGE.comparable_share * range_px, range_px)
 
 
 def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: StereoMap) -> Likeness:
     """Warp the witness by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
     height, width = reference.shape
-    step = _HALF // stereo.step
-    disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(_HALF), stereo.valid[::step, ::step]
+    step = HALF // stereo.step
+    disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
     column = np.arange(width, dtype=np.float32) - disparity
     row = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], column.shape)
     warped = cv2.remap(
@@ -69,9 +61,9 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
     norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
     alike = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _PATCH_FLOOR) * (norm_w + _PATCH_FLOOR))
     seen = _inside(valid) & ~_hidden(column)
-    structured = np.maximum(norm_r, norm_w) > _TEXTURED
+    structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
     lit, differs = _brightness(mean_r, mean_w)
-    unlike = (structured & (cv2.dilate(alike, _NEARBY) < _UNLIKE)) | (lit & differs)
+    unlike = (structured & (cv2.dilate(alike, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)) | (lit & differs)
     return Likeness(np.asarray(alike, np.float32), np.asarray(seen & (structured | lit)), np.asarray(seen & unlike))
 
 
@@ -80,17 +72,19 @@ def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple
 
     What is saturated in the witness may be as bright as it likes: the reference shows at least what was fitted to it.
     """
-    target, source = (np.asarray(mean[::_SPARSE, ::_SPARSE], dtype=np.float32) for mean in (mean_r, mean_w))
+    every = PHOTOMETRIC_CONSISTENCY.gain_step
+    target, source = (np.asarray(mean[::every, ::every], dtype=np.float32) for mean in (mean_r, mean_w))
     gain, offset = fit_gain(target, source)
     darkest = np.minimum(gain * mean_w + offset, _WHITE)
-    brightest = np.where(np.asarray(mean_w) < SATURATED, darkest, _WHITE)
+    brightest = np.where(np.asarray(mean_w) < GAIN_FIT.saturated, darkest, _WHITE)
     beyond = np.maximum(mean_r - cv2.dilate(brightest, _NEARBY), cv2.erode(darkest, _NEARBY) - mean_r)
-    return np.asarray(np.minimum(mean_r, mean_w) < SATURATED), np.asarray(beyond > _BRIGHTER)
+    lit, differs = np.minimum(mean_r, mean_w) < GAIN_FIT.saturated, beyond > PHOTOMETRIC_CONSISTENCY.differs_by
+    return np.asarray(lit), np.asarray(differs)
 
 
 def _inside(valid: Mask) -> Mask:
     """The valid pixels with no invalid one beside them: there the true match lies outside, and a wrong one is taken."""
-    kernel = np.ones((1, _BESIDE), dtype=np.uint8)
+    kernel = np.ones((1, PHOTOMETRIC_CONSISTENCY.beside_invalid_px), dtype=np.uint8)
     eroded = cv2.erode(valid.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(1,))
     return np.asarray(eroded, dtype=np.bool_)
 
@@ -98,7 +92,7 @@ def _inside(valid: Mask) -> Mask:
 def _hidden(column: Floats) -> Mask:
     """The pixels that a nearer surface to their right hides from the witness: it lands left of their match."""
     leftmost = np.minimum.accumulate(np.nan_to_num(column, nan=np.inf)[:, ::-1], axis=1)[:, ::-1]
-    hidden = (column - leftmost > _LANDS_LEFT).astype(np.uint8)
+    hidden = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
     return np.asarray(cv2.dilate(hidden, _AROUND_HIDDEN), dtype=np.bool_)
 
 

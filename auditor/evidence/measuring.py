@@ -12,14 +12,13 @@ from auditor.evidence.fingerprints import fingerprints
 from auditor.evidence.joining import OF_TWO, join
 from auditor.evidence.matchers.interface import Matcher, pairs_at_once
 from auditor.evidence.one_view import Evidence, Looked, Maps, compare, look, matched, present
+from auditor.evidence.parameters import COVERAGE
 from auditor.evidence.rectifying import PairView, rectification
 from auditor.evidence.stereo import StereoMap, stereo_maps
 from auditor.frames import Frame, Skipped
 from auditor.results import Coverage, Measurement
 from auditor.rig import LIDAR, Rig
 from auditor.symptoms import Pair
-
-_SATURATED = 254
 
 Measured = tuple[Measurement, Evidence]
 
@@ -136,7 +135,7 @@ def _coverage(looked: Looked, evidence: Evidence) -> dict[int, Coverage]:
     maps: Maps = own or evidence.maps
     coverage = {
         number: Coverage(
-            saturated_share=float(np.mean(pixels >= _SATURATED)),
+            saturated_share=float(np.mean(pixels >= COVERAGE.saturated)),
             textureless_share=1.0 - float(np.mean(looked.texture[number])),
             unmatched_share=_unmatched_share(number, maps),
             level=float(np.mean(pixels)),

@@ -7,17 +7,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.gain import SATURATED, fit_gain
+from auditor.evidence.gain import fit_gain
+from auditor.evidence.parameters import BRIGHTNESS_DIFFERENCE, GAIN_FIT
 from auditor.evidence.visibility import Reach
 
-_ROWS, _COLUMNS = 24, 78
+_ROWS, _COLUMNS = BRIGHTNESS_DIFFERENCE.rows, BRIGHTNESS_DIFFERENCE.columns
 _WHITE = np.float32(255)
-_BRIGHTER = 75.0  # grey levels
-_DARKER = 40.0  # grey levels: a street has fewer dark spots in light than lights in the dark
-_WINDOW = 6  # cells, about 96 px
-_SHIFTS = 6  # 0 to 5 cells: up to 80 px of an image 1242 px wide
-_NEAR_SHIFTS = 16  # of what is nearer
-_USUAL_SHIFT = 2  # cells: where most of a street's partners lie
+_BRIGHTER, _DARKER = BRIGHTNESS_DIFFERENCE.brighter_by, BRIGHTNESS_DIFFERENCE.darker_by
+_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched  # 0 to 5 cells: up to 80 px of an image 1242 px wide
+_NEAR_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched_near
+_USUAL_SHIFT = BRIGHTNESS_DIFFERENCE.usual_shift  # where most of a street's partners lie
 
 Grid = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -62,7 +61,7 @@ def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> L
     """
     gain, offset = fit_gain(coarse_k[:, _USUAL_SHIFT:], coarse_i[:, :-_USUAL_SHIFT])
     least_i = np.minimum(gain * coarse_i + offset, _WHITE)
-    most_i = np.where(coarse_i < SATURATED, least_i, _WHITE)  # saturated, it may be as bright as it likes
+    most_i = np.where(coarse_i < GAIN_FIT.saturated, least_i, _WHITE)  # saturated, it may be as bright as it likes
     far = True if near is None else ~near
     brighter_i = least_i - _around(cv2.dilate, coarse_k, _NEAR_SHIFTS, ahead=True) > _BRIGHTER
     brighter_i |= far & (least_i - _around(cv2.dilate, coarse_k, _SHIFTS, ahead=True) > _BRIGHTER)
@@ -82,10 +81,13 @@ def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> L
 
 def _around(extreme: Callable[..., cv2.typing.MatLike], grid: Grid, columns: int, *, ahead: bool) -> Grid:
     """For each cell the extreme value within one row and so many columns, rightwards (ahead) or leftwards."""
-    anchor = (0 if ahead else columns - 1, 1)
-    return np.asarray(extreme(grid, np.ones((3, columns), dtype=np.uint8), anchor=anchor), dtype=np.float32)
+    rows = BRIGHTNESS_DIFFERENCE.rows_searched
+    anchor = (0 if ahead else columns - 1, rows // 2)
+    return np.asarray(extreme(grid, np.ones((rows, columns), dtype=np.uint8), anchor=anchor), dtype=np.float32)
 
 
 def _largest_share(cells: Mask) -> float:
-    shares = cv2.boxFilter(cells.astype(np.float32), cv2.CV_32F, (_WINDOW, _WINDOW), borderType=cv2.BORDER_CONSTANT)
+    shares = cv2.boxFilter(
+        cells.astype(np.float32), cv2.CV_32F, BRIGHTNESS_DIFFERENCE.window, borderType=cv2.BORDER_CONSTANT
+    )
     return float(np.max(shares))

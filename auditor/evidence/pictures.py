@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.one_view import Evidence
+from auditor.evidence.parameters import HALF
 from auditor.results import Measurement, Statistic
 from auditor.rig import LIDAR, Triple
 
@@ -15,7 +16,6 @@ _JPEG_QUALITY = 80
 _LIDAR_COLOUR = (255, 200, 0, 255)  # BGRA: light blue, drawn as dots over the cameras' areas
 _CAMERA_COLOUR = (0, 110, 255, 150)  # orange, half transparent
 _DOT_PX = 3
-_VIEW_STEP = 2
 
 _SECOND_NS = 10**9
 _MOST_PICTURES = 60
@@ -55,7 +55,7 @@ def _paint(
     marked = np.zeros(mask.shape[:2], dtype=np.uint8)
     for triple in triples:
         comparison = evidence.comparisons[triple]
-        row, column = (index * comparison.step // _VIEW_STEP for index in (comparison.row, comparison.column))
+        row, column = (index * comparison.step // HALF for index in (comparison.row, comparison.column))
         marked[row, column] = 1
     mask[cv2.dilate(marked, np.ones((size, size), np.uint8)) > 0] = colour
 

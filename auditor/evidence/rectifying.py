@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from auditor.common_view import CommonView, common_view, recorded_pixels, sees
 from auditor.evidence.bringing_back import WayBack
+from auditor.evidence.parameters import RECTIFICATION
 from auditor.frames import CameraImage, Frame, Skipped
 from auditor.rig import LIDAR, Camera, Rig
 from auditor.symptoms import Pair
 
-_SHRUNK = 1.5
-_BORDER = np.ones((17, 17), dtype=np.uint8)  # as far as a matcher's windows reach
+_BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
 
 Mask = NDArray[np.bool_]
 
@@ -130,7 +130,9 @@ def _remaps(rig: Rig, view: CommonView) -> dict[int, _Remap]:
 
 
 def _remap(camera: Camera, view: CommonView) -> _Remap:
-    scale = view.focal_px / camera.focal_px if camera.focal_px > _SHRUNK * view.focal_px else 1.0
+    scale = (
+        view.focal_px / camera.focal_px if camera.focal_px > RECTIFICATION.shrunk_first_from * view.focal_px else 1.0
+    )
     pixels = recorded_pixels(camera, view.view_SO3_rig, view.x, view.y)
     inside = sees(pixels, camera, 1).astype(np.uint8)
     seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)

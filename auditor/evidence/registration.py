@@ -12,19 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.parameters import HALF, ROW_ALIGNMENT
 from auditor.symptoms import Pair, Rows
 
-_ROWS, _COLUMNS = 6, 20  # blocks, one point each
-_KEPT_SHARE = 0.7
-_CORNER_PX = 7
-_WINDOW = (13, 13)
-_AROUND = np.ones((25, 25), dtype=np.uint8)  # a window of the second level
-_LEVELS = 3
-_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.05)
-_LARGEST_RESIDUE = 30.0  # grey levels a pixel
-_SAME_ROW_PX = 0.5  # half-resolution pixels
-_HALF = 2
-_FEWEST_TRACKED = 15
+_ROWS, _COLUMNS = ROW_ALIGNMENT.blocks
+_AROUND = np.ones(ROW_ALIGNMENT.border_px, dtype=np.uint8)
+_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROW_ALIGNMENT.iterations, ROW_ALIGNMENT.accuracy_px)
 
 Image = NDArray[np.uint8]
 Points = NDArray[np.float32]
@@ -36,9 +29,9 @@ def corners(half: Image, sees: Mask | None = None) -> Points:
 
     Of a view that the camera does not see whole, only what it `sees`: (H, W) at full resolution.
     """
-    strength = cv2.cornerMinEigenVal(half, _CORNER_PX)
+    strength = cv2.cornerMinEigenVal(half, ROW_ALIGNMENT.corner_px)
     if sees is not None:
-        inner = cv2.erode(sees[::_HALF, ::_HALF].astype(np.uint8), _AROUND)
+        inner = cv2.erode(sees[::HALF, ::HALF].astype(np.uint8), _AROUND)
         strength[inner == 0] = 0
     height, width = (size // count for size, count in zip(half.shape, (_ROWS, _COLUMNS), strict=True))
     if height == 0 or width == 0:
@@ -50,7 +43,8 @@ def corners(half: Image, sees: Mask | None = None) -> Points:
     column = np.arange(_COLUMNS) * width + place % width
     strongest = blocks.max(axis=2)
     found = strongest if sees is None else strongest[strongest > 0]
-    kept = (strongest >= np.quantile(found, 1 - _KEPT_SHARE)) & (strongest > 0) if found.size else strongest > 0
+    weakest = np.quantile(found, 1 - ROW_ALIGNMENT.kept_share) if found.size else 0.0
+    kept = (strongest >= weakest) & (strongest > 0)
     return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
 
 
@@ -76,7 +70,7 @@ def register(
         back_i = _follow(now[i], before[i], match, match) if i in before else None
         for back in (back_i, back_k):
             tracked = tracked & back[1] if back else tracked
-        if np.count_nonzero(tracked) >= _FEWEST_TRACKED:
+        if np.count_nonzero(tracked) >= ROW_ALIGNMENT.fewest:
             apart = match[:, 1] - points[k][:, 1]
             # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
             late_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
@@ -90,7 +84,7 @@ def _symptoms(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Row
     return Rows(
         tracked=float(np.count_nonzero(tracked)),
         in_step=_share(apart, tracked),
-        offset_px=float(_HALF * offset),
+        offset_px=float(HALF * offset),
         offset_share=_share(apart - offset, tracked),
         late_i=late_i,
         late_k=late_k,
@@ -98,7 +92,7 @@ def _symptoms(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Row
 
 
 def _share(residual: Points, among: Mask) -> float:
-    return float(np.mean(np.abs(residual[among]) <= _SAME_ROW_PX))
+    return float(np.mean(np.abs(residual[among]) <= ROW_ALIGNMENT.same_row_px))
 
 
 def _follow(source: Image, target: Image, points: Points, start: Points) -> tuple[Points, Mask]:
@@ -110,10 +104,10 @@ def _follow(source: Image, target: Image, points: Points, start: Points) -> tupl
         target,
         points[:, None],
         start[:, None].copy(),
-        winSize=_WINDOW,
-        maxLevel=_LEVELS,
+        winSize=ROW_ALIGNMENT.window_px,
+        maxLevel=ROW_ALIGNMENT.levels,
         criteria=_ACCURACY,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
-    good = (found[:, 0] > 0) & (residue[:, 0] < _LARGEST_RESIDUE)
+    good = (found[:, 0] > 0) & (residue[:, 0] < ROW_ALIGNMENT.largest_residue)
     return np.asarray(moved[:, 0], dtype=np.float32), np.asarray(good)

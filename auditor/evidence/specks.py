@@ -10,32 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
+from auditor.evidence.parameters import ISOLATED_POINTS
 from auditor.symptoms import Specks
 
-_CELL = 0.011  # of the focal length: 0.6 degrees, one or two beams of 64
-_RANGE_STEP = 0.08  # of the natural logarithm of the range
-_RANGES_M = (1.0, 100.0)
-_MOST_TOGETHER = 2
-_NEAR_M, _BEYOND_M = 8.0, 40.0
-_ACROSS = 8  # parts of the view, each with an upper and a lower half
-_FEWEST = 200
-_SPREAD_QUANTILE = 0.25
-
-_SOME = 0.005
+_NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
+_ACROSS = ISOLATED_POINTS.parts_across
 
 Mask = NDArray[np.bool_]
 
 
 def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
     """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
-    if view.row.size < _FEWEST:
+    if view.row.size < ISOLATED_POINTS.fewest:
         return Specks()
     distance = np.linalg.norm(view.point_m, axis=1)
     near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
-    return Specks(float(np.quantile(shares, _SPREAD_QUANTILE)), float(np.mean(beyond)))
+    return Specks(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))
 
 
 def scatter(found: Specks) -> float | None:
@@ -46,22 +39,22 @@ def scatter(found: Specks) -> float | None:
     """
     if isnan(found.specks_beyond):
         return None
-    more = max(found.specks_beyond - found.specks_near / 2, 0.0)
-    return more / (more + _SOME)
+    more = max(found.specks_beyond - ISOLATED_POINTS.near_weight * found.specks_near, 0.0)
+    return more / (more + ISOLATED_POINTS.half_share)
 
 
 def isolated(view: LidarView, focal_px: float) -> Mask:
     """(M,) mask of the points with at most one other in the 3 x 3 x 3 cells of row, column and range around theirs."""
     if not view.row.size:
         return np.zeros(0, dtype=np.bool_)
-    side = max(_CELL * focal_px, 1.0)
-    step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *_RANGES_M)) / _RANGE_STEP
+    side = max(ISOLATED_POINTS.cell * focal_px, 1.0)
+    step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *ISOLATED_POINTS.ranges_m)) / ISOLATED_POINTS.range_step
     # A cell more on every side, so that all have neighbours.
     cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp) + 1
     shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
     place = np.ravel_multi_index(tuple(cell), shape)
     counts = np.bincount(place, minlength=int(np.prod(shape)))
-    alone: Mask = counts[place] <= _MOST_TOGETHER
+    alone: Mask = counts[place] <= ISOLATED_POINTS.most_together
     around = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - np.ravel_multi_index((1, 1, 1), shape)
-    alone[alone] = counts[place[alone][:, None] + around].sum(axis=1) <= _MOST_TOGETHER
+    alone[alone] = counts[place[alone][:, None] + around].sum(axis=1) <= ISOLATED_POINTS.most_together
     return alone

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.matchers.interface import Matcher, match_pairs
-
-_TEXTURE_STEP = 2
+from auditor.evidence.parameters import HALF
 
 Mask = NDArray[np.bool_]
 Key = TypeVar("Key", bound=Hashable)
@@ -94,7 +93,7 @@ def _stereo_map(
 
 def _on_grid(texture: Mask, step: int, height: int, width: int) -> Mask:
     """A half-resolution mask on the matcher's (height, width) grid."""
-    repeat = _TEXTURE_STEP // step
+    repeat = HALF // step
     if repeat > 1:
         texture = texture.repeat(repeat, axis=0).repeat(repeat, axis=1)
     return texture[:height, :width]

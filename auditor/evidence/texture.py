@@ -4,14 +4,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MIN_TEXTURE = 2.0
-"""Grey levels a (half-resolution) pixel: root mean square of the horizontal Sobel gradient over 5 x 5 pixels."""
+from auditor.evidence.parameters import TEXTURE
 
-_SOBEL_GAIN = 8
+_SOBEL_PX, _SOBEL_GAIN = 3, 8
+"""The smallest Sobel kernel, and the sum of its weights' sizes."""
 
 
 def textured(half: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(h, w) mask of the pixels of a half-resolution (h, w) grey image whose surroundings have texture."""
-    gradient = cv2.Sobel(half, cv2.CV_32F, 1, 0, ksize=3, scale=1 / _SOBEL_GAIN)
-    power = cv2.boxFilter(gradient * gradient, cv2.CV_32F, (5, 5))
-    return np.asarray(power > MIN_TEXTURE * MIN_TEXTURE)
+    """(h, w) mask of the pixels of a half-resolution (h, w) grey image whose surroundings have texture.
+
+    Texture is the root mean square of the horizontal Sobel gradient, in grey levels a pixel.
+    """
+    gradient = cv2.Sobel(half, cv2.CV_32F, 1, 0, ksize=_SOBEL_PX, scale=1 / _SOBEL_GAIN)
+    power = cv2.boxFilter(gradient * gradient, cv2.CV_32F, TEXTURE.window_px)
+    return np.asarray(power > TEXTURE.fewest_levels * TEXTURE.fewest_levels)

@@ -7,13 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evidence.lidar import LidarView
+from auditor.evidence.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
 from auditor.rig import Rig
-
-_STEP = 2  # the witness's z-buffer is kept at half resolution
-_WINDOW = (7, 3)  # rows, columns of that buffer
-_BASELINE_M = 0.6
-_HIDDEN_PX = 3.0
-_AROUND = (17, 17)  # half-resolution pixels
 
 
 def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -22,19 +17,22 @@ def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[n
     `d0_px` is DM_{0,k} at that witness. A point is hidden where another, within 7 x 3 half-resolution pixels of the
     witness's image, is nearer by more than 3 px at a baseline of 0.6 m. Points outside its image are not visible.
     """
+    # The z-buffer of the source camera is kept at half resolution.
     camera = rig.camera(witness)
-    scale = np.float32(_BASELINE_M / rig.baseline_m(witness, view.reference))
-    height, width = -(-camera.height_px // _STEP), -(-camera.width_px // _STEP)
+    scale = np.float32(LIDAR_PROJECTION.baseline_m / rig.baseline_m(witness, view.reference))
+    height, width = -(-camera.height_px // HALF), -(-camera.width_px // HALF)
     # Rectified images share their rows, so the point's row in the reference is its row in the witness as well.
-    row = np.minimum(view.row // _STEP, height - 1)
-    column = np.rint((view.u_px - d0_px) / _STEP).astype(np.intp)
+    row = np.minimum(view.row // HALF, height - 1)
+    column = np.rint((view.u_px - d0_px) / HALF).astype(np.intp)
     inside = (column >= 0) & (column < width)
     column = np.clip(column, 0, width - 1)
     nearness = np.where(inside, d0_px * scale, 0).astype(np.float32)
     nearest = np.zeros((height, width), dtype=np.float32)
     np.maximum.at(nearest, (row, column), nearness)
-    nearest = np.asarray(cv2.dilate(nearest, np.ones(_WINDOW, dtype=np.uint8)), dtype=np.float32)
-    return np.asarray(inside & (nearest[row, column] - nearness <= _HIDDEN_PX))
+    nearest = np.asarray(
+        cv2.dilate(nearest, np.ones(LIDAR_PROJECTION.source_window_px, dtype=np.uint8)), dtype=np.float32
+    )
+    return np.asarray(inside & (nearest[row, column] - nearness <= LIDAR_PROJECTION.nearer_by_px))
 
 
 class Reach(NamedTuple):
@@ -56,9 +54,9 @@ def too_near(
     near &= ~alone
     mask = np.zeros(shape, dtype=np.uint8)
     if near.any():
-        row, column = view.row[near] // _STEP, view.column[near] // _STEP
+        row, column = view.row[near] // HALF, view.column[near] // HALF
         mask[row, column] = 1
-        mask = np.asarray(cv2.dilate(mask, np.ones(_AROUND, dtype=np.uint8)), dtype=np.uint8)
-        leftward = np.ones((1, reach.hides_px // _STEP), dtype=np.uint8)
+        mask = np.asarray(cv2.dilate(mask, np.ones(MATCHER_RANGE.around_px, dtype=np.uint8)), dtype=np.uint8)
+        leftward = np.ones((1, reach.hides_px // HALF), dtype=np.uint8)
         mask = np.asarray(cv2.dilate(mask, leftward, anchor=(0, 0)), dtype=np.uint8)
     return mask.astype(np.bool_)

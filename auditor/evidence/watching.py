@@ -10,11 +10,10 @@ from auditor.evidence.agreement import Moment, agreement
 from auditor.evidence.contrast import contrast, smoothed
 from auditor.evidence.joining import OF_TWO
 from auditor.evidence.one_view import Evidence
+from auditor.evidence.parameters import HALF
 from auditor.evidence.registration import corners, register
 from auditor.evidence.stereo import StereoMap
 from auditor.symptoms import Agreement, Pair, PairSymptoms, Rows, Specks
-
-_HALF = 2
 
 Image = NDArray[np.uint8]
 
@@ -59,6 +58,6 @@ class Watch:
 
 def _at(stereo: StereoMap, points: NDArray[np.float32]) -> NDArray[np.float32]:
     """The disparities of half-resolution points, in half-resolution pixels."""
-    step = _HALF // stereo.step
+    step = HALF // stereo.step
     column, row = points.astype(np.intp).T * step
-    return np.asarray(stereo.disparity_px[row, column] / np.float32(_HALF))
+    return np.asarray(stereo.disparity_px[row, column] / np.float32(HALF))

@@ -12,14 +12,15 @@ from auditor.elements import Element, Witness
 from auditor.identification.algorithm2 import FEWEST_SENSORS, identify
 from auditor.identification.explaining import explains, triple_states
 from auditor.identification.joint import PRICE, Explanations, attack_sets, explain
+from auditor.identification.parameters import EXPLANATION
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
 from auditor.results import Alternative, Evidence, Verdict, VerdictKind
 from auditor.rig import LIDAR, Triple
 
-_UNEXPLAINED = 1.0
+_UNEXPLAINED = EXPLANATION.most_uncovered
 """Raised margins that the best explanation leaves over: with more than this it is none."""
 
-_ALTERNATIVES = 2
+_ALTERNATIVES = EXPLANATION.alternatives
 
 _UNHEARD = f"nobody could deny what S_{LIDAR} reports: points that it invents pass unnoticed"
 

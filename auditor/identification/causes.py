@@ -11,25 +11,26 @@ import numpy as np
 
 from auditor.elements import OF_THE_LIDAR, Element, Witness
 from auditor.identification.margins import margins
+from auditor.identification.parameters import FAULT_HYPOTHESES
 from auditor.identification.strengths import Floats
 from auditor.results import FINDINGS, Alternative, Cause, CauseIn, Evidence, Suspicion, Verdict, VerdictKind
 from auditor.thresholds import HIGHEST_MARGIN, Yardstick
 
-ENOUGH = 0.5
+ENOUGH = FAULT_HYPOTHESES.enough
 """The score of a margin of zero: from here on a cause is seen more strongly than clean frames show it."""
 
 FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
 """Causes that are findings by themselves; the others only say why a frame may have been raised."""
 
-_CLEARLY = 1.0
+_CLEARLY = FAULT_HYPOTHESES.clear_lead
 """An attack whose strongest margin leads that of a cause by more than this is not doubted for it."""
 
-_MOSTLY = 0.5
+_MOSTLY = FAULT_HYPOTHESES.most_of_it
 """Share of the raised margins that a sensor with a fault must be able to raise, to explain them."""
 
-_LEAST_TOLD = 0.2  # of a margin of -1.8
+_LEAST_TOLD = FAULT_HYPOTHESES.least_told
 
-_RAIN_RAISES = -0.75
+_RAIN_RAISES = FAULT_HYPOTHESES.rain_highest
 """The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
 
 

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
+from auditor.identification.parameters import EXPLANATION
 from auditor.rig import LIDAR, Triple
 
 Bools = NDArray[np.bool_]
-
-_BY_A_CAMERA = 0.9
 
 
 def explains(element: Element, attacked: Collection[int]) -> bool:
@@ -26,7 +25,8 @@ def explained(element: Element, attacked: Collection[int]) -> float:
     """
     if not explains(element, attacked):
         return 0.0
-    return _BY_A_CAMERA if element.witness is Witness.CONTRADICTED and LIDAR not in attacked else 1.0
+    by_a_camera = element.witness is Witness.CONTRADICTED and LIDAR not in attacked
+    return EXPLANATION.conflict_by_a_camera if by_a_camera else 1.0
 
 
 def demands(element: Element, attacked: Collection[int]) -> float:
@@ -39,7 +39,7 @@ def demands(element: Element, attacked: Collection[int]) -> float:
     if element.witness is Witness.CONTRADICTED:
         return float(LIDAR in attacked and element.i not in attacked and element.k not in attacked)
     if element.witness is Witness.UNLIKE:
-        return 0.5 if explains(element, attacked) else 0.0
+        return EXPLANATION.photometric_expected if explains(element, attacked) else 0.0
     return 0.0
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.identification.parameters import FROZEN
 from auditor.results import NO_FINGERPRINT
 
-MIN_FRAMES = 2
+MIN_FRAMES = FROZEN.least_repeats
 """Frames that must be equal to the one before them: a single repeat happens when frames tick faster than a sensor."""
 
 Bools = NDArray[np.bool_]

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from auditor.elements import OF_THE_LIDAR, Element, Witness
 from auditor.identification.explaining import demands, explained
+from auditor.identification.parameters import EXPLANATION
 
-PRICE = 0.02
+PRICE = EXPLANATION.penalty_per_sensor
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
 
-MOST_SETS = 20_000
+MOST_SETS = EXPLANATION.most_sets
 """Attack sets weighed at most; a rig of so many sensors that there are more gets those of the fewest attacked."""
 
 Floats = NDArray[np.float64]

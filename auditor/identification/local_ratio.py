@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
+from auditor.identification.parameters import LOCAL_RATIO
 from auditor.results import Cells
 
 Grid = NDArray[np.integer]
@@ -22,20 +23,14 @@ class Window:
 
 
 WINDOWS: Mapping[Witness, Window] = {
-    Witness.CONTRADICTED: Window(rows=6, columns=6, prior=40),
-    Witness.UNLIKE: Window(rows=6, columns=8, prior=200),
+    Witness.CONTRADICTED: Window(*LOCAL_RATIO.conflict_window, LOCAL_RATIO.conflict_pseudo_count),
+    Witness.UNLIKE: Window(*LOCAL_RATIO.photometric_window, LOCAL_RATIO.photometric_pseudo_count),
 }
 """By witness, of cells of 8 x 8 px: 48 x 48 px of LiDAR points, 48 x 64 px of half-resolution pixels.
 
 The others bring statistics of their own. 40 points are half of what 64 beams usually give; for fewer beams
 see `fitted`.
 """
-
-SMALLEST_PRIOR = 15
-"""Of points: fewer prove little, however few beams there are."""
-
-_DENSE_QUANTILE = 0.9
-_SHARE_OF_DENSE = 0.5
 
 
 @dataclass(frozen=True)
@@ -89,8 +84,8 @@ def fitted(window: Window, valid: Grid) -> Window:
     """
     sums = _window_sums(valid, window)
     held = sums[sums > 0]
-    dense = float(np.quantile(held, _DENSE_QUANTILE)) if held.size else 0.0
-    prior = max(round(_SHARE_OF_DENSE * dense), SMALLEST_PRIOR)
+    dense = float(np.quantile(held, LOCAL_RATIO.dense_quantile)) if held.size else 0.0
+    prior = max(round(LOCAL_RATIO.share_of_dense * dense), LOCAL_RATIO.smallest_pseudo_count)
     return replace(window, prior=min(prior, window.prior))
 
 

@@ -7,16 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
+from auditor.identification.parameters import CHECK_SCALE, FAULT_SCALE, THETA_CEILING, THETA_FLOOR
 from auditor.identification.thresholds import threshold
 from auditor.results import CauseIn
 from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: 0.6,
-    Witness.UNLIKE: 0.5,
-    Witness.LIGHT: 0.5,
-    Witness.EMPTY: 1.0,
-    Witness.SCATTERED: 1.0,
+    Witness.CONTRADICTED: THETA_CEILING.lidar_conflict,
+    Witness.UNLIKE: THETA_CEILING.photometric,
+    Witness.LIGHT: THETA_CEILING.brightness,
+    Witness.EMPTY: THETA_CEILING.point_dropout,
+    Witness.SCATTERED: THETA_CEILING.isolated_points,
 }
 """theta is never larger: attacked frames among the clean ones must not silence a witness.
 
@@ -24,21 +25,13 @@ Only a LiDAR that never fills the view, or whose points always lie far apart, ma
 """
 
 FLOORS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: 0.48,
-    Witness.UNLIKE: 0.25,
-    Witness.LIGHT: 0.3,
-    Witness.EMPTY: 0.85,
-    Witness.SCATTERED: 0.4,
+    Witness.CONTRADICTED: THETA_FLOOR.lidar_conflict,
+    Witness.UNLIKE: THETA_FLOOR.photometric,
+    Witness.LIGHT: THETA_FLOOR.brightness,
+    Witness.EMPTY: THETA_FLOOR.point_dropout,
+    Witness.SCATTERED: THETA_FLOOR.isolated_points,
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
-
-_JUST_ENOUGH = 1.0
-"""theta of a cause's strength is never smaller."""
-
-_MARGIN = 0.1
-_STRENGTH_MARGIN = 0.25
-_LARGEST_R = Decimal("0.01")
-_SPREAD_QUANTILE = 0.95
 
 Floats = NDArray[np.float64]
 
@@ -50,9 +43,9 @@ def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardsti
     ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
     quantile = threshold(samples, r)
-    theta = min(max(quantile + _MARGIN * (1 - quantile), FLOORS[witness]), CEILINGS[witness])
-    spread = float(np.quantile(samples, _SPREAD_QUANTILE) - np.median(samples))
-    return Yardstick(theta, max(spread, theta / 4), len(samples))
+    theta = min(max(quantile + CHECK_SCALE.margin * (1 - quantile), FLOORS[witness]), CEILINGS[witness])
+    spread = float(np.quantile(samples, CHECK_SCALE.spread_quantile) - np.median(samples))
+    return Yardstick(theta, max(spread, CHECK_SCALE.smallest_scale * theta), len(samples))
 
 
 def strength_yardstick(samples: Sequence[float], r: Decimal) -> Yardstick:
@@ -62,8 +55,8 @@ def strength_yardstick(samples: Sequence[float], r: Decimal) -> Yardstick:
     of theta: a strength of 1.75 theta has the largest margin. There is no ceiling: a tilt or a row bias that a rig has
     always had is its own. Raises ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
-    theta = max((1 + _STRENGTH_MARGIN) * threshold(samples, min(r, _LARGEST_R)), _JUST_ENOUGH)
-    return Yardstick(theta, theta / 4, len(samples))
+    theta = max((1 + FAULT_SCALE.margin) * threshold(samples, min(r, FAULT_SCALE.largest_r)), FAULT_SCALE.least_theta)
+    return Yardstick(theta, FAULT_SCALE.scale * theta, len(samples))
 
 
 def strength_yardsticks(samples: Mapping[CauseIn, Sequence[float]], r: Decimal) -> dict[CauseIn, Yardstick]:

@@ -10,11 +10,12 @@ from auditor.identification.accusing import System, accuse, heard
 from auditor.identification.causes import weigh
 from auditor.identification.freezing import frozen
 from auditor.identification.margins import margins
+from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.windows import window_means
 from auditor.results import FINDINGS, Cause, Finding, Suspicion, Verdict
 from auditor.thresholds import Yardstick
 
-WINDOW_S = 0.5
+WINDOW_S = TEMPORAL_WINDOW.seconds
 """Attacks last, most mistakes do not: incidents are made of what half a second says."""
 
 Floats = NDArray[np.float64]

@@ -6,24 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.identification.parameters import FAULT_SCORES, TEMPORAL_WINDOW
 from auditor.identification.windows import window_means
 from auditor.results import Cause, CauseIn
 from auditor.rig import LIDAR
 from auditor.symptoms import Pair, lead
-
-_LATE = 0.1  # more of a picture's points on their rows
-_LATE_LIDAR = 0.2  # of the LiDAR's points that agree with one of two frames only: more with the one before
-_TILTED, _LEAST_OFFSET_PX = 0.35, 2.0
-_BIASED, _LEAST_BIAS_PX = 0.25, 3.0
-_TURNED = 0.2  # of those that agree only moved or only as they are: more when moved
-_DARKER = 4.0  # grey levels
-_FEWEST_UNLIKE_PX = 200
-_DIM_LEVELS = (80.0, 40.0)  # grey levels: where darkness begins, and where it is enough
-_SATURATED_SHARE = 0.25
-_SPECKLED = 0.01  # of the LiDAR's points stand alone nearby ...
-_BEYOND = 2.0  # ... and so much less often farther away
-_WINDOW_S = 0.5
-_DIRT_WINDOW_S = 2.0  # dirt stays
 
 Floats = NDArray[np.float64]
 
@@ -52,15 +39,16 @@ def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int
     for camera in seen.cameras:
         found[Cause.LATE, camera] = _late(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
-        found[Cause.SOILED, camera] = _darker(seen, camera) / _DARKER
+        found[Cause.SOILED, camera] = _darker(seen, camera) / FAULT_SCORES.soiled
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _late_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _turned(seen)
         found[Cause.RAIN, LIDAR] = _rain(seen)
-    begins, enough = _DIM_LEVELS
+    begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
-    found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / _SATURATED_SHARE
-    seconds = {who: _DIRT_WINDOW_S if who[0] is Cause.SOILED else _WINDOW_S for who in found}
+    found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / FAULT_SCORES.glare
+    usual, soiled = TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.soiled_seconds
+    seconds = {who: soiled if who[0] is Cause.SOILED else usual for who in found}
     return {who: window_means(values[:, None], stamp_ns, seconds[who])[:, 0] for who, values in found.items()}
 
 
@@ -69,21 +57,22 @@ def _late(seen: Observed, camera: int) -> Floats:
     columns = seen.columns
     now = np.fmax(columns["in_step"], columns["offset_share"])
     gains = [(columns["late_i" if camera == i else "late_k"] - now)[:, p] for p, (i, _) in _with(seen, camera)]
-    return _least(gains, seen) / _LATE
+    return _least(gains, seen) / FAULT_SCORES.late_camera
 
 
 def _displaced(seen: Observed, camera: int) -> Floats:
     """A camera has turned where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
     columns = seen.columns
     offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
-    tilted = np.where(offset >= _LEAST_OFFSET_PX, columns["offset_share"] - columns["in_step"], 0.0)
-    biased = np.where(bias >= _LEAST_BIAS_PX, columns["biased"] - columns["agreeing"], 0.0)
-    return np.fmax(_alone(seen, camera, tilted) / _TILTED, _alone(seen, camera, biased) / _BIASED)
+    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["in_step"], 0.0)
+    biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
+    tilted, biased = (_alone(seen, camera, gain) for gain in (tilted, biased))
+    return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
 
 
 def _late_lidar(seen: Observed) -> Floats:
     """The LiDAR lags where most points that tell two frames apart agree with stereo of the one before."""
-    return _mean(lead(seen.columns["before_only"], seen.columns["now_only"])) / _LATE_LIDAR
+    return _mean(lead(seen.columns["before_only"], seen.columns["now_only"])) / FAULT_SCORES.late_lidar
 
 
 def _turned(seen: Observed) -> Floats:
@@ -93,13 +82,14 @@ def _turned(seen: Observed) -> Floats:
     """
     columns = seen.columns
     moved = lead(columns["turned_only"], columns["unturned_only"])
-    cameras = (np.abs(columns["bias_px"]) >= _LEAST_BIAS_PX) & (columns["biased"] >= columns["turned"])
-    return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / _TURNED
+    cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["turned"])
+    return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.turned_lidar
 
 
 def _rain(seen: Observed) -> Floats:
     """Drops stand alone near the LiDAR; spoofed points at chance ranges do so farther away nearly as often."""
-    return _mean(seen.columns["specks_near"] - _BEYOND * seen.columns["specks_beyond"]) / _SPECKLED
+    beyond = FAULT_SCORES.rain_beyond * seen.columns["specks_beyond"]
+    return _mean(seen.columns["specks_near"] - beyond) / FAULT_SCORES.rain
 
 
 def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:
@@ -123,13 +113,14 @@ def _darker(seen: Observed, camera: int) -> Floats:
     for p, (i, k) in _with(seen, camera):
         partner = i if camera == k else k
         darker = difference[:, p] * (1.0 if camera == i else -1.0)
+        enough = FAULT_SCORES.soiled_partner * unlike[:, p]
         others = [
-            np.where(unlike[:, q] > unlike[:, p] / 2, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
+            np.where(unlike[:, q] > enough, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
             for q, pair in _with(seen, partner)
             if q != p
         ]
         usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
-        found.append(np.where(unlike[:, p] >= _FEWEST_UNLIKE_PX, darker - usual, 0 * unlike[:, p]))
+        found.append(np.where(unlike[:, p] >= FAULT_SCORES.soiled_fewest, darker - usual, 0 * unlike[:, p]))
     return _least(found, seen)
 
 

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from auditor.errors import ThresholdsError
 from auditor.identification.algorithm2 import FEWEST_SENSORS, Identification, identify
 from auditor.identification.codewords import disagreements
+from auditor.identification.parameters import EXPLANATION
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED, without
 from auditor.results import Alternative, Evidence, Verdict, VerdictKind
 from auditor.rig import Triple
 from auditor.thresholds import Thresholds
 
-_ALTERNATIVES = 2
+_ALTERNATIVES = EXPLANATION.alternatives
 
 
 def judge(

@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.identification.parameters import TEMPORAL_WINDOW
+
 NANOSECONDS = 1_000_000_000
-GAP_PERIODS = 2.5
+GAP_PERIODS = TEMPORAL_WINDOW.gap_periods
 
 Floats = NDArray[np.float64]
 

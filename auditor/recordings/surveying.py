@@ -16,17 +16,18 @@ from auditor.recordings.decoding import (
 )
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.interface import Recording, Topic
+from auditor.recordings.parameters import FIRST_LOOK
 
-SAMPLES = 40
+SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
 
-MAX_BYTES = 512 * 2**20
+MAX_BYTES = FIRST_LOOK.most_bytes
 """The look ends after so many bytes of sensor data, whatever was not seen by then."""
 
-MAX_MESSAGES = 20_000
+MAX_MESSAGES = FIRST_LOOK.most_messages
 """The look also ends here: a topic that ticks once a minute must not make it a read of the whole file."""
 
-MAX_LAG_NS = 2 * 10**9
+MAX_LAG_NS = FIRST_LOOK.most_lag_ns
 """Sensors whose messages lie further apart in the file than this cannot be paired in one go."""
 
 

@@ -5,15 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median, median_low
 
+from auditor.recordings.parameters import SENSOR_TIMING
 from auditor.recordings.surveying import Sample, Survey
 from auditor.rig import LIDAR, Rig
-
-MAX_TOLERANCE_NS = 50 * 10**6
-DEFAULT_PERIOD_NS = 10**8
-"""Where a recording is too short to show one."""
-
-FAST = 0.75
-"""A sensor with a shorter period than this share of the slowest one ticks several times a frame."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,7 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
     periods = {
         sensor: median_low([b - a for a, b in pairwise(stamps)]) for sensor, stamps in seen.items() if len(stamps) > 1
     }
-    period_ns = max(periods.values(), default=DEFAULT_PERIOD_NS)
+    period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)
     base = max(seen, default=LIDAR)
     return Timing(
         offset_ns={
@@ -43,8 +37,8 @@ def learn_timing(rig: Rig, survey: Survey) -> Timing:
         | rig.offsets_ns,
         delay_ns={sensor: _delay_ns(taken) for sensor, taken in samples.items()},
         period_ns=period_ns,
-        tolerance_ns=min(period_ns // 4, MAX_TOLERANCE_NS),
-        fast=frozenset(sensor for sensor, own in periods.items() if own < FAST * period_ns),
+        tolerance_ns=min(period_ns // SENSOR_TIMING.periods_a_tolerance, SENSOR_TIMING.most_tolerance_ns),
+        fast=frozenset(sensor for sensor, own in periods.items() if own < SENSOR_TIMING.fast_share * period_ns),
     )
 
 

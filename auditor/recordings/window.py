@@ -7,21 +7,22 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from auditor.frames import Message
+from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.timing import Timing
 from auditor.rig import Rig
 
-MAX_WAIT_PERIODS = 10
+MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
 """How long a frame waits for a sensor that is silent."""
 
-MAX_WINDOW_BYTES = 96 * 2**20
-MESSAGE_BYTES = 512
+MAX_WINDOW_BYTES = FRAME_WINDOW.most_bytes
+MESSAGE_BYTES = FRAME_WINDOW.message_bytes
 """What a waiting message takes beside its data."""
 
-MAX_WAITING = 2048
+MAX_WAITING = FRAME_WINDOW.most_waiting
 """Messages in the window: a sensor of 1 kHz beside one of 1 Hz is nothing that cars have."""
 
-MAX_FROM_BEFORE = 100
-MAX_HELD_GROUPS = 100
+MAX_FROM_BEFORE = FRAME_WINDOW.most_from_before
+MAX_HELD_GROUPS = FRAME_WINDOW.most_held_groups
 
 EDGE = "edge"
 TOO_FEW = "too few sensors"

@@ -90,7 +90,7 @@ def test_points_beyond_the_matcher_s_range_are_not_valid():
 def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
     cloud = with_wall(plane_cloud(DEPTH_M))
     everything = judged(cloud).contradicted
-    monkeypatch.setattr(contradiction, "MOST_ADJUDICATED", 50)
+    monkeypatch.setattr(contradiction, "LIDAR_CONFLICT", replace(contradiction.LIDAR_CONFLICT, most_verified=50))
     asked = []
     original = contradiction.likeness_at
     monkeypatch.setattr(contradiction, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))

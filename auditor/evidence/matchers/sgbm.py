@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evidence.parameters import SGBM
 from auditor.evidence.reduction import halve
 
-_BLOCK = 5
-_RANGE_PX = 128
-_NO_LEFT_RIGHT_CHECK = 1 << 20  # OpenCV reads 0, its default, as one pixel
+_BLOCK = SGBM.block_px
+_SIXTEENTHS = 16  # OpenCV's disparities are whole numbers of them
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class SgbmMatcher:
     """
 
     step: int = 2
-    range_px: int = _RANGE_PX
+    range_px: int = SGBM.range_px
     colour: bool = False
 
     @property
@@ -46,14 +46,14 @@ class SgbmMatcher:
             minDisparity=0,
             numDisparities=reach,
             blockSize=_BLOCK,
-            P1=8 * _BLOCK * _BLOCK,
-            P2=32 * _BLOCK * _BLOCK,
-            disp12MaxDiff=_NO_LEFT_RIGHT_CHECK,
+            P1=SGBM.smoothness_1 * _BLOCK * _BLOCK,
+            P2=SGBM.smoothness_2 * _BLOCK * _BLOCK,
+            disp12MaxDiff=SGBM.left_right_difference,
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         )
-        # In sixteenths of a pixel, negative where there is no match.
+        # Negative where there is no match.
         fixed = matcher.compute(_bordered(left, reach), _bordered(right, reach))[:, reach:]
-        disparity = fixed.astype(np.float32) * np.float32(self.step / 16)
+        disparity = fixed.astype(np.float32) * np.float32(self.step / _SIXTEENTHS)
         disparity[fixed < 0] = np.nan
         return disparity
 

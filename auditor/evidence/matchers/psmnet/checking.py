@@ -8,15 +8,10 @@ from numpy.typing import NDArray
 
 from auditor.evidence.lidar import lidar_view
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher
+from auditor.evidence.parameters import PSMNET_PREFLIGHT
 from auditor.evidence.stereo import seen_by_both
 from auditor.frames import Frame
 from auditor.rig import Rig
-
-_LEAST_PIXELS = 500
-_NEAREST_TRUST_PX = 4.0  # below it a pixel of LiDAR misalignment is already a quarter of the disparity
-_RATIO_BOUND = 0.03
-_BETTER_BY_PX = 0.25
-_PRECISION_BOUND_PX = 0.1
 
 Pixels = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -51,9 +46,9 @@ def check_scale(
     if not parts:
         return None
     network, lidar = (np.concatenate([np.ravel(part[side]) for part in parts]) for side in (0, 1))
-    used = (lidar >= _NEAREST_TRUST_PX) & (lidar < max_disparity) & ~np.isnan(network)
+    used = (lidar >= PSMNET_PREFLIGHT.nearest_trust_px) & (lidar < max_disparity) & ~np.isnan(network)
     network, lidar = network[used], lidar[used]
-    if lidar.size < _LEAST_PIXELS:
+    if lidar.size < PSMNET_PREFLIGHT.fewest_px:
         return None
     ratio = float(np.median(network / lidar))
     residual = float(np.median(np.abs(network - lidar)))
@@ -68,12 +63,12 @@ def _under_other(disparity: Pixels, align_corners: bool, max_disparity: int) -> 
 
 def _warning(ratio: float, residual: float, other: float, align_corners: bool) -> str | None:  # noqa: FBT001 - private
     figures = f"PSMNet / LiDAR has the median {ratio:.3f}, they differ by {residual:.2f} px"
-    if other + _BETTER_BY_PX < residual:
+    if other + PSMNET_PREFLIGHT.better_by_px < residual:
         return (
             f"PSMNet's disparities are off scale: {figures}, but by {other:.2f} px with align_corners="
             f"{not align_corners}; the weights were probably trained with that"
         )
-    if abs(ratio - 1) > _RATIO_BOUND:
+    if abs(ratio - 1) > PSMNET_PREFLIGHT.ratio_off_by:
         return f"PSMNet's disparities are off scale: {figures}; check the weights and the camera calibration"
     return None
 
@@ -95,7 +90,7 @@ def check_precision(
     differences = np.abs(np.stack(matcher.match_pairs(images, pairs)) - np.stack(exact))
     mean, largest = float(differences.mean()), float(differences.max())
     warning = None
-    if not mean <= _PRECISION_BOUND_PX:  # an overflow's NaN is over it too
+    if not mean <= PSMNET_PREFLIGHT.precision_px:  # an overflow's NaN is over it too
         warning = f"{matcher.precision} changes PSMNet's disparities by {mean:.2f} px on average; use fp32 or tf32"
     return PrecisionCheck(mean, largest, warning)
 

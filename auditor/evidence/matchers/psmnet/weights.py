@@ -14,8 +14,9 @@ from torch import Tensor
 from auditor.errors import SettingError
 from auditor.evidence.matchers.psmnet.files import METADATA, WeightsFile, no_safetensors, read_weights_file
 from auditor.evidence.matchers.psmnet.network import MULTIPLE, PUBLISHED_WIDTH, PSMNet
+from auditor.evidence.parameters import PSMNET_INPUT
 
-DEFAULT_MAX_DISPARITY = 192
+DEFAULT_MAX_DISPARITY = PSMNET_INPUT.range_px
 _WIDTHS = range(1, 257)
 _FIRST = "feature_extraction.firstconv.0.0.weight"
 _COUNTER = "num_batches_tracked"  # no disparity depends on it, and checkpoints of 2018 lack it

@@ -1,0 +1,225 @@
+"""Every number that decides a count or a verdict stands in a parameter file, and changes with a version."""
+
+import ast
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+from auditor.evidence.parameters import (
+    DISPARITY_ERROR,
+    MEASURING,
+    SGBM,
+    TEXTURE,
+    WARNING,
+    measuring_digest,
+    measuring_settings,
+)
+from auditor.identification.parameters import JUDGING, THETA_CEILING, THETA_FLOOR, judging_digest, judging_settings
+from auditor.parameters import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.recordings.parameters import SYNCHRONISING, synchronising_digest
+from auditor.results import COUNTING_VERSION, JUDGING_VERSION
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "auditor"
+
+COUNTED = {4: ("78da6eae4208", "bc27e7641c4b")}
+"""By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
+
+JUDGED = {1: "6a9b1ee75da9"}
+"""By JUDGING_VERSION the digest of what judges."""
+
+SHARED = (
+    "common_view",
+    "elements",
+    "fields",
+    "geometry",
+    "lenses",
+    "regions",
+    "results",
+    "rig",
+    "rig_kind",
+    "symptoms",
+    "thresholds",
+)
+SCANNED = (
+    *sorted((PACKAGE / "evidence").rglob("*.py")),
+    *sorted((PACKAGE / "identification").rglob("*.py")),
+    *(PACKAGE / f"{name}.py" for name in SHARED),
+)
+PARAMETER_FILES = ("evidence/parameters.py", "identification/parameters.py")
+ELSEWHERE = {
+    "evidence/detectors/": "the object baseline keeps its settings with every evaluation",
+    "evidence/matchers/psmnet/": "the architecture of PSMNet, and how it is trained and run",
+    "evidence/pictures.py": "thumbnails for the report",
+}
+"""Folders and files whose numbers change neither a count nor a verdict."""
+
+STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "common_view.py": ((3,), "dimensions"),
+    "evidence/ahead.py": ((0.05,), "seconds between two looks at a queue"),
+    "evidence/bringing_back.py": ((0.5,), "the centre of a pixel"),
+    "evidence/damaged_images.py": ((3, 255), "OpenCV's mask of a distance transform; white"),
+    "evidence/damaged_points.py": ((45, 90, 180), "degrees of a rectangle's turn"),
+    "evidence/fingerprints.py": ((255,), "white"),
+    "evidence/likeness.py": ((255,), "white"),
+    "evidence/localising.py": ((255,), "white"),
+    "evidence/matchers/described.py": ((3, 255.0), "channels; white"),
+    "evidence/matchers/onnx.py": ((4,), "axes"),
+    "evidence/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
+    "evidence/matchers/sgbm.py": ((16,), "OpenCV's unit of a disparity"),
+    "evidence/onnx_models.py": ((3,), "a log level"),
+    "evidence/photometric.py": ((255,), "white"),
+    "evidence/rectifying.py": ((0.5, 8), "the centre of a pixel; rigs remembered"),
+    "evidence/registration.py": ((3,), "an axis"),
+    "evidence/specks.py": ((3,), "a cell and its neighbours, in three dimensions"),
+    "evidence/texture.py": ((3, 8), "the smallest Sobel kernel and the sum of its weights"),
+    "geometry.py": ((3, 4), "dimensions"),
+    "identification/accusing.py": ((3,), "N - 3"),
+    "identification/algorithm2.py": ((4,), "N - 3 is positive"),
+    "identification/codewords.py": ((3,), "N - 3"),
+    "identification/false_alarms.py": (
+        (1.959963984540054, 4, 9, 10, 3600),
+        "the 95 % quantile and Wilson's formula; nanoseconds",
+    ),
+    "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
+    "identification/verdicts.py": ((3,), "N - 3"),
+    "identification/windows.py": ((10**9,), "nanoseconds"),
+    "lenses.py": ((4, 5, 8, 12, 60, 1e-9), "coefficients of the models; the inversion's rounds and accuracy"),
+    "results.py": ((COUNTING_VERSION,), "a version"),
+    "rig.py": ((3, 4), "dimensions, and N - 3"),
+}
+"""By module the numbers that are definitions, not choices."""
+
+
+def place(path: Path) -> str:
+    return path.relative_to(PACKAGE).as_posix()
+
+
+def numbers(path: Path) -> Iterator[tuple[int, float]]:
+    """Line and value of each number in a module, but for 0, 1 and 2 and what is inside of an index."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.Subscript) for part in ast.walk(node.slice)}
+    small = {id(node) for node in ast.walk(tree) if isinstance(node, ast.Constant) and node.value in (0, 1, 2)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float) and id(node) not in inside | small:
+            yield node.lineno, node.value
+
+
+def every_parameter() -> tuple[Parameter, ...]:
+    return list_parameters(*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
+
+
+def test_numbers_that_can_change_a_count_or_a_verdict_stand_in_the_parameter_files_alone() -> None:
+    found = [
+        f"{place(path)}:{line}: {value}"
+        for path in SCANNED
+        if place(path) not in PARAMETER_FILES and not place(path).startswith(tuple(ELSEWHERE))
+        for line, value in numbers(path)
+        if value not in STRUCTURAL.get(place(path), ((), ""))[0]
+    ]
+    assert not found, "a parameter with unit and source, or a line of STRUCTURAL with its reason:\n" + "\n".join(found)
+
+
+def test_no_number_is_called_structural_that_is_not_there() -> None:
+    there = {place(path): {value for _, value in numbers(path)} for path in SCANNED}
+    unused = [(name, value) for name, (values, _) in STRUCTURAL.items() for value in values if value not in there[name]]
+    assert not unused
+
+
+def test_measuring_and_synchronising_parameters_change_with_the_counting_version() -> None:
+    message = "raise COUNTING_VERSION, and keep the new digests here: the same frame may give other counts"
+    assert COUNTED.get(COUNTING_VERSION) == (measuring_digest(), synchronising_digest()), message
+
+
+def test_judging_parameters_change_with_the_judging_version() -> None:
+    message = "raise JUDGING_VERSION, and keep the new digest here: the same measurement may get other verdicts"
+    assert JUDGED.get(JUDGING_VERSION) == judging_digest(), message
+
+
+def test_a_changed_value_changes_the_digest_and_its_unit_and_source_do_not() -> None:
+    @dataclass(frozen=True)
+    class DisparityError:
+        absolute_px: float = parameter(3.0, unit="pixels", source="somebody")
+        relative: float = parameter(0.05, unit="share", source="somebody")
+
+    assert digest(DisparityError()) == digest(DISPARITY_ERROR)
+    assert digest(DisparityError(absolute_px=2.9)) != digest(DISPARITY_ERROR)
+    assert digest(DISPARITY_ERROR, SGBM) == digest(SGBM, DISPARITY_ERROR)
+
+
+def test_the_settings_are_canonical_json_of_all_values() -> None:
+    values = json.loads(measuring_settings())
+    assert values["disparity_error.absolute_px"] == 3.0
+    assert values["row_alignment.blocks"] == [6, 20]
+    assert len(values) == len(list_parameters(*MEASURING))
+    assert measuring_settings() == json.dumps(values, sort_keys=True, separators=(",", ":"))
+    assert json.loads(judging_settings())["fault_scale.largest_r"] == "0.01"
+
+
+def test_a_parameter_without_a_unit_or_a_source_cannot_be_made() -> None:
+    with pytest.raises(TypeError):
+        parameter(1.0, unit="px")  # type: ignore[call-arg]
+    for lacking in ({"unit": "", "source": "somebody"}, {"unit": "px", "source": ""}):
+        with pytest.raises(ValueError, match="no unit or no source"):
+            parameter(1.0, **lacking)
+
+
+def test_a_group_with_a_plain_field_is_refused() -> None:
+    @dataclass(frozen=True)
+    class Plain:
+        value: float = field(default=1.0)
+
+    with pytest.raises(KeyError):
+        list_parameters(Plain())
+
+
+def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
+    [found] = list_parameters(replace(TEXTURE, fewest_levels=1.5))[:1]
+    assert (found.group, found.name, found.value) == ("texture", "fewest_levels", 1.5)
+    assert found.unit.startswith("grey levels")
+    assert "1.5, 2.0 and 2.5 tried" in found.source
+
+
+def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
+    for groups in (SYNCHRONISING, (*MEASURING, *WARNING), JUDGING):
+        assert not [name for name, times in Counter(type(group).__name__ for group in groups).items() if times > 1]
+    groups_named: dict[str, set[int]] = {}
+    for group in (*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
+        groups_named.setdefault(type(group).__name__, set()).add(id(group))
+    assert not [name for name, groups in groups_named.items() if len(groups) > 1]
+
+
+def test_every_group_of_a_parameter_file_is_listed() -> None:
+    for name, listed in (("evidence", (*MEASURING, *WARNING)), ("identification", JUDGING)):
+        classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
+        assert set(classes) <= {type(group).__name__ for group in listed}
+    shared = re.findall(r"^class (\w+):", (PACKAGE / "shared_parameters.py").read_text(), re.MULTILINE)
+    assert set(shared) <= {type(group).__name__ for group in (*MEASURING, *JUDGING)}
+
+
+def test_documents_that_sources_name_are_there() -> None:
+    named = {path for one in every_parameter() for path in re.findall(r"docs/\w+\.md", one.source)}
+    assert named
+    assert not [path for path in named if not (ROOT / path).is_file()]
+
+
+def test_every_floor_lies_below_its_ceiling() -> None:
+    floors, ceilings = list_parameters(THETA_FLOOR), list_parameters(THETA_CEILING)
+    assert [floor.name for floor in floors] == [ceiling.name for ceiling in ceilings]
+    for floor, ceiling in zip(floors, ceilings, strict=True):
+        assert isinstance(floor.value, float) and isinstance(ceiling.value, float)  # noqa: PT018
+        assert floor.value < ceiling.value
+
+
+def test_decimals_are_written_exactly() -> None:
+    @dataclass(frozen=True)
+    class Rate:
+        r: Decimal = parameter(Decimal("0.010"), unit="rate", source="somebody")  # noqa: RUF009
+
+    assert canonical_json(Rate()) == '{"rate.r":"0.010"}'
