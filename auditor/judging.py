@@ -1,7 +1,7 @@
 """Calibrations from what stores hold, and the judging of it: no recording is needed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import lru_cache
@@ -23,7 +23,7 @@ from auditor.identification.verdicts import judge_frames
 from auditor.results import CauseIn, Method, Procedure, Statistic, Verdict
 from auditor.rig import Rig
 from auditor.rig_kind import RigKind
-from auditor.store import JudgementRecord, Store, StoredJudgement, make_calibration
+from auditor.store import FrameRatios, JudgementRecord, Store, StoredJudgement, make_calibration
 from auditor.thresholds import Calibration, CleanFrames, RobustThresholds, Thresholds
 
 Rows = list[tuple[int, int, Verdict]]
@@ -34,7 +34,8 @@ class Criteria:
     """How verdicts are to be reached.
 
     `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve.
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` works the robust method's
+    statistics out anew from the stored cells.
     """
 
     r: Decimal
@@ -43,6 +44,7 @@ class Criteria:
     incidents_per_hour: float | None = None
     transfer: bool = False
     strict: bool = False
+    recount: bool = False
 
 
 def system_of(rig: Rig) -> System:
@@ -50,11 +52,13 @@ def system_of(rig: Rig) -> System:
     return System(rig_elements(rig), rig.triples, rig.sensors)
 
 
-def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = None) -> Calibration:
+def calibrate(
+    measurements: Sequence[tuple[Store, str]], frames: range | None = None, *, recount: bool = False
+) -> Calibration:
     """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
 
-    `frames` restricts it to these frame numbers of each measurement. Raises ThresholdsError where kinds or procedures
-    differ or nothing was measured.
+    `frames` restricts it to these frame numbers of each measurement, `recount` works their statistics out anew from the
+    stored cells. Raises ThresholdsError where kinds or procedures differ or nothing was measured.
     """
     clean: list[CleanFrames] = []
     kinds: list[RigKind] = []
@@ -65,7 +69,7 @@ def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = 
         kinds.append(rig.kind)
         procedures.append(measurement.procedure)
         _refuse_mixture(kinds, procedures)
-        clean.append(_clean_frames(store, known, measurement.recording_id, rig, frames))
+        clean.append(_clean_frames(store, known, measurement.recording_id, rig, frames, recount=recount))
     if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
         raise ThresholdsError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
@@ -73,8 +77,10 @@ def calibrate(measurements: Sequence[tuple[Store, str]], frames: range | None = 
     return make_calibration(kinds[0], procedures[0], clean)
 
 
-def _clean_frames(store: Store, known: str, recording_id: str, rig: Rig, frames: range | None) -> CleanFrames:
-    ratios = store.load_ratios(known)
+def _clean_frames(
+    store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
+) -> CleanFrames:
+    ratios = _frame_ratios(store, known, recount=recount)
     chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
     return CleanFrames(
         recording_id,
@@ -94,6 +100,11 @@ def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArra
     seen = store.load_symptoms(measurement)
     observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
     return strengths(observed, seen.stamps_ns, rig.sensors)
+
+
+def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRatios:
+    stored = store.load_ratios(measurement)
+    return replace(stored, ratios=ratios_from_cells(store, measurement)) if recount else stored
 
 
 def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
@@ -154,7 +165,8 @@ def judge_measurement(
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
         thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
-        rows = _judge_robust(store, measurement, rig, thresholds)
+        frames = _frame_ratios(store, measurement, recount=criteria.recount)
+        rows = _judge_robust(store, measurement, rig, thresholds, frames)
         fewest = min(yardstick.samples for yardstick in thresholds.yardsticks.values())
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
@@ -163,7 +175,8 @@ def judge_measurement(
     if criteria.strict:
         _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
     before = (store.current_judgements() if current is None else current).get(measurement)
-    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before))
+    recounted = criteria.recount and criteria.method is Method.ROBUST
+    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before), recounted)
     if calibration.calibration_id not in store.ids("calibrations"):
         store.write_calibration(calibration)
     return store.write_judgement(judgement, rows)
@@ -183,8 +196,8 @@ def _robust(
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
-def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds) -> Rows:
-    frames, system = store.load_ratios(measurement), system_of(rig)
+def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameRatios) -> Rows:
+    system = system_of(rig)
     heard = Heard(frames.stamps_ns, frames.ratios, frames.states == SensorState.PRESENT, frames.fingerprints)
     scales = [thresholds.yardsticks.get(element) for element in system.elements]
     causes = suspicions(_strengths(store, measurement, rig), thresholds.causes)

@@ -1,13 +1,16 @@
-"""What a scan keeps of a frame is enough to work out its local ratios without the images."""
+"""What a scan keeps of a frame is enough to work out its local ratios without the images, and to judge by them."""
+
+from decimal import Decimal
 
 import numpy as np
 import pytest
 
+from auditor.cli import run
 from auditor.elements import Witness, rig_elements
 from auditor.identification import local_ratio
-from auditor.judging import ratios_from_cells
+from auditor.judging import Criteria, calibrate, judge_measurement, ratios_from_cells
 from auditor.pipeline import MeasureTask, measure_recording
-from auditor.store import Store
+from auditor.store import Store, run_sql
 from tests.small_drives import write_drive
 
 FRAMES = 4
@@ -42,3 +45,48 @@ def test_other_windows_give_other_local_ratios_of_what_has_cells_and_of_nothing_
     counted = np.array([element.witness in smaller for element in elements])
     assert (changed[:, counted] != stored[:, counted]).any()
     np.testing.assert_array_equal(changed[:, ~counted], stored[:, ~counted])
+
+
+def judged(store, measurement, *, recount):
+    """A judgement of the attacked frames by the clean ones, and its verdicts."""
+    clean = calibrate([(store, measurement)], range(2), recount=recount)
+    judgement = judge_measurement(store, measurement, clean, Criteria(Decimal(0), recount=recount))
+    sql = f"SELECT kind, margin, evidence FROM verdicts WHERE judgement_id = '{judgement.judgement_id}' ORDER BY frame"
+    return judgement, run_sql(store, sql).to_pylist()
+
+
+def witnesses(verdicts):
+    return {evidence["witness"] for verdict in verdicts for evidence in verdict["evidence"]}
+
+
+def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_says_that_it_was_recounted(scanned):
+    store, measurement = scanned
+    (plain, as_measured), (again, recounted) = (judged(store, measurement, recount=r) for r in (False, True))
+    assert recounted == as_measured
+    assert plain.judgement_id != again.judgement_id
+    assert (plain.recounted, again.recounted) == (False, True)
+    assert store.current_judgements()[measurement] == again
+
+
+def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_what_was_measured(scanned, monkeypatch):
+    store, measurement = scanned
+    before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
+    assert {"unlike", "light"} <= witnesses(as_measured)
+    demanding = {witness: local_ratio.Window(6, 8, 10**9) for witness in local_ratio.WINDOWS}
+    monkeypatch.setattr(local_ratio, "WINDOWS", demanding)
+    assert witnesses(judged(store, measurement, recount=True)[1]) == {"light"}
+    assert judged(store, measurement, recount=False)[1] == as_measured
+    np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)
+
+
+def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, capfd):
+    store, measurement = scanned
+    folder = str(store.folder)
+    assert (
+        run(["calibrate", str(store.folder.parent / "drive.mcap"), "--store", folder, "--frames", "0:2", "--recount"])
+        == 0
+    )
+    assert run(["judge", folder, "-r", "0", "--recount"]) == 1
+    assert store.current_judgements()[measurement].recounted
+    assert run(["judge", folder, "-r", "0", "--recount", "--method", "paper"]) == 2
+    assert "--recount: the paper's method has no statistics that come from cells" in capfd.readouterr().err

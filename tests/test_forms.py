@@ -58,8 +58,6 @@ def test_the_plain_form_has_what_was_written(expected) -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_every_form_gives_the_same_frames_and_counts(row: MessageForm, expected, tmp_path: Path) -> None:
-    if row in FOXGLOVE_FORMS or "protobuf" in row.name:
-        pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
     if "h264" in row.name:
         pytest.importorskip("av", reason="the extra `video` is not installed")
     frames, counts = counts_of(row.write(tmp_path, RIG, FRAMES))

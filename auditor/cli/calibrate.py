@@ -41,6 +41,7 @@ class _Frames(click.ParamType[range]):
 @click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N).")
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
+@options.recount_option
 @options.measuring_options
 @format_option
 def command(
@@ -54,6 +55,7 @@ def command(
     form: str,
     *,
     strict: bool,
+    recount: bool,
 ) -> int:
     """Learn thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
@@ -92,7 +94,7 @@ def command(
         raise ThresholdsError(
             "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
         )
-    calibration = calibrate(clean, frames)
+    calibration = calibrate(clean, frames, recount=recount)
     fewest = min(len(samples) for samples in calibration.samples.values())
     _check_resolution(r, fewest, strict=strict)
     kept = Store.open(store, create=True)

@@ -29,12 +29,19 @@ class Judging:
     transfer: bool = False
     strict: bool = False
     min_coverage: float = 0.99
+    recount: bool = False
 
     def __post_init__(self) -> None:
         if self.method == "paper" and self.incidents_per_hour is not None:
             raise SettingError(
                 "the paper's method has no score that incidents per hour could set",
                 where="--incidents-per-hour",
+                remedy="leave it away, or judge with --method robust",
+            )
+        if self.method == "paper" and self.recount:
+            raise SettingError(
+                "the paper's method has no statistics that come from cells",
+                where="--recount",
                 remedy="leave it away, or judge with --method robust",
             )
 
@@ -51,6 +58,7 @@ class Judging:
             self.incidents_per_hour,
             transfer=self.transfer,
             strict=self.strict,
+            recount=self.recount,
         )
 
 

@@ -226,6 +226,11 @@ method_option = click.option(
 )
 
 
+recount_option = click.option(
+    "--recount", is_flag=True, help="Work statistics out anew from the stored cells, in today's windows."
+)
+
+
 def judging_options(command: Decorated) -> Decorated:
     """The method, the designated false-alarm rate and the thresholds that verdicts are reached with."""
     for option in (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from onnxruntime.capi import onnxruntime_pybind11_state as errors
 
 from auditor.errors import SettingError
-from auditor.evidence.descriptions import read_model_file, sha256
+from auditor.evidence.model_description import read_model_file, sha256
 
 _UNREADABLE = (
     errors.Fail,

@@ -23,15 +23,3 @@ def disagreements(e: str, attacked: Collection[int], triples: Sequence[Triple]) 
     return sum(
         state not in (NOT_MEASURED, expected) for state, expected in zip(e, codeword(attacked, triples), strict=True)
     )
-
-
-def explaining_sets(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
-    """The allowed attack sets whose codeword agrees with every measured element of e."""
-    return tuple(attacked for attacked in allowed_attack_sets(sensors) if disagreements(e, attacked, triples) == 0)
-
-
-def nearest_sets(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
-    """The allowed attack sets that disagree with the fewest measured elements of e."""
-    distances = {attacked: disagreements(e, attacked, triples) for attacked in allowed_attack_sets(sensors)}
-    nearest = min(distances.values())
-    return tuple(attacked for attacked, distance in distances.items() if distance == nearest)

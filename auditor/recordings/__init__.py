@@ -4,7 +4,7 @@ from auditor.recordings.converting import ConvertReport, convert, rewrite
 from auditor.recordings.finding import Found, find_recordings
 from auditor.recordings.health import Health, look_through
 from auditor.recordings.interface import Damage, Reader, Recording, Topic
-from auditor.recordings.opening import open_recording
+from auditor.recordings.opening import format_of, open_recording
 from auditor.recordings.origin import Origin
 from auditor.recordings.path_pattern import read_path
 from auditor.recordings.rig_file import read_rig, write_rig
@@ -38,6 +38,7 @@ __all__ = [
     "convert",
     "find_recordings",
     "find_rigs",
+    "format_of",
     "look_for_rigs",
     "look_through",
     "open_recording",

@@ -19,7 +19,6 @@ class Op:
     """The kinds of records."""
 
     MESSAGE = 2
-    BAG_HEADER = 3
     INDEX = 4
     CHUNK = 5
     CHUNK_INFO = 6

@@ -105,7 +105,10 @@ class Recording(Protocol):
 
 
 class Reader(Protocol):
-    """A container format: an entry of the table in `opening`, or of the entry points group `auditor.readers`."""
+    """A container format: an entry of the table in `opening`, or of the entry points group `auditor.readers`.
+
+    Its name in either is the format that a store keeps of a recording.
+    """
 
     def detects(self, path: Path) -> bool:
         """True where the path is a recording of this format, by its name or its look, without reading it."""

@@ -11,21 +11,32 @@ from auditor.recordings.kitti_odometry import KittiOdometryReader
 from auditor.recordings.mcap import McapReader
 from auditor.recordings.rosbag import Ros1Reader, Ros2Reader
 
-READERS: tuple[Reader, ...] = (McapReader(), Ros1Reader(), Ros2Reader(), KittiReader(), KittiOdometryReader())
-"""Built-in readers; those of the entry points group `auditor.readers` are asked after them."""
+READERS: tuple[tuple[str, Reader], ...] = (
+    ("mcap", McapReader()),
+    ("bag", Ros1Reader()),
+    ("rosbag2", Ros2Reader()),
+    ("kitti", KittiReader()),
+    ("kitti_odometry", KittiOdometryReader()),
+)
+"""Built-in readers, each with its name; those of the entry points group `auditor.readers` are asked after them."""
 
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
 
 @cache
-def readers() -> tuple[Reader, ...]:
-    """All readers: the built-in table, then what other packages offer."""
-    return READERS + tuple(entry.load()() for entry in entry_points(group="auditor.readers"))
+def readers() -> tuple[tuple[str, Reader], ...]:
+    """All readers, each with its name: the built-in table, then what other packages offer."""
+    return READERS + tuple((entry.name, entry.load()()) for entry in entry_points(group="auditor.readers"))
 
 
 def reader_of(path: Path) -> Reader | None:
     """The first reader that knows the path, or None."""
-    return next((reader for reader in readers() if reader.detects(path)), None)
+    return next((reader for _, reader in readers() if reader.detects(path)), None)
+
+
+def format_of(path: Path) -> str | None:
+    """The name of the first reader that knows the path, or None."""
+    return next((name for name, reader in readers() if reader.detects(path)), None)
 
 
 def open_recording(path: Path) -> Recording:

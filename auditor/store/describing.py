@@ -1,4 +1,4 @@
-"""What tables, views and queries are: taken from the files that make them, so it cannot differ from what they do."""
+"""What views and queries are: taken from the files that make them, so it cannot differ from what they do."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from auditor.store.sql_files import Parameter, SqlFile, queries, views
 
 @dataclass(frozen=True)
 class Description:
-    """One table, view or query (`what`): what it says, its parameters where it is a query, and its columns."""
+    """One view or query (`what`): what it says, its parameters where it is a query, and its columns."""
 
     name: str
     what: str
@@ -28,12 +28,6 @@ def describe(name: str) -> Description:
         return _described(views()[name], "view")
     known = ", ".join([*(known.name for known in list_queries()), *views()])
     raise QueryError("there is no such query or view", where=name, remedy=f"there are {known}")
-
-
-def describe_table(name: str) -> Description:
-    """Describe one of TABLES, as its files lie in a store."""
-    schema = table_schema(name)
-    return Description(name, "table", schema.sentence, (), schema.columns)
 
 
 def list_views() -> list[SqlFile]:

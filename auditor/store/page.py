@@ -134,6 +134,7 @@ class Provenance:
     score_threshold: float | None = None
     resolvable: bool = True
     transferred: bool = False
+    recounted: bool = False
     thresholds: tuple[ThresholdLine, ...] = ()
 
 

@@ -219,6 +219,7 @@ def _provenance(store: Store, audit: _Audit, teachers: _Teachers) -> Provenance:
         r=judgement.r,
         resolvable=judgement.resolvable,
         transferred=judgement.transferred,
+        recounted=judgement.recounted,
         incidents_per_hour=row["incidents_per_hour"],
         score_threshold=row["score_threshold"],
         thresholds=tuple(_threshold_lines(audit.rig, row)),

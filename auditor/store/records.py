@@ -118,12 +118,16 @@ class FrameRatios:
 
 @dataclass(frozen=True)
 class JudgementRecord:
-    """One judging of one measurement. `judged_at` is UTC. Raises StoreError where r has more decimals than are kept."""
+    """One judging of one measurement. `judged_at` is UTC; `recounted` where the statistics came from the stored cells.
+
+    Raises StoreError where r has more decimals than are kept.
+    """
 
     measurement_id: str
     method: str
     thresholds: Thresholds | RobustThresholds
     judged_at: datetime.datetime
+    recounted: bool = False
 
     def __post_init__(self) -> None:
         r = self.thresholds.r
@@ -149,6 +153,7 @@ class JudgementRecord:
             special,
             str(thresholds.r.normalize()),
             thresholds.transferred,
+            *(["recounted"] if self.recounted else []),
         )
 
 
@@ -157,7 +162,7 @@ class StoredJudgement:
     """A finished judgement, as the store knows it.
 
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
-    belong to an incident.
+    belong to an incident. `recounted` is True where its statistics came from the stored cells.
     """
 
     judgement_id: str
@@ -171,6 +176,7 @@ class StoredJudgement:
     judged_at: datetime.datetime
     counts: Mapping[VerdictKind, int]
     in_incidents: int
+    recounted: bool
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

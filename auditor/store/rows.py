@@ -114,6 +114,7 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "resolvable": thresholds.resolvable,
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
+        "recounted": judgement.recounted,
         "schema_version": SCHEMA_VERSION,
         **_threshold_columns(thresholds, rig),
     }
@@ -148,6 +149,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         judged_at=row["judged_at"].replace(tzinfo=UTC),
         counts=counts,
         in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
+        recounted=bool(row["recounted"]),
     )
 
 

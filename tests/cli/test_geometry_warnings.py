@@ -9,10 +9,11 @@ import pytest
 from auditor.cli import run
 from auditor.geometry import motion
 from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import askew, rotation
+from auditor.lab.vehicles import rotation
 from auditor.lenses import NO_LENS, Lens
 from auditor.recordings import write_mcap, write_rig
 from auditor.rig import Rig
+from tests.perturbed_rigs import perturbed
 
 LENSES = (Lens("plumb_bob", (-0.3, 0.1, 0.0005, -0.0003)), Lens("equidistant", (-0.01, 0.0, 0.0, 0.0)), NO_LENS)
 
@@ -25,7 +26,7 @@ def drive() -> SyntheticDrive:
 @pytest.fixture(scope="module")
 def bent(drive: SyntheticDrive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording by cameras that nobody rectified, whose calibration says so."""
-    crooked = replace(drive, vehicle=replace(drive.vehicle, rig=askew(drive.rig, LENSES, 1)))
+    crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 1)))
     path = tmp_path_factory.mktemp("bent") / "bent.mcap"
     write_mcap(path, crooked.rig, crooked.frames())
     return path

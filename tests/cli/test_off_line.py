@@ -11,11 +11,11 @@ from auditor.cli import run
 from auditor.frames import Frame
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import askew
 from auditor.lenses import NO_LENS, Lens
 from auditor.recordings import write_mcap
 from auditor.rig import LIDAR
 from tests.evidence.scenes import moved
+from tests.perturbed_rigs import perturbed
 
 OFFSETS_M = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
 LENSES = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), NO_LENS, NO_LENS)
@@ -24,7 +24,7 @@ ATTACKED = {1: range(4), 2: range(6, 10), 3: range(12, 16), LIDAR: range(18, 22)
 
 def street(trip: int) -> SyntheticDrive:
     drive = make_drive(3, 22, width_px=414, height_px=126, trip=trip)
-    return replace(drive, vehicle=replace(drive.vehicle, rig=moved(askew(drive.rig, LENSES, 1), OFFSETS_M)))
+    return replace(drive, vehicle=replace(drive.vehicle, rig=moved(perturbed(drive.rig, LENSES, 1), OFFSETS_M)))
 
 
 def attacked(drive: SyntheticDrive) -> Iterator[Frame]:

@@ -34,7 +34,6 @@ def test_the_frames_before_each_cut_are_audited_and_the_loss_is_told(
 def test_the_nuscenes_frame_and_bags_without_cameras_say_what_is_missing_in_a_line_each(
     real_data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
     write_protobuf(tmp_path / "nuscenes.mcap", nuscenes(real_data / "nuscenes_one_frame"))
     sources = [tmp_path / "nuscenes.mcap", real_data / "real_bags_without_cameras"]
     assert run(["scan", *map(str, sources), "--store", str(tmp_path / "audit")]) == 3

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
+from auditor.store import Store
 from tests.small_drives import write_drive
 
 
@@ -227,4 +228,5 @@ def test_a_scan_killed_before_it_kept_the_recording_itself_is_completed(
     assert run(["scan", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store)]) == 0
     assert "measured before" in capfd.readouterr().err
     assert all(path.is_file() for path in kept)
+    assert [(known.name, known.format) for known in Store.open(store).recordings()] == [("clean.mcap", "mcap")]
     assert summary(store, capfd)["clean.mcap"]["clean"] == 30

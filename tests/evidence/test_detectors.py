@@ -205,7 +205,10 @@ def test_two_detectors_of_one_kind_are_refused(tmp_path: Path) -> None:
         ('sensor = "camera"\nnames = ["Car"]\nscore = 2', "score makes no sense"),
         ('sensor = "camera"\nnames = ["Car"]\n[input]\nsize = [100000, 4]', "input.size makes no sense"),
         ('sensor = "camera"\nnames = ["Car"]\n[output]\nformat = "xxyy"', "output.format makes no sense"),
-        ('sensor = "cloud"\nnames = ["Car"]\n[input]\nkind = "grid"\ncell_m = 0.001', "input makes no sense.*values"),
+        (
+            'sensor = "cloud"\nnames = ["Car"]\n[input]\nkind = "grid"\ncell_m = 0.001',
+            "input.cell_m makes no sense.*values",
+        ),
         ('sensor = "cloud"\nnames = ["Car"]\n[output]\ncolumns = ["x", "y"]', "output.columns makes no sense"),
         ('sensor = "cloud"\nnames = ["Car"]\n[input]\nsize = [4, 4]', "size is not known here"),
         ('sensor = "camera"\nnames = ["Car"]\n[input]\nname = "pixels"', "inputs are input.*names pixels"),

@@ -127,11 +127,11 @@ def test_settings_bind_the_model_and_its_description(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("toml", "message"),
     [
-        ("", "range_px, the largest disparity of the model, is missing"),
+        ("", "range_px makes no sense; it is the largest disparity"),
         ("range_px = true", "range_px makes no sense"),
         ('range_px = "192"', "range_px makes no sense"),
         ("range_px = 64\nsize = 3", "size is not known here; use: range_px, step"),
-        ("range_px = 64\ninput = 3", "3 is not known here; use: left"),
+        ("range_px = 64\ninput = 3", "3 is not known here; use: colour"),
         ("range_px = 64\nstep = 3", "step makes no sense; it is one of"),
         ("range_px = 64\nstep = 2", "input.multiple makes no sense; it is a multiple of step"),
         ('range_px = 64\nstep = 2\n[input]\nmultiple = 2\npad = "top right"', "input.pad makes no sense; it is bottom"),

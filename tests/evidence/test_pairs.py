@@ -15,11 +15,11 @@ from auditor.frames import Frame, Presence, SensorState
 from auditor.identification.local_ratio import local_ratios
 from auditor.lab.attacks import BogusWall, Facula
 from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import askew
 from auditor.lenses import NO_LENS, Lens
 from auditor.results import Statistic
 from auditor.rig import LIDAR, Rig
 from tests.evidence.scenes import moved
+from tests.perturbed_rigs import perturbed
 
 ONE_ABOVE_ONE_AHEAD = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
 ON_THE_LINE = ((0.0, 0.0, 0.0),) * 3
@@ -45,7 +45,7 @@ def without(frame: Frame, *missing: int) -> Frame:
 @pytest.fixture(scope="module")
 def bent() -> SyntheticDrive:
     drive = make_drive(2, 2, **SMALL)
-    return through(drive, moved(askew(drive.rig, BENT, 2), ONE_ABOVE_ONE_AHEAD))
+    return through(drive, moved(perturbed(drive.rig, BENT, 2), ONE_ABOVE_ONE_AHEAD))
 
 
 def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matched() -> None:

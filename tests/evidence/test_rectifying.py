@@ -12,11 +12,12 @@ from auditor.evidence.rectifying import rectification
 from auditor.frames import CameraImage, Frame, PointCloud, Skipped
 from auditor.geometry import invert, motion
 from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import askew, make_rig, rotation
+from auditor.lab.vehicles import make_rig, rotation
 from auditor.lenses import NO_LENS, Lens
 from auditor.results import Statistic
 from auditor.rig import Camera, Rig
 from tests.evidence.scenes import plane_frame, plane_rig
+from tests.perturbed_rigs import perturbed
 
 LENSES = (
     Lens("plumb_bob", (-0.3, 0.1, 0.0005, -0.0003, -0.01)),
@@ -26,7 +27,7 @@ LENSES = (
 
 
 def crooked_rig(seed: int = 1, **settings: object) -> Rig:
-    return askew(make_rig(3, lidar=True, width_px=621, height_px=188), LENSES, seed, **settings)
+    return perturbed(make_rig(3, lidar=True, width_px=621, height_px=188), LENSES, seed, **settings)
 
 
 def turned(rig: Rig, rig_SO3_new: np.ndarray) -> Rig:
@@ -94,7 +95,7 @@ def in_the_drives_frame(drive: SyntheticDrive, ideal: Rig) -> Rig:
 
 def test_a_drive_through_bent_and_turned_cameras_measures_like_one_through_ideal_ones() -> None:
     drive = make_drive(2, 2, width_px=621, height_px=188)
-    crooked = replace(drive, vehicle=replace(drive.vehicle, rig=askew(drive.rig, LENSES, 2)))
+    crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 2)))
     ideal = rectification(crooked.rig).rig
     straight = replace(drive, vehicle=replace(drive.vehicle, rig=in_the_drives_frame(drive, ideal)))
     E = {}
@@ -163,7 +164,7 @@ def test_cameras_without_a_view_in_common_are_named() -> None:
 
 def test_skipped_frames_stay_among_the_rectified_ones() -> None:
     drive = make_drive(1, 1, width_px=240, height_px=96)
-    seen = rectification(askew(drive.rig, (NO_LENS,) * 3, 1))
+    seen = rectification(perturbed(drive.rig, (NO_LENS,) * 3, 1))
     skipped = Skipped(0, 0, "nothing there")
     images = {
         number: CameraImage(number, 0, np.zeros((115, 288), dtype=np.uint8)) for number in seen.rig.sensors if number

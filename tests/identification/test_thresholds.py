@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auditor.errors import SettingError, ThresholdsError
-from auditor.identification.states import state_vector
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
 from auditor.results import COUNTING_VERSION, Procedure, Statistic
-from auditor.rig import Triple, triples_of
+from auditor.rig import triples_of
 from auditor.rig_kind import RigKind
 from auditor.thresholds import Calibration
 from tests.clean_frames import clean_frames
@@ -117,14 +116,6 @@ def test_a_triple_without_samples_has_no_theta():
 def test_a_statistic_without_samples_is_an_error():
     with pytest.raises(ThresholdsError, match="plain"):
         thresholds_at(CALIBRATION, Statistic.PLAIN, Decimal(0))
-
-
-def test_an_element_is_one_above_theta_zero_at_theta_and_a_dash_where_not_measured():
-    thresholds = thresholds_at(CALIBRATION, Statistic.GATED, Decimal(0))
-    thresholds = replace(thresholds, theta=dict.fromkeys(TRIPLES[:2], 0.25))
-    assert state_vector([0.26, 0.25, 0.9], thresholds, TRIPLES) == "10-"
-    assert state_vector([None, float("nan"), None], thresholds, TRIPLES) == "---"
-    assert state_vector([0.26], thresholds, (Triple(1, 2, 3),)) == "-"
 
 
 def test_a_calibration_of_the_same_kind_and_procedure_fits():

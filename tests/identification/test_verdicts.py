@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from auditor.errors import ThresholdsError
-from auditor.identification.codewords import allowed_attack_sets, codeword, explaining_sets
-from auditor.identification.states import state_vector, without
+from auditor.identification.codewords import allowed_attack_sets, codeword
+from auditor.identification.states import without
 from auditor.identification.verdicts import judge, judge_frames
 from auditor.results import Statistic, VerdictKind
 from auditor.rig import Triple, triples_of
 from auditor.thresholds import Thresholds
+from tests.identification.definitions import explaining_sets, state_vector
 
 N3 = triples_of(3, lidar=True)
 N4 = triples_of(4, lidar=True)
@@ -207,6 +208,12 @@ def test_no_frames_give_no_verdicts():
 def test_a_rig_without_triples_gets_not_auditable_frames():
     (verdict,) = judge_frames(np.empty((1, 0)), thresholds_for(()), (), (0, 1), [frozenset()])
     assert (verdict.kind, verdict.e) == (VerdictKind.NOT_AUDITABLE, "")
+
+
+def test_e_is_one_above_theta_zero_at_theta_and_a_dash_where_not_measured():
+    errors = np.array([[0.21, 0.2, 0.9], [np.nan, 0.0, 0.9]])
+    above, unmeasured = judge_frames(errors, thresholds_for(N3[:2]), N3, FOUR, [frozenset()] * 2)
+    assert (above.e, unmeasured.e) == ("10-", "-0-")
 
 
 def test_a_triple_without_theta_is_not_measured():

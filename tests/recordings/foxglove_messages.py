@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import foxglove_schemas_protobuf as schemas
 import numpy as np
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from auditor.frames import Frame
 from auditor.geometry import Matrix, invert, motion, quaternion_from_rotation
@@ -115,8 +117,6 @@ def nuscenes(folder: Path) -> Iterator[Said]:
 
 
 def protobuf_message(schema: str, fields: dict[str, Any]) -> Any:
-    import foxglove_schemas_protobuf as schemas  # noqa: PLC0415 - an extra
-
     name = schema.rpartition(".")[2]
     kind = getattr(__import__(f"{schemas.__name__}.{name}_pb2", fromlist=[name]), name)
     return _fill(kind(), fields)
@@ -139,8 +139,6 @@ def _fill(message: Any, fields: dict[str, Any]) -> Any:
 
 
 def write_protobuf(path: Path, messages: Iterator[Said], compression: str = "ZSTD") -> None:
-    from mcap_protobuf.writer import Writer as ProtobufWriter  # noqa: PLC0415 - an extra
-
     with path.open("wb") as out, ProtobufWriter(out, compression=CompressionType[compression]) as writer:
         for one in messages:
             message = protobuf_message(one.schema, one.fields)

@@ -5,10 +5,10 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.geometry import invert, motion
-from auditor.lab.vehicles import askew
 from auditor.lenses import NO_LENS, Lens
 from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
 from auditor.rig import Rig
+from tests.perturbed_rigs import perturbed
 from tests.recordings.drives import make_frames, make_rig
 
 LENSES = (Lens("radtan", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
@@ -32,7 +32,7 @@ def camchain(rig: Rig) -> str:
 
 @pytest.fixture
 def rig() -> Rig:
-    return askew(make_rig(), LENSES, seed=3)
+    return perturbed(make_rig(), LENSES, seed=3)
 
 
 def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, rig: Rig) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import RecordingError
-from auditor.recordings import find_recordings, open_recording, write_bag, write_db3, write_mcap
+from auditor.recordings import find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
 from tests.recordings.drives import make_frames, make_rig
 
 RIG = make_rig(2)
@@ -53,6 +53,13 @@ def test_what_gives_no_recording_is_told_and_the_others_go_on(fleet: Path, tmp_p
     told = ["no such file", "is empty", "no recording in this folder", "no recording of a known kind"]
     assert all(words in error.what for words, error in zip(told, found.errors, strict=True))
     assert all(error.remedy and "\n" not in str(error) for error in found.errors)
+
+
+def test_the_format_of_a_recording_is_the_name_of_its_reader(fleet: Path, tmp_path: Path) -> None:
+    (tmp_path / "drive" / "image_00" / "data").mkdir(parents=True)
+    places = ("b/one.MCAP", "a/deep/three.bag", "c", "c/c.db3", "notes.txt", ".hidden")
+    assert [format_of(fleet / place) for place in places] == ["mcap", "bag", "rosbag2", "rosbag2", None, None]
+    assert format_of(tmp_path / "drive") == "kitti"
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "empty.bag", "text.txt"])

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
+from mcap_protobuf.schema import build_file_descriptor_set
 
 from auditor.errors import DecodingError, RigError
 from auditor.frames import Message
@@ -35,12 +36,6 @@ CLOUD = "foxglove.PointCloud"
 ENCODINGS = ["protobuf", "json"]
 
 
-@pytest.fixture(autouse=True)
-def _foxglove_is_installed() -> None:
-    pytest.importorskip("foxglove_schemas_protobuf", reason="the extra `foxglove` is not installed")
-    pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
-
-
 def message(schema: str, fields: dict[str, Any], encoding: str) -> Message:
     data = json_text(fields) if encoding == "json" else protobuf_message(schema, fields).SerializeToString()
     return Message("/a", schema, encoding, 9, data)
@@ -53,8 +48,6 @@ def decoder(of: Message, definition: Definition | None = None) -> Any:
 
 
 def descriptor_set(schema: str) -> bytes:
-    from mcap_protobuf.schema import build_file_descriptor_set  # noqa: PLC0415 - an extra
-
     made: bytes = build_file_descriptor_set(type(protobuf_message(schema, {}))).SerializeToString()
     return made
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import RecordingError
-from auditor.recordings import convert, find_recordings, find_rigs, open_recording, survey
+from auditor.recordings import convert, find_recordings, find_rigs, format_of, open_recording, survey
 from tests.recordings.drives import same_frame, split, stream_of
 
 RAW = "kitti_raw_2011_09_26_drive_0001/2011_09_26"
@@ -48,6 +48,7 @@ def test_a_sequence_gives_the_rig_and_the_frames_of_its_raw_drive(sequence: Path
         raw_frames, _ = split(stream_of(raw, colour=True))
         assert recording.clock == "relative"
         assert recording.metadata() == {"drive": "00"}
+    assert (format_of(sequence), format_of(real_data / RAW)) == ("kitti_odometry", "kitti")
     assert not skipped
     assert rig.lidar
     assert raw_rig.lidar

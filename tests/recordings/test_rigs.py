@@ -8,7 +8,7 @@ import pytest
 from auditor.errors import RigError
 from auditor.evidence.rectifying import rectification
 from auditor.geometry import Matrix, invert, motion, rotation_from_quaternion
-from auditor.lab.vehicles import askew, rotation
+from auditor.lab.vehicles import rotation
 from auditor.lenses import NO_LENS, Lens
 from auditor.recordings import check_rig, find_rigs, look_for_rigs, open_recording, read_rig, write_rig
 from auditor.recordings import survey as survey_of
@@ -16,6 +16,7 @@ from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.interface import Topic
 from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
 from auditor.rig import Rig
+from tests.perturbed_rigs import perturbed
 from tests.recordings.drives import make_frames, make_rig
 from tests.small_drives import WRITERS
 
@@ -314,7 +315,7 @@ def test_a_rig_file_whose_cameras_no_line_holds_is_taken_unless_a_pair_sees_noth
 @pytest.mark.parametrize("ending", [".mcap", ".bag"])
 def test_a_rig_that_is_not_rectified_survives_a_recording_and_a_rig_file(tmp_path: Path, ending: str) -> None:
     lenses = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
-    rig = askew(make_rig(), lenses, seed=3)
+    rig = perturbed(make_rig(), lenses, seed=3)
     write_rig(rig, tmp_path / "rig.toml")
     assert read_rig(tmp_path / "rig.toml").rig_id == rig.rig_id
     WRITERS[ending](tmp_path / f"raw{ending}", rig, make_frames(rig, 3))

@@ -21,8 +21,6 @@ FRAMES = {False: make_frames(RIG, 4), True: make_frames(RIG, 4, colour=True)}
 def test_a_recording_gives_the_frames_that_were_written(
     container: Container, form: Form, colour: bool, tmp_path: Path
 ) -> None:
-    if "protobuf" in container.name:
-        pytest.importorskip("mcap_protobuf", reason="the extra `foxglove` is not installed")
     written = FRAMES[colour]
     with open_recording(container.write(tmp_path, RIG, written, form)) as recording:
         stream = stream_of(recording, colour=colour)

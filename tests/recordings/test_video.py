@@ -28,7 +28,6 @@ from tests.recordings.foxglove_messages import (
 from tests.recordings.videos import KEY_EVERY, encoded
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
-pytest.importorskip("foxglove_schemas_protobuf", reason="the extra `foxglove` is not installed")
 
 RIG = make_rig(3)
 COUNT = 24

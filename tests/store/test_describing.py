@@ -3,7 +3,7 @@ import re
 import pytest
 
 from auditor.errors import QueryError
-from auditor.store.describing import describe, describe_table, list_views
+from auditor.store.describing import describe, list_views
 from auditor.store.parameters import bind
 from auditor.store.queries import list_queries
 from auditor.store.schema import table_schema
@@ -31,10 +31,6 @@ def test_every_parameter_is_used_and_its_default_is_of_its_type(query):
     assert set(re.findall(r"\$(\w+)", query.sql)) == {parameter.name for parameter in query.parameters}
     required = {parameter.name: "0" for parameter in query.parameters if parameter.required}
     assert bind(query, required).keys() == {parameter.name for parameter in query.parameters}
-
-
-def test_tables_are_described_by_their_schema_files():
-    assert describe_table("frames").columns == table_schema("frames").columns
 
 
 def test_what_is_not_there_is_not_described():

@@ -12,7 +12,6 @@ from auditor.evidence.detectors.interface import Detection, ImageBox
 from auditor.evidence.detectors.networks import Network
 from auditor.evidence.detectors.outputs import Found
 from auditor.evidence.detectors.overlap import overlaps
-from auditor.evidence.reduction import grey
 
 Image = NDArray[np.uint8]
 
@@ -65,16 +64,11 @@ class OnnxCameraDetector(Network):
 
     def _shown(self, pixels: Image) -> tuple[NDArray[np.generic], _Fit]:
         height, width = pixels.shape[:2]
-        if self.taken.colour == "grey":
-            image = np.atleast_3d(grey(pixels))
-        else:
-            image = pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
-            image = image[..., ::-1] if self.taken.colour == "rgb" else image
-        image, fit = _fitted(np.ascontiguousarray(image), self.taken.size or (height, width), self.taken.fit)
+        channels = np.ascontiguousarray(self.taken.channels(pixels))
+        image, fit = _fitted(channels, self.taken.size or (height, width), self.taken.fit)
         shown: NDArray[np.generic] = image
         if self.taken.type == "float32":
-            mean, deviation = (np.asarray(values, np.float32) for values in (self.taken.mean, self.taken.deviation))
-            shown = (image.astype(np.float32) / np.float32(self.taken.divisor) - mean) / deviation
+            shown = self.taken.normalised(image)
         if self.taken.layout == "nchw":
             shown = shown.transpose(2, 0, 1)
         return np.ascontiguousarray(shown[np.newaxis]), fit

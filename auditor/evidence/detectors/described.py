@@ -52,13 +52,27 @@ The yaw turns from x towards y in the LiDAR's frame, and is KITTI's rotation_y i
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from auditor.errors import SettingError
-from auditor.evidence.descriptions import are_numbers, fields_of, is_name, is_whole, read_toml, refuse
+from auditor.evidence.model_description import (
+    NAME,
+    NAME_OR_NOTHING,
+    NUMBER,
+    POSITIVE,
+    SHARE,
+    Described,
+    Pixels,
+    Rule,
+    described,
+    numbers,
+    one_of,
+    read_toml,
+    whole,
+)
 
 LARGEST_SIDE_PX = 4096
 MOST_VALUES = 100_000_000
@@ -67,37 +81,51 @@ SOLID = ("x", "y", "z", "length", "width", "height", "yaw")
 _NEEDED = {"lidar": {"x", "y", "length", "width", "yaw"}, "camera": {"x", "z", "length", "width", "yaw"}}
 
 
+def _are_texts(values: object) -> bool:
+    return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
+
+
+_SIDE = whole("a number of pixels", largest=LARGEST_SIDE_PX)
+_SIZE = Rule(
+    lambda size: size is None or (isinstance(size, tuple) and len(size) == 2 and all(map(_SIDE.holds, size))),
+    f"height and width, at most {LARGEST_SIDE_PX} pixels each",
+)
+_TWO = numbers("two numbers, the smaller first", 2)
+_ENDS = Rule(lambda ends: _TWO.holds(ends) and ends[0] < ends[1], _TWO.meant)
+_CLASSES = Rule(lambda names: _are_texts(names) and any(names), "a list of names of classes")
+_COLUMNS = Rule(
+    lambda columns: _are_texts(columns) and set(columns) <= set(SOLID) and len(set(columns)) == len(columns),
+    f"a list of {', '.join(SOLID)}, where the vertical axis and height may be left out",
+)
+
+
 @dataclass(frozen=True)
-class CameraInput:
+class CameraInput(Pixels):
     """How an image is shown to the network."""
 
-    name: str = "images"
-    size: tuple[int, int] | None = None
-    fit: str = "stretch"
-    layout: str = "nchw"
-    type: str = "float32"
-    colour: str = "rgb"
-    divisor: float = 255.0
-    mean: tuple[float, ...] = (0.0,)
-    deviation: tuple[float, ...] = (1.0,)
+    name: Annotated[str, NAME] = "images"
+    size: Annotated[tuple[int, int] | None, _SIZE] = None
+    fit: Annotated[str, one_of("stretch", "letterbox")] = "stretch"
+    layout: Annotated[str, one_of("nchw", "nhwc")] = "nchw"
+    type: Annotated[str, one_of("float32", "uint8")] = "float32"
 
 
 @dataclass(frozen=True)
-class CloudInput:
+class CloudInput(Described):
     """How a point cloud is shown to the network."""
 
-    name: str = "points"
-    kind: str = "points"
-    points: int = 16384
-    columns: int = 4
-    frame: str = "lidar"
-    x_m: tuple[float, float] = (0.0, 70.0)
-    y_m: tuple[float, float] = (-40.0, 40.0)
-    z_m: tuple[float, float] = (-2.5, 1.0)
-    cell_m: float = 0.1
-    slices: int = 35
-    empty: int = 1
-    rows: str = "y"
+    name: Annotated[str, NAME] = "points"
+    kind: Annotated[str, one_of("points", "grid")] = "points"
+    points: Annotated[int, whole("a number of points")] = 16384
+    columns: Annotated[int, whole("a number from 3 to 16", 3, 16)] = 4
+    frame: Annotated[str, one_of("lidar", "camera")] = "lidar"
+    x_m: Annotated[tuple[float, float], _ENDS] = (0.0, 70.0)
+    y_m: Annotated[tuple[float, float], _ENDS] = (-40.0, 40.0)
+    z_m: Annotated[tuple[float, float], _ENDS] = (-2.5, 1.0)
+    cell_m: Annotated[float, POSITIVE] = 0.1
+    slices: Annotated[int, whole("a whole number")] = 35
+    empty: Annotated[int, whole("a whole number", 0)] = 1
+    rows: Annotated[str, one_of("x", "y")] = "y"
 
     @property
     def cells(self) -> tuple[int, int]:
@@ -105,15 +133,26 @@ class CloudInput:
         along, across = (round((last - first) / self.cell_m) for first, last in (self.x_m, self.y_m))
         return along, across
 
+    def rules(self) -> Iterator[tuple[str, bool, str]]:
+        """What is shown fits into memory, and a grid is seen from above."""
+        along, across = self.cells
+        values = along * across * (self.slices + self.empty) if self.kind == "grid" else self.points * self.columns
+        yield (
+            "cell_m" if self.kind == "grid" else "points",
+            0 < values <= MOST_VALUES,
+            f"such that there are at most {MOST_VALUES:,} values",
+        )
+        yield "frame", self.kind == "points" or self.frame == "lidar", "lidar where the input is a grid"
+
 
 @dataclass(frozen=True)
-class Output:
+class Output(Described):
     """Where the network's outputs hold what it found."""
 
-    boxes: str = "boxes"
-    scores: str = "scores"
-    labels: str = "labels"
-    objectness: str = ""
+    boxes: Annotated[str, NAME] = "boxes"
+    scores: Annotated[str, NAME] = "scores"
+    labels: Annotated[str, NAME_OR_NOTHING] = "labels"
+    objectness: Annotated[str, NAME_OR_NOTHING] = ""
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -126,122 +165,49 @@ class Output:
 class CameraOutput(Output):
     """The same, and what the columns of boxes in an image are."""
 
-    format: str = "xyxy"
-    units: str = "pixels"
+    format: Annotated[str, one_of("xyxy", "yxyx", "xywh", "cxcywh")] = "xyxy"
+    units: Annotated[str, one_of("pixels", "shares")] = "pixels"
 
 
 @dataclass(frozen=True)
 class CloudOutput(Output):
     """The same, and what the columns of boxes in space are."""
 
-    columns: tuple[str, ...] = SOLID
-    centred: bool = True
-    ground_m: float = -1.73
-    height_m: float = 1.6
+    columns: Annotated[tuple[str, ...], _COLUMNS] = SOLID
+    centred: Annotated[bool, Rule(lambda value: isinstance(value, bool), "true or false")] = True
+    ground_m: Annotated[float, NUMBER] = -1.73
+    height_m: Annotated[float, POSITIVE] = 1.6
+
+
+_TABLES: Mapping[str, Mapping[str, type[Described]]] = {
+    "camera": {"input": CameraInput, "output": CameraOutput},
+    "cloud": {"input": CloudInput, "output": CloudOutput},
+}
 
 
 @dataclass(frozen=True)
-class Description:
+class Description(Described):
     """The TOML file beside a detector's model."""
 
     sensor: str
-    names: tuple[str, ...]
-    first: int = 0
-    score: float = 0.5
-    overlap: float = 0.5
+    names: Annotated[tuple[str, ...], _CLASSES] = ()
+    first: Annotated[int, whole("the number of the first class", 0)] = 0
+    score: Annotated[float, SHARE] = 0.5
+    overlap: Annotated[float, SHARE] = 0.5
     input: CameraInput | CloudInput = field(default_factory=CameraInput)
     output: CameraOutput | CloudOutput = field(default_factory=CameraOutput)
+
+    def rules(self) -> Iterator[tuple[str, bool, str]]:
+        """A box in space needs the columns that lie on the ground in its frame."""
+        if isinstance(self.input, CloudInput) and isinstance(self.output, CloudOutput):
+            needed = _NEEDED[self.input.frame]
+            yield "output.columns", needed <= set(self.output.columns), f"a list that has {', '.join(sorted(needed))}"
 
 
 def read_description(model: Path) -> Description:
     """The description beside a model. Raises SettingError where it makes no sense."""
     path, table = read_toml(model, remedy='write one with at least: sensor = "camera" and names = [...]')
-    values = fields_of(path, Description, table)
-    if values.get("sensor") not in ("camera", "cloud"):
+    sensor = table.get("sensor")
+    if sensor not in ("camera", "cloud"):
         raise SettingError("sensor is missing or unknown", where=path, remedy="it is camera or cloud")
-    kinds: tuple[type[Any], type[Any]] = (
-        (CameraInput, CameraOutput) if values["sensor"] == "camera" else (CloudInput, CloudOutput)
-    )
-    parts = {
-        name: kind(**fields_of(path, kind, table.get(name, {})))
-        for name, kind in zip(("input", "output"), kinds, strict=True)
-    }
-    description = Description(**{"names": ()} | values | parts)
-    refuse(path, _rules(description))
-    refuse(path, _output_rules(description.output))
-    return description
-
-
-def _rules(of_it: Description) -> Iterator[tuple[str, bool, str]]:
-    names = of_it.names
-    texts = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
-    yield "names", texts and any(names), "a list of names of classes"
-    yield "first", isinstance(of_it.first, int) and of_it.first >= 0, "the number of the first class"
-    yield "score", _share(of_it.score), "a number from 0 to 1"
-    yield "overlap", _share(of_it.overlap), "a number from 0 to 1"
-    if isinstance(of_it.input, CameraInput):
-        yield from _camera_rules(of_it.input)
-    elif isinstance(of_it.output, CloudOutput):
-        yield from _cloud_rules(of_it.input)
-        yield from _column_rules(of_it.output, _NEEDED[of_it.input.frame])
-
-
-def _camera_rules(taken: CameraInput) -> Iterator[tuple[str, bool, str]]:
-    channels = (1,) if taken.colour == "grey" else (1, 3)
-    size = taken.size is None or (
-        isinstance(taken.size, tuple)
-        and len(taken.size) == 2
-        and all(is_whole(side) and side <= LARGEST_SIDE_PX for side in taken.size)
-    )
-    yield "input.name", is_name(taken.name), "a name"
-    yield "input.size", size, f"height and width, at most {LARGEST_SIDE_PX} pixels each"
-    yield "input.fit", taken.fit in ("stretch", "letterbox"), "stretch or letterbox"
-    yield "input.layout", taken.layout in ("nchw", "nhwc"), "nchw or nhwc"
-    yield "input.type", taken.type in ("float32", "uint8"), "float32 or uint8"
-    yield "input.colour", taken.colour in ("rgb", "bgr", "grey"), "rgb, bgr or grey"
-    yield "input.divisor", are_numbers((taken.divisor,), (1,), positive=True), "a positive number"
-    yield "input.mean", are_numbers(taken.mean, channels), "a list of one number, or of one a channel"
-    yield "input.deviation", are_numbers(taken.deviation, channels, positive=True), "a list like mean, of positive ones"
-
-
-def _cloud_rules(taken: CloudInput) -> Iterator[tuple[str, bool, str]]:
-    yield "input.name", is_name(taken.name), "a name"
-    yield "input.kind", taken.kind in ("points", "grid"), "points or grid"
-    yield "input.points", is_whole(taken.points), "a number of points"
-    yield "input.columns", is_whole(taken.columns) and 3 <= taken.columns <= 16, "a number from 3 to 16"
-    yield "input.frame", taken.frame in ("lidar", "camera"), "lidar or camera"
-    for name in ("x_m", "y_m", "z_m"):
-        ends = getattr(taken, name)
-        yield f"input.{name}", are_numbers(ends, (2,)) and ends[0] < ends[1], "two numbers, the smaller first"
-    yield "input.cell_m", are_numbers((taken.cell_m,), (1,), positive=True), "a positive number"
-    yield "input.slices", is_whole(taken.slices), "a whole number"
-    yield "input.empty", taken.empty == 0 or is_whole(taken.empty), "a whole number"
-    yield "input.rows", taken.rows in ("x", "y"), "x or y"
-    along, across = taken.cells
-    values = along * across * (taken.slices + taken.empty) if taken.kind == "grid" else taken.points * taken.columns
-    yield "input", 0 < values <= MOST_VALUES, f"at most {MOST_VALUES:,} values"
-    yield "input.frame", taken.kind == "points" or taken.frame == "lidar", "lidar where the input is a grid"
-
-
-def _output_rules(given: CameraOutput | CloudOutput) -> Iterator[tuple[str, bool, str]]:
-    for name in ("boxes", "scores"):
-        yield f"output.{name}", is_name(getattr(given, name)), "a name"
-    for name in ("labels", "objectness"):
-        yield f"output.{name}", isinstance(getattr(given, name), str), "a name, or nothing"
-    if isinstance(given, CameraOutput):
-        yield "output.format", given.format in ("xyxy", "yxyx", "xywh", "cxcywh"), "xyxy, yxyx, xywh or cxcywh"
-        yield "output.units", given.units in ("pixels", "shares"), "pixels or shares"
-
-
-def _column_rules(given: CloudOutput, needed: set[str]) -> Iterator[tuple[str, bool, str]]:
-    texts = isinstance(given.columns, tuple) and all(isinstance(name, str) for name in given.columns)
-    columns = set(given.columns) if texts else set()
-    known = columns >= needed and columns <= set(SOLID) and len(columns) == len(given.columns)
-    yield "output.columns", known, f"a list of {', '.join(SOLID)}, where the vertical axis and height may be left out"
-    yield "output.centred", isinstance(given.centred, bool), "true or false"
-    yield "output.ground_m", are_numbers((given.ground_m,), (1,)), "a number"
-    yield "output.height_m", are_numbers((given.height_m,), (1,), positive=True), "a positive number"
-
-
-def _share(value: object) -> bool:
-    return isinstance(value, int | float) and 0 <= value <= 1
+    return described(path, Description, table, _TABLES[sensor])

@@ -1,7 +1,5 @@
 """What detectors in ONNX files have in common."""
 
-import dataclasses
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,8 +35,7 @@ class Network:
     @property
     def settings(self) -> str:
         """Canonical JSON of the model's hash and its description."""
-        values = dataclasses.asdict(self.description) | {"model_sha256": self.model.sha256}
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return self.description.settings(self.model.sha256)
 
     @property
     def labels(self) -> frozenset[str]:

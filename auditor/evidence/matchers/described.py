@@ -21,57 +21,65 @@
 Only `range_px` must be there; these are the defaults of the others, save for the mean (0) and the deviation (1).
 """
 
-import dataclasses
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import SettingError
-from auditor.evidence.descriptions import are_numbers, fields_of, is_name, is_whole, read_toml, refuse
-
-_COLOURS = ("rgb", "bgr", "grey")
-_CORNERS = ("bottom right", "top right")
-_STEPS = (1, 2)
+from auditor.evidence.model_description import (
+    NAME,
+    NUMBER,
+    Described,
+    Pixels,
+    Rule,
+    described,
+    one_of,
+    read_toml,
+    whole,
+)
 
 Image = NDArray[np.uint8]
 Tensor = NDArray[np.float32]
 
+_FACTOR = Rule(lambda value: NUMBER.holds(value) and value != 0, "a number other than 0")
+
 
 @dataclass(frozen=True)
-class Input:
+class Input(Pixels):
     """What the model takes: (1, 3, H, W) float32, (1, 1, H, W) where it wants grey images."""
 
-    left: str = "left"
-    right: str = "right"
-    colour: str = "rgb"
-    divisor: float = 255.0
-    mean: tuple[float, ...] = (0.0,)
-    deviation: tuple[float, ...] = (1.0,)
-    multiple: int = 1
-    pad: str = "bottom right"
+    left: Annotated[str, NAME] = "left"
+    right: Annotated[str, NAME] = "right"
+    multiple: Annotated[int, whole("a multiple of step")] = 1
+    pad: Annotated[str, one_of("bottom right", "top right")] = "bottom right"
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Described):
     """What the model gives: (H / step, W / step) disparities, any number of axes of length 1 before them."""
 
-    disparity: str = "disparity"
-    factor: float = 1.0
+    disparity: Annotated[str, NAME] = "disparity"
+    factor: Annotated[float, _FACTOR] = 1.0
 
 
 @dataclass(frozen=True)
-class Description:
+class Description(Described):
     """The TOML file beside a model."""
 
-    range_px: int
-    step: int = 1
+    range_px: Annotated[int, whole("the largest disparity of the model, in pixels")] = 0
+    step: Annotated[int, whole("one of 1 and 2", largest=2)] = 1
     input: Input = field(default_factory=Input)
     output: Output = field(default_factory=Output)
+
+    def rules(self) -> Iterator[tuple[str, bool, str]]:
+        """A step of 2 takes whole pairs of pixels, and begins at the first."""
+        yield "input.multiple", self.input.multiple % self.step == 0, "a multiple of step"
+        yield "input.pad", self.step == 1 or self.input.pad == "bottom right", "bottom right where step is not 1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +112,7 @@ class ModelMatcher:
     @property
     def settings(self) -> str:
         """Canonical JSON of the model's hash and its description."""
-        values = dataclasses.asdict(self.model.description) | {"model_sha256": self.model.sha256}
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return self.model.description.settings(self.model.sha256)
 
     @property
     def libraries(self) -> Mapping[str, str]:
@@ -135,7 +142,7 @@ class ModelMatcher:
         size = left.shape[:2]
         padding = self._padding(size)
         taken = self.model.description.input
-        given = self.model.run(*(_padded(_normalised(image, taken), padding) for image in (left, right)))
+        given = self.model.run(*(_tensor(image, taken, padding) for image in (left, right)))
         grid = tuple((length + sum(added)) // self.step for length, added in zip(size, padding, strict=True))
         if given.size != math.prod(grid) or given.shape[-2:] != grid:
             raise SettingError(
@@ -164,51 +171,10 @@ class ModelMatcher:
 def read_description(model: Path) -> Description:
     """The description beside a model: `model.toml` for `model.onnx`. Raises SettingError where it makes no sense."""
     path, table = read_toml(model, remedy="write one with at least: range_px = 192")
-    values = fields_of(path, Description, table)
-    if "range_px" not in values:
-        raise SettingError("range_px, the largest disparity of the model, is missing", where=path)
-    values |= {
-        "input": Input(**fields_of(path, Input, table.get("input", {}))),
-        "output": Output(**fields_of(path, Output, table.get("output", {}))),
-    }
-    description = Description(**values)
-    refuse(path, _rules(description))
-    return description
+    return described(path, Description, table, {"input": Input, "output": Output})
 
 
-def _rules(description: Description) -> Iterator[tuple[str, bool, str]]:
-    taken, given = description.input, description.output
-    step = description.step if is_whole(description.step) else 0
-    channels = (1,) if taken.colour == "grey" else (1, 3)
-    corners = _CORNERS if step == 1 else _CORNERS[:1]
-    yield "range_px", is_whole(description.range_px), "a whole number of pixels"
-    yield "step", step in _STEPS, f"one of {_STEPS}"
-    yield "input.left", is_name(taken.left), "a name"
-    yield "input.right", is_name(taken.right), "a name"
-    yield "input.colour", taken.colour in _COLOURS, f"one of {', '.join(_COLOURS)}"
-    yield "input.divisor", are_numbers((taken.divisor,), (1,), positive=True), "a positive number"
-    yield "input.mean", are_numbers(taken.mean, channels), "a list of one number, or of one a channel"
-    yield (
-        "input.deviation",
-        are_numbers(taken.deviation, channels, positive=True),
-        "a list like mean, of positive numbers",
-    )
-    yield "input.multiple", is_whole(taken.multiple) and taken.multiple % max(step, 1) == 0, "a multiple of step"
-    yield "input.pad", taken.pad in corners, " or ".join(corners)
-    yield "output.disparity", is_name(given.disparity), "a name"
-    yield "output.factor", are_numbers((given.factor,), (1,)) and given.factor != 0, "a number other than 0"
-
-
-def _normalised(image: Image, taken: Input) -> Tensor:
-    """(1, C, H, W) from (H, W) grey or (H, W, 3) BGR."""
-    pixels = np.atleast_3d(image)
-    if taken.colour != "grey":
-        pixels = np.broadcast_to(pixels, (*image.shape[:2], 3))
-        pixels = pixels[..., ::-1] if taken.colour == "rgb" else pixels
-    divisor, mean, deviation = (np.asarray(v, np.float32) for v in (taken.divisor, taken.mean, taken.deviation))
-    normal = (pixels.astype(np.float32) / divisor - mean) / deviation
-    return np.ascontiguousarray(normal.transpose(2, 0, 1)[np.newaxis])
-
-
-def _padded(tensor: Tensor, padding: tuple[tuple[int, int], tuple[int, int]]) -> Tensor:
-    return np.pad(tensor, ((0, 0), (0, 0), *padding))
+def _tensor(image: Image, taken: Input, padding: tuple[tuple[int, int], tuple[int, int]]) -> Tensor:
+    """(1, C, H, W) as the model takes it, zeros around it."""
+    normal = taken.normalised(taken.channels(image)).transpose(2, 0, 1)[np.newaxis]
+    return np.pad(np.ascontiguousarray(normal), ((0, 0), (0, 0), *padding))

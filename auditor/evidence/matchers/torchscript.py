@@ -10,8 +10,8 @@ from pathlib import Path
 import torch
 
 from auditor.errors import SettingError
-from auditor.evidence.descriptions import read_model_file, sha256
 from auditor.evidence.matchers.described import Model, ModelMatcher, Tensor, read_description
+from auditor.evidence.model_description import read_model_file, sha256
 
 
 def open_torchscript(path: Path, *, device: str = "cpu", threads: int = 1) -> ModelMatcher:

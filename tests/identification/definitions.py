@@ -1,0 +1,22 @@
+"""Eq. 6 and Eq. 7 as they are printed, one element at a time: what the quick ways of the package are held against."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from auditor.identification.codewords import allowed_attack_sets, disagreements
+from auditor.rig import Triple
+from auditor.thresholds import Thresholds
+
+
+def state_vector(errors: Sequence[float], thresholds: Thresholds, triples: Sequence[Triple]) -> str:
+    """The e vector (Eq. 6): '1' where E > theta, '0' where not, '-' where E is NaN or the triple has no theta."""
+    states = []
+    for E, triple in zip(errors, triples, strict=True):
+        theta = thresholds.theta.get(triple)
+        states.append("-" if theta is None or math.isnan(E) else "1" if E > theta else "0")  # noqa: SIM300
+    return "".join(states)
+
+
+def explaining_sets(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
+    """The allowed attack sets whose codeword (Eq. 7) agrees with every measured element of e."""
+    return tuple(attacked for attacked in allowed_attack_sets(sensors) if disagreements(e, attacked, triples) == 0)
