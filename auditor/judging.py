@@ -13,13 +13,14 @@ from auditor.elements import rig_elements
 from auditor.errors import ThresholdsError
 from auditor.frames import SensorState
 from auditor.identification.accusing import System
-from auditor.identification.causes import suspicions
+from auditor.identification.freezing import frozen
 from auditor.identification.local_ratio import local_ratios
-from auditor.identification.robust import Heard, judge_heard
+from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
+from auditor.identification.states import sensors_where
 from auditor.identification.strengths import Observed, strengths
 from auditor.identification.thresholds import check_calibration, thresholds_at
-from auditor.identification.verdicts import judge_frames
+from auditor.identification.verdicts import judge_frames as judge_by_paper
 from auditor.results import CauseIn, Method, Procedure, Statistic, Verdict
 from auditor.rig import Rig
 from auditor.rig_kind import RigKind
@@ -81,6 +82,7 @@ def _clean_frames(
     store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:
     ratios = _frame_ratios(store, known, recount=recount)
+    present = ratios.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
     return CleanFrames(
         recording_id,
@@ -92,7 +94,14 @@ def _clean_frames(
         },
         dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
         {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
+        missing=_of_sensors(rig, ~present[chosen]),
+        frozen=_of_sensors(rig, frozen(ratios.fingerprints, present)[chosen]),
     )
+
+
+def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
+    """(F, S) flags by sensor, without the sensors that have none."""
+    return {sensor: column for sensor, column in zip(rig.sensors, flags.T, strict=True) if column.any()}
 
 
 def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
@@ -197,26 +206,17 @@ def _robust(
 
 
 def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameRatios) -> Rows:
-    system = system_of(rig)
-    heard = Heard(frames.stamps_ns, frames.ratios, frames.states == SensorState.PRESENT, frames.fingerprints)
-    scales = [thresholds.yardsticks.get(element) for element in system.elements]
-    causes = suspicions(_strengths(store, measurement, rig), thresholds.causes)
-    verdicts = judge_heard(heard, system, scales, thresholds.score, causes)
+    present, fault_scores = frames.states == SensorState.PRESENT, _strengths(store, measurement, rig)
+    series = FrameSeries.of_recording(frames.stamps_ns, frames.ratios, present, frames.fingerprints, fault_scores)
+    verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 
 
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
     errors = store.load_errors(measurement, thresholds.statistic)
-    missing = _missing(rig, errors.states)
-    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    missing = sensors_where(rig.sensors, errors.states != SensorState.PRESENT)
+    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing)
     return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
-
-
-def _missing(rig: Rig, states: NDArray[np.str_]) -> list[frozenset[int]]:
-    return [
-        frozenset(s for s, state in zip(rig.sensors, row, strict=True) if state != SensorState.PRESENT)
-        for row in states.tolist()
-    ]
 
 
 def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: int, *, resolvable: bool) -> None:

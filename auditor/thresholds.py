@@ -1,7 +1,7 @@
 """What clean recordings taught, and the thresholds that follow from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from decimal import Decimal
 from functools import cached_property
@@ -19,6 +19,7 @@ LOWEST_MARGIN, HIGHEST_MARGIN = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
 """Margins z of the robust method are kept between these: no single element decides alone."""
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,8 @@ class CleanFrames:
     """The F frames of one clean recording, in the order of its measurement: all that thresholds come from.
 
     `errors` holds the disparity errors E by statistic and triple, `ratios` the local ratios by element, `strengths` how
-    strongly symptoms speak for each cause that is not an attack; each is (F,), NaN where it was not measured.
+    strongly symptoms speak for each cause that is not an attack; each is (F,), NaN where it was not measured. `missing`
+    and `frozen` are (F,) flags of the sensors that were not there, or stood still while others went on, in some frame.
     """
 
     recording_id: str
@@ -34,6 +36,8 @@ class CleanFrames:
     errors: Mapping[tuple[Statistic, Triple], Floats]
     ratios: Mapping[Element, Floats]
     strengths: Mapping[CauseIn, Floats]
+    missing: Mapping[int, Flags] = field(default_factory=dict)
+    frozen: Mapping[int, Flags] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:

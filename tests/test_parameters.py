@@ -31,7 +31,7 @@ PACKAGE = ROOT / "auditor"
 COUNTED = {4: ("78da6eae4208", "bc27e7641c4b")}
 """By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
 
-JUDGED = {1: "6a9b1ee75da9"}
+JUDGED = {1: "ed11aa9d7f10"}
 """By JUDGING_VERSION the digest of what judges."""
 
 SHARED = (
@@ -69,7 +69,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "evidence/fingerprints.py": ((255,), "white"),
     "evidence/likeness.py": ((255,), "white"),
     "evidence/localising.py": ((255,), "white"),
-    "evidence/matchers/described.py": ((3, 255.0), "channels; white"),
+    "evidence/model_description.py": ((3, 255.0), "channels; white"),
     "evidence/matchers/onnx.py": ((4,), "axes"),
     "evidence/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
     "evidence/matchers/sgbm.py": ((16,), "OpenCV's unit of a disparity"),

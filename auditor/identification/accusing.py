@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
 from auditor.identification.algorithm2 import FEWEST_SENSORS, identify
+from auditor.identification.codewords import allowed_attack_sets
 from auditor.identification.explaining import explains, triple_states
-from auditor.identification.joint import PRICE, Explanations, attack_sets, explain
+from auditor.identification.joint import PRICE, Explanations, explain
 from auditor.identification.parameters import EXPLANATION
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
 from auditor.results import Alternative, Evidence, Verdict, VerdictKind
@@ -40,11 +41,6 @@ class System:
         """The cameras matched with more than one other: what is wrong with one of them shows in all its pairs."""
         pairs = Counter(s for e in self.elements if e.witness is Witness.UNLIKE for s in (e.i, e.k))
         return frozenset(sensor for sensor, number in pairs.items() if number > 1)
-
-    @property
-    def attack_sets(self) -> tuple[tuple[int, ...], ...]:
-        """The attacks that its sensors can tell apart while all are there."""
-        return attack_sets(self.sensors, max(len(self.sensors) - 3, 0))
 
 
 def heard(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
@@ -81,21 +77,36 @@ def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], thresho
     `reason` says why a raised frame is not attributed, and where the LiDAR was there but could not be contradicted.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
-    groups: dict[frozenset[int], list[int]] = {}
-    for frame, absent in enumerate(missing):
-        groups.setdefault(absent, []).append(frame)
     z = heard(z, system, missing)
-    for absent, frames in groups.items():
+    for absent, frames in _alike(missing).items():
         for frame, verdict in zip(frames, _accuse_alike(z[frames], system, absent, threshold), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
+
+
+def raising_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+    """(F,) what `accuse` compares with its threshold, from the same (F, M) margins and missing sensors."""
+    scores = np.full(len(z), -np.inf)
+    z = heard(z, system, missing)
+    for absent, frames in _alike(missing).items():
+        sets = allowed_attack_sets(sensor for sensor in system.sensors if sensor not in absent)
+        scores[frames] = raising_score(z[frames], explain(z[frames], system.elements, sets))
+    return scores
+
+
+def _alike(missing: Sequence[frozenset[int]]) -> dict[frozenset[int], list[int]]:
+    """The frames that lack the same sensors."""
+    groups: dict[frozenset[int], list[int]] = {}
+    for frame, absent in enumerate(missing):
+        groups.setdefault(absent, []).append(frame)
+    return groups
 
 
 def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: float) -> list[Verdict]:
     """Frames that lack the same sensors."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
-    sets = attack_sets(present, max(len(present) - 3, 0))
+    sets = allowed_attack_sets(present)
     explanations = explain(z, system.elements, sets)
     score = raising_score(z, explanations)
     lead = explanations.lead if len(sets) > 1 else score

@@ -2,9 +2,14 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from itertools import combinations
+from math import comb
 
+from auditor.identification.parameters import EXPLANATION
 from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
 from auditor.rig import Triple
+
+MOST_SETS = EXPLANATION.most_sets
+"""Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
 
 
 def codeword(attacked: Collection[int], triples: Sequence[Triple]) -> str:
@@ -13,9 +18,17 @@ def codeword(attacked: Collection[int], triples: Sequence[Triple]) -> str:
 
 
 def allowed_attack_sets(sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
-    """The attacks that N sensors can tell apart: no sensor, and up to N - 3 of them; smallest first."""
+    """The attacks that N sensors can tell apart: no sensor, then one, up to N - 3 of them.
+
+    No more than MOST_SETS are listed, whole sizes.
+    """
     system = sorted(sensors)
-    return tuple(attacked for size in range(max(len(system) - 3, 0) + 1) for attacked in combinations(system, size))
+    sets: list[tuple[int, ...]] = []
+    for size in range(max(len(system) - 3, 0) + 1):
+        if len(sets) + comb(len(system), size) > MOST_SETS:
+            break
+        sets.extend(combinations(system, size))
+    return tuple(sets)
 
 
 def disagreements(e: str, attacked: Collection[int], triples: Sequence[Triple]) -> int:

@@ -8,22 +8,24 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.accusing import System, raising_score
-from auditor.identification.causes import FAULTS
-from auditor.identification.joint import explain
-from auditor.identification.margins import margins, strength_yardsticks, yardsticks
-from auditor.identification.robust import WINDOW_S
+from auditor.identification.accusing import System
+from auditor.identification.margins import thresholds_from
+from auditor.identification.parameters import TEMPORAL_WINDOW
+from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.identification.thresholds import threshold
-from auditor.identification.windows import window_means
-from auditor.results import Statistic
-from auditor.thresholds import Calibration, CleanFrames, strengths_of
+from auditor.identification.windows import NANOSECONDS
+from auditor.results import FINDINGS, Finding, Statistic
+from auditor.thresholds import Calibration, CleanFrames, RobustThresholds, strengths_of
 
 NS_PER_HOUR = 3600 * 10**9
+INCIDENT_GAP_S = TEMPORAL_WINDOW.incident_gap_s
+"""As the queries on incidents have it unless they are told otherwise."""
+
 _Z = 1.959963984540054
 
 Floats = NDArray[np.float64]
-Raised = Callable[[Sequence[CleanFrames], CleanFrames], tuple[NDArray[np.bool_], NDArray[np.bool_]]]
-"""Thresholds from some recordings, applied to another: which of its F frames are raised, and which are in incidents."""
+Judged = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
+"""Thresholds from some recordings, applied to another: how many of its frames are raised, and how many incidents."""
 
 
 @dataclass(frozen=True)
@@ -38,30 +40,29 @@ class HeldOut:
 
 
 def hold_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[HeldOut]:
-    """Judge each clean recording by the others with the robust method. Empty with fewer than two recordings."""
+    """Judge each clean recording by the others as a scan would. Empty with fewer than two recordings."""
 
-    def raised(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        scores = _scores(others, held, system, r)
-        faulty = _faulty(others, held, r)
-        alone, around = (faulty | (score > 0) for score in scores)
-        return alone, alone & around
+    def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
+        verdicts = judge_frames(FrameSeries.of_clean(held, system), system, _thresholds(others, system, r))
+        raised = sum(verdict.kind in FINDINGS for verdict in verdicts)
+        return raised, count_incidents([verdict.finding for verdict in verdicts], held.stamps_ns)
 
-    return _hold_out(calibration, raised)
+    return _hold_out(calibration, judged)
 
 
 def hold_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[HeldOut]:
     """Judge each clean recording by the others as the paper does: raised where some E lies above its theta."""
 
-    def raised(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
         above = np.zeros(held.frames, dtype=np.bool_)
         for (kind, triple), E in held.errors.items():
             learnt = [o.errors[kind, triple] for o in others if (kind, triple) in o.errors]
             samples = _known(learnt) if kind is statistic else np.zeros(0)
             if samples.size:
                 above |= threshold(samples.tolist(), r) < E
-        return above, above
+        return int(np.count_nonzero(above)), _runs(above)
 
-    return _hold_out(calibration, raised)
+    return _hold_out(calibration, judged)
 
 
 def held_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
@@ -73,7 +74,8 @@ def held_out_scores(calibration: Calibration, system: System, r: Decimal) -> Flo
     scores: list[Floats] = []
     for held in calibration.clean:
         others = [other for other in calibration.clean if other.recording_id != held.recording_id]
-        scores += [_scores(others or [held], held, system, r)[1], apart]
+        thresholds = _thresholds(others or [held], system, r)
+        scores += [window_scores(FrameSeries.of_clean(held, system), system, thresholds), apart]
     return np.concatenate(scores) if scores else apart
 
 
@@ -104,39 +106,38 @@ def wilson(k: int, n: int) -> tuple[float, float]:
     return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
 
 
-def _hold_out(calibration: Calibration, raised: Raised) -> list[HeldOut]:
+def count_incidents(findings: Sequence[Finding | None], stamps_ns: NDArray[np.int64]) -> int:
+    """How many incidents the findings of F successive frames make.
+
+    Frames of equal findings that are no further apart than INCIDENT_GAP_S are one; where the clock is set back a new
+    one begins. The query `incidents` counts the same.
+    """
+    clock = np.cumsum(np.diff(stamps_ns, prepend=stamps_ns[:1]) < 0)
+    latest: dict[tuple[Finding, int], int] = {}
+    count = 0
+    for finding, stamp_ns, since in zip(findings, stamps_ns.tolist(), clock.tolist(), strict=True):
+        if finding is not None:
+            before = latest.get((finding, since))
+            count += before is None or stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
+            latest[finding, since] = stamp_ns
+    return count
+
+
+def _hold_out(calibration: Calibration, judged: Judged) -> list[HeldOut]:
     """One result a recording and rig: several rigs of one kind may have measured it."""
-    return list(_results(calibration.clean, raised)) if len(calibration.recordings) > 1 else []
+    return list(_results(calibration.clean, judged)) if len(calibration.recordings) > 1 else []
 
 
-def _results(clean: Sequence[CleanFrames], raised: Raised) -> Iterator[HeldOut]:
+def _results(clean: Sequence[CleanFrames], judged: Judged) -> Iterator[HeldOut]:
     for held in clean:
         others = [other for other in clean if other.recording_id != held.recording_id]
-        alone, incidents = raised(others, held)
-        yield HeldOut(
-            held.recording_id, held.frames, int(np.count_nonzero(alone)), _runs(incidents), hours_of(held.stamps_ns)
-        )
+        raised, incidents = judged(others, held)
+        yield HeldOut(held.recording_id, held.frames, raised, incidents, hours_of(held.stamps_ns))
 
 
-def _scores(learnt: Sequence[CleanFrames], judged: CleanFrames, system: System, r: Decimal) -> tuple[Floats, Floats]:
-    """(F,) scores of single frames and of half seconds."""
-    scales = yardsticks(np.vstack([one.ratios_of(system.elements) for one in learnt]), system.elements, r)
-    z = margins(judged.ratios_of(system.elements), scales)
-    sets = system.attack_sets
-    alone, around = (
-        raising_score(part, explain(part, system.elements, sets))
-        for part in (z, window_means(z, judged.stamps_ns, WINDOW_S))
-    )
-    return alone, around
-
-
-def _faulty(learnt: Sequence[CleanFrames], judged: CleanFrames, r: Decimal) -> NDArray[np.bool_]:
-    """(F,) whether a fault is seen that is a finding by itself."""
-    found = np.zeros(judged.frames, dtype=np.bool_)
-    for key, scale in strength_yardsticks(strengths_of(learnt), r).items():
-        if key[0] in FAULTS and key in judged.strengths:
-            found |= judged.strengths[key] > scale.theta
-    return found
+def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
+    ratios = np.vstack([one.ratios_of(system.elements) for one in clean])
+    return thresholds_from(ratios, strengths_of(clean), system.elements, r)
 
 
 def _known(columns: Sequence[Floats]) -> Floats:

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +12,6 @@ from auditor.identification.parameters import EXPLANATION
 
 PRICE = EXPLANATION.penalty_per_sensor
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
-
-MOST_SETS = EXPLANATION.most_sets
-"""Attack sets weighed at most; a rig of so many sensors that there are more gets those of the fewest attacked."""
 
 Floats = NDArray[np.float64]
 
@@ -51,16 +46,6 @@ class Explanations:
         """All attack sets of one frame with their costs, best first."""
         order = np.argsort(self.cost[frame], kind="stable")
         return [(self.sets[s], float(self.cost[frame, s])) for s in order]
-
-
-def attack_sets(sensors: Sequence[int], most_attacked: int) -> tuple[tuple[int, ...], ...]:
-    """No sensor, then one, then two, up to `most_attacked`, of which no more than MOST_SETS are listed, whole sizes."""
-    sets: list[tuple[int, ...]] = []
-    for size in range(most_attacked + 1):
-        if len(sets) + comb(len(sensors), size) > MOST_SETS:
-            break
-        sets.extend(combinations(sorted(sensors), size))
-    return tuple(sets)
 
 
 def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ...]]) -> Explanations:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from auditor.elements import Element, Witness
 from auditor.identification.parameters import CHECK_SCALE, FAULT_SCALE, THETA_CEILING, THETA_FLOOR
-from auditor.identification.thresholds import threshold
+from auditor.identification.thresholds import resolvable, threshold
 from auditor.results import CauseIn
-from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, Yardstick
+from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN, RobustThresholds, Yardstick
 
 CEILINGS: Mapping[Witness, float] = {
     Witness.CONTRADICTED: THETA_CEILING.lidar_conflict,
@@ -70,6 +70,28 @@ def yardsticks(ratios: Floats, elements: Sequence[Element], r: Decimal) -> tuple
     return tuple(
         yardstick(element.witness, column.tolist(), r) if column.size else None
         for element, column in zip(elements, columns, strict=True)
+    )
+
+
+def thresholds_from(
+    ratios: Floats,
+    strengths: Mapping[CauseIn, Sequence[float]],
+    elements: Sequence[Element],
+    r: Decimal,
+    calibration_id: str = "",
+) -> RobustThresholds:
+    """Thresholds at r from (F, M) clean local ratios, NaN where not measured, and ascending strengths by cause.
+
+    Elements and causes without samples have none. The threshold of the half seconds' score is 0.
+    """
+    scales = zip(elements, yardsticks(ratios, elements, r), strict=True)
+    known = {element: scale for element, scale in scales if scale is not None}
+    return RobustThresholds(
+        calibration_id=calibration_id,
+        r=r,
+        yardsticks=known,
+        causes=strength_yardsticks(strengths, r),
+        resolvable=all(resolvable(r, scale.samples) for scale in known.values()),
     )
 
 

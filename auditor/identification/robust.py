@@ -1,73 +1,130 @@
-"""The robust method on one measurement: what each frame says by itself, and what the half second around it says."""
+"""The one judge of the robust method: frames of a recording in, verdicts out, whoever asks.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+A scan, an evaluation, the hold-out of a calibration and benchmarks call `judge_frames`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.accusing import System, accuse, heard
-from auditor.identification.causes import weigh
+from auditor.identification.accusing import System, accuse, heard, raising_scores
+from auditor.identification.causes import suspicions, weigh
 from auditor.identification.freezing import frozen
 from auditor.identification.margins import margins
 from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.windows import window_means
-from auditor.results import FINDINGS, Cause, Finding, Suspicion, Verdict
-from auditor.thresholds import Yardstick
+from auditor.identification.states import sensors_where
+from auditor.identification.windows import runs_of, window_means
+from auditor.results import FINDINGS, Cause, CauseIn, Finding, Suspicion, Verdict
+from auditor.thresholds import CleanFrames, RobustThresholds
 
 WINDOW_S = TEMPORAL_WINDOW.seconds
 """Attacks last, most mistakes do not: incidents are made of what half a second says."""
 
 Floats = NDArray[np.float64]
-Told = Sequence[tuple[Suspicion, ...]]
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
-    """What the witnesses say in F successive frames.
+class FrameSeries:
+    """What the judge needs of F successive frames.
 
-    `ratios` are (F, M) local ratios by element, NaN where not measured; `present` (F, S) whether a sensor was there,
-    and `fingerprints` (F, S) whether its data change.
+    `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `ratios` are (F, M) local
+    ratios by element, NaN where not measured; `present` (F, S) whether a sensor was there, `frozen` (F, S) whether it
+    stands still while others go on. `fault_scores` are (F,) by cause that is not an attack.
     """
 
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Numbers
+    runs: Numbers
     ratios: Floats
-    present: NDArray[np.bool_]
-    fingerprints: NDArray[np.int64]
+    present: Flags
+    frozen: Flags
+    fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
+
+    @classmethod
+    def of_recording(
+        cls,
+        stamps_ns: Numbers,
+        ratios: Floats,
+        present: Flags,
+        fingerprints: Numbers,
+        fault_scores: Mapping[CauseIn, Floats],
+    ) -> "FrameSeries":
+        """All frames of a recording; `fingerprints` (F, S) tell whether a sensor's data change."""
+        return cls(stamps_ns, runs_of(stamps_ns), ratios, present, frozen(fingerprints, present), fault_scores)
+
+    @classmethod
+    def of_clean(cls, clean: CleanFrames, system: System) -> "FrameSeries":
+        """The clean frames of a calibration."""
+        nowhere = np.zeros(clean.frames, dtype=np.bool_)
+        missing, still = (
+            np.stack([of_sensor.get(sensor, nowhere) for sensor in system.sensors], axis=1)
+            for of_sensor in (clean.missing, clean.frozen)
+        )
+        ratios = clean.ratios_of(system.elements)
+        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), ratios, ~missing, still, clean.strengths)
 
 
-def judge_heard(
-    frames: Heard,
+def judge_frames(
+    series: FrameSeries,
     system: System,
-    scales: Sequence[Yardstick | None],
-    threshold: float = 0.0,
-    causes: Told = (),
+    thresholds: RobustThresholds,
+    *,
+    only: Sequence[int] | None = None,
+    without_causes: bool = False,
 ) -> list[Verdict]:
-    """The verdicts on F frames.
+    """The verdicts on F frames, or `only` on those at these places.
 
     Each is that of its frame alone; `finding` is what the half second around it says, where both raise it: incidents
-    are made of these. `threshold` is that of the half seconds' score. A sensor that stands still while others go on is
-    left out, and the frame is at least suspect; so it is where one of the other `causes` explains it as well. These are
-    by frame, or none at all.
+    are made of these, and `thresholds.score` is the threshold of the half seconds' score. A sensor that stands still
+    while others go on is left out, and the frame is at least suspect; so it is where another cause that is not an
+    attack explains it as well, unless the caller wants it `without_causes`.
     """
-    still = frozen(frames.fingerprints, frames.present)
-    missing = _sensors(system, ~frames.present | still)
-    z = heard(margins(frames.ratios, scales), system, missing)
-    alone = accuse(z, system, missing)
-    around = accuse(window_means(z, frames.stamps_ns, WINDOW_S), system, missing, threshold)
-    told = [_with_frozen(s, others) for s, others in zip(_sensors(system, still), causes or [()] * len(z), strict=True)]
+    chosen = np.arange(len(series.stamps_ns)) if only is None else np.asarray(only, dtype=np.intp)
+    left_out = _left_out(series, system)
+    z, around = _scores(series, system, thresholds, left_out)
+    missing = [left_out[place] for place in chosen.tolist()]
+    alone = accuse(z[chosen], system, missing)
+    moments = accuse(around[chosen], system, missing, thresholds.score)
+    faults = [()] * len(chosen) if without_causes else _causes(series, thresholds, chosen)
+    still = sensors_where(system.sensors, series.frozen[chosen])
+    told = [_with_frozen(those, others) for those, others in zip(still, faults, strict=True)]
     several = system.in_several_pairs
     return [
         _joined(weigh(one, why, several), weigh(moment, why, several))
-        for one, moment, why in zip(alone, around, told, strict=True)
+        for one, moment, why in zip(alone, moments, told, strict=True)
     ]
 
 
-def _sensors(system: System, chosen: NDArray[np.bool_]) -> list[frozenset[int]]:
-    """The chosen sensors of each frame; few of these sets differ."""
-    patterns, which = np.unique(chosen, axis=0, return_inverse=True)
-    sets = [frozenset(s for s, there in zip(system.sensors, row, strict=True) if there) for row in patterns.tolist()]
-    return [sets[index] for index in which.ravel().tolist()]
+def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
+    """(F,) the score of the half second around each frame: what `judge_frames` compares with `thresholds.score`."""
+    left_out = _left_out(series, system)
+    _, around = _scores(series, system, thresholds, left_out)
+    return raising_scores(around, system, left_out)
+
+
+def _scores(
+    series: FrameSeries, system: System, thresholds: RobustThresholds, left_out: Sequence[frozenset[int]]
+) -> tuple[Floats, Floats]:
+    """(F, M) margins of the frames, and their means over the half seconds around them."""
+    scales = [thresholds.yardsticks.get(element) for element in system.elements]
+    z = heard(margins(series.ratios, scales), system, left_out)
+    return z, window_means(z, series.stamps_ns, WINDOW_S, series.runs)
+
+
+def _left_out(series: FrameSeries, system: System) -> list[frozenset[int]]:
+    """The sensors that each frame is judged without."""
+    return sensors_where(system.sensors, ~series.present | series.frozen)
+
+
+def _causes(
+    series: FrameSeries, thresholds: RobustThresholds, chosen: NDArray[np.intp]
+) -> Sequence[tuple[Suspicion, ...]]:
+    if not series.fault_scores:
+        return [()] * len(chosen)
+    return suspicions({cause: scores[chosen] for cause, scores in series.fault_scores.items()}, thresholds.causes)
 
 
 def _with_frozen(still: frozenset[int], others: tuple[Suspicion, ...]) -> tuple[Suspicion, ...]:

@@ -1,5 +1,6 @@
 """Thresholds of the robust method: a yardstick for each element, and what the half seconds' score must exceed."""
 
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -7,8 +8,7 @@ import numpy as np
 from auditor.errors import ThresholdsError
 from auditor.identification.accusing import System
 from auditor.identification.false_alarms import held_out_scores, hours_of, score_threshold
-from auditor.identification.margins import strength_yardsticks, yardsticks
-from auditor.identification.thresholds import resolvable
+from auditor.identification.margins import thresholds_from
 from auditor.thresholds import Calibration, RobustThresholds
 
 
@@ -25,27 +25,18 @@ def robust_thresholds(
     `transferred` is what `check_calibration` answered. Raises ThresholdsError where no element has clean frames, and
     SettingError where r is not in [0, 1].
     """
-    scales = yardsticks(calibration.ratios_of(system.elements), system.elements, r)
-    known = {element: scale for element, scale in zip(system.elements, scales, strict=True) if scale is not None}
-    if not known:
+    ratios, known = calibration.ratios_of(system.elements), calibration.calibration_id
+    found = thresholds_from(ratios, calibration.strengths, system.elements, r, known)
+    if not found.yardsticks:
         raise ThresholdsError(
             "no clean local ratios of any element of this rig",
-            where=f"calibration {calibration.calibration_id}",
+            where=f"calibration {known}",
             remedy="calibrate on clean recordings of this rig kind, or judge with --method paper",
         )
     score = 0.0
     if incidents_per_hour is not None:
         score = score_threshold(held_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
-    return RobustThresholds(
-        calibration_id=calibration.calibration_id,
-        r=r,
-        yardsticks=known,
-        causes=strength_yardsticks(calibration.strengths, r),
-        resolvable=all(resolvable(r, scale.samples) for scale in known.values()),
-        score=score,
-        incidents_per_hour=incidents_per_hour,
-        transferred=transferred,
-    )
+    return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def clean_hours(calibration: Calibration) -> float:

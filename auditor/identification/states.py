@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from auditor.rig import Triple
 
 ABOVE = "1"
@@ -14,3 +17,10 @@ def without(e: str, triples: Sequence[Triple], absent: frozenset[int]) -> str:
     return "".join(
         NOT_MEASURED if not absent.isdisjoint(triple) else state for state, triple in zip(e, triples, strict=True)
     )
+
+
+def sensors_where(sensors: Sequence[int], chosen: NDArray[np.bool_]) -> list[frozenset[int]]:
+    """The sensors of each frame that are chosen, say as missing, from (F, S) flags; few of these sets differ."""
+    patterns, which = np.unique(chosen, axis=0, return_inverse=True)
+    sets = [frozenset(s for s, there in zip(sensors, row, strict=True) if there) for row in patterns.tolist()]
+    return [sets[index] for index in which.ravel().tolist()]

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from auditor.elements import OF_THE_LIDAR, Element, Witness, elements_of
-from auditor.identification import joint
+from auditor.identification import codewords
+from auditor.identification.codewords import allowed_attack_sets
 from auditor.identification.explaining import demands, explained, explains, triple_states
-from auditor.identification.joint import attack_sets, explain
+from auditor.identification.joint import explain
 from auditor.rig import triples_of
 
 
@@ -30,7 +31,7 @@ def states(attacked, elements, *, hidden):
 @pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
 @pytest.mark.parametrize("hidden", [False, True])
 def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
-    elements, sets = full_elements(n), attack_sets(range(n + 1), n - 2)
+    elements, sets = full_elements(n), allowed_attack_sets(range(n + 1))
     z = np.array([states(s, elements, hidden=hidden) for s in sets])
     found = explain(z, elements, sets)
     assert [sets[b] for b in found.best] == list(sets)
@@ -41,14 +42,14 @@ def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
 def test_cameras_alone_are_named_too(n):
     matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=False) for w in t[:2]))
     elements = elements_of(n, matched, (), ())
-    sets = attack_sets(range(1, n + 1), n - 3)
+    sets = allowed_attack_sets(range(1, n + 1))
     z = np.array([states(s, elements, hidden=True) for s in sets])
     assert [sets[b] for b in explain(z, elements, sets).best] == list(sets)
 
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
-    elements, sets = full_elements(n), attack_sets(range(n + 1), n - 2)
+    elements, sets = full_elements(n), allowed_attack_sets(range(n + 1))
     z = np.random.default_rng(n).uniform(-2, 3, (30, len(elements)))
     z[np.random.default_rng(n + 1).random(z.shape) < 0.2] = np.nan
     found = explain(z, elements, sets)
@@ -68,7 +69,7 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
 
 
 def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():
-    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    elements, sets = full_elements(3), allowed_attack_sets(range(4))
     found = explain(np.full((1, len(elements)), np.nan), elements, sets)
     assert sets[found.best[0]] == ()
     assert found.cost[0].tolist() == [0.0, 0.02, 0.02, 0.02, 0.02]
@@ -85,20 +86,20 @@ def test_light_s_silence_clears_nobody_but_a_contradiction_s_clears_the_lidar():
 
 def test_a_pair_contradicting_the_lidar_alone_accuses_a_camera_rather_than_the_lidar():
     # A camera whose picture is shifted sees the same things at wrong places: only its own pair contradicts the LiDAR.
-    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    elements, sets = full_elements(3), allowed_attack_sets(range(4))
     z = [3.0 if e == Element(Witness.CONTRADICTED, 1, 3) else -2.0 for e in elements]
     found = explain(np.array([z]), elements, sets)
     assert sets[found.best[0]] == (1,)
 
 
 def test_without_elements_nothing_is_raised():
-    found = explain(np.zeros((2, 0)), (), attack_sets(range(4), 1))
+    found = explain(np.zeros((2, 0)), (), allowed_attack_sets(range(4)))
     assert found.best.tolist() == [0, 0]
 
 
 def test_a_system_too_large_to_weigh_all_sets_weighs_whole_sizes(monkeypatch):
-    monkeypatch.setattr(joint, "MOST_SETS", 60)
-    sets = attack_sets(range(10), 7)
+    monkeypatch.setattr(codewords, "MOST_SETS", 60)
+    sets = allowed_attack_sets(range(10))
     assert sets == ((), *combinations(range(10), 1), *combinations(range(10), 2))
 
 
@@ -120,7 +121,7 @@ def test_a_triple_is_raised_by_any_element_inside_it_and_measured_when_its_own_a
 
 
 def test_a_wall_is_not_taken_for_a_camera_because_one_pair_is_a_little_unlike():
-    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    elements, sets = full_elements(3), allowed_attack_sets(range(4))
     z = np.full((1, len(elements)), -2.0)
     for place, element in enumerate(elements):
         if element.witness is Witness.CONTRADICTED:
@@ -131,7 +132,7 @@ def test_a_wall_is_not_taken_for_a_camera_because_one_pair_is_a_little_unlike():
 
 
 def test_a_witness_that_alone_denies_the_lidar_is_named_itself():
-    elements, sets = full_elements(3), attack_sets(range(4), 1)
+    elements, sets = full_elements(3), allowed_attack_sets(range(4))
     z = np.full((1, len(elements)), -2.0)
     z[0, elements.index((Witness.CONTRADICTED, 1, 3))] = 3.0
     assert sets[explain(z, elements, sets).best[0]] == (1,)

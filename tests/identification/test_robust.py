@@ -1,22 +1,27 @@
 """What a frame says by itself and what the half second around it says, together."""
 
+from dataclasses import replace
+from decimal import Decimal
+
 import numpy as np
 
 from auditor.elements import Element, Witness, elements_of
 from auditor.identification.accusing import System
-from auditor.identification.robust import Heard, judge_heard
-from auditor.results import Cause, Finding, VerdictKind
+from auditor.identification.robust import FrameSeries, judge_frames, window_scores
+from auditor.results import FINDINGS, Cause, Finding, VerdictKind
 from auditor.rig import triples_of
-from auditor.thresholds import Yardstick
+from auditor.thresholds import RobustThresholds, Yardstick
 
 PAIRS = ((1, 3), (2, 3))
 SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
-SCALES = [Yardstick(0.4, 0.1, 100)] * len(SYSTEM.elements)
+THRESHOLDS = RobustThresholds(
+    "c" * 32, Decimal("0.01"), dict.fromkeys(SYSTEM.elements, Yardstick(0.4, 0.1, 100)), {}, resolvable=True
+)
 U13, U23 = (SYSTEM.elements.index(Element(Witness.UNLIKE, *pair)) for pair in PAIRS)
 FRAMES = 20
 
 
-def judge(hit=(), element=U13, *, frozen=(), missing=(), threshold=0.0, ratio=0.8):
+def series_of(hit=(), element=U13, *, frozen=(), missing=(), ratio=0.8):
     """Frames at 10 Hz; in those `hit` one element's ratio is high, S_2 stands still in those `frozen`."""
     ratios = np.full((FRAMES, len(SYSTEM.elements)), 0.3)
     ratios[list(hit), element] = ratio
@@ -25,7 +30,11 @@ def judge(hit=(), element=U13, *, frozen=(), missing=(), threshold=0.0, ratio=0.
     present = np.ones((FRAMES, 4), dtype=np.bool_)
     present[list(missing), 1] = False
     stamps_ns = np.arange(FRAMES, dtype=np.int64) * 100_000_000
-    return judge_heard(Heard(stamps_ns, ratios, present, prints), SYSTEM, SCALES, threshold)
+    return FrameSeries.of_recording(stamps_ns, ratios, present, prints, {})
+
+
+def judge(*hit, threshold=0.0, **what):
+    return judge_frames(series_of(*hit, **what), SYSTEM, replace(THRESHOLDS, score=threshold))
 
 
 def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
@@ -61,3 +70,29 @@ def test_a_missing_sensor_is_neither_heard_nor_accused():
     verdicts = judge(range(5, 12), missing=range(5, 12))
     assert {v.kind for v in verdicts} == {VerdictKind.CLEAN}
     assert verdicts[8].out_of_system == (1,)
+
+
+def test_frames_asked_for_alone_are_judged_as_among_all():
+    series = series_of(range(5, 12), frozen=range(9, 14))
+    everything = judge_frames(series, SYSTEM, THRESHOLDS)
+    assert judge_frames(series, SYSTEM, THRESHOLDS, only=[10, 3]) == [everything[10], everything[3]]
+    assert judge_frames(series, SYSTEM, THRESHOLDS, only=[]) == []
+
+
+def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_out():
+    late = {(Cause.LATE, 1): np.full(FRAMES, 2.0)}
+    series = replace(series_of(range(5, 12)), fault_scores=late)
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Yardstick(1.0, 0.25, 100)})
+    assert judge_frames(series, SYSTEM, thresholds)[8].finding == Finding(VerdictKind.SUSPECT, ())
+    without = judge_frames(series, SYSTEM, thresholds, without_causes=True)
+    assert (without[8].finding, without[8].causes) == (Finding(VerdictKind.ATTACKED, (1,)), ())
+
+
+def test_the_score_of_a_half_second_is_what_the_threshold_is_compared_with():
+    series = series_of(range(5, 12), frozen=range(9, 14), missing=[2])
+    scores = window_scores(series, SYSTEM, THRESHOLDS)
+    for threshold in (0.0, 1.0, float(scores[6]), 2.9):
+        found = [v.finding is not None for v in judge_frames(series, SYSTEM, replace(THRESHOLDS, score=threshold))]
+        still = series.frozen.any(axis=1)
+        alone = [v.kind in FINDINGS for v in judge_frames(series, SYSTEM, THRESHOLDS)]
+        assert found == [a and (bool(s > threshold) or bool(f)) for a, s, f in zip(alone, scores, still, strict=True)]

@@ -6,7 +6,6 @@ from auditor.errors import QueryError
 from auditor.store.describing import describe, list_views
 from auditor.store.parameters import bind
 from auditor.store.queries import list_queries
-from auditor.store.schema import table_schema
 from tests.store.store_page import PAGE, written_anew
 
 NAMES = [*(query.name for query in list_queries()), *(view.name for view in list_views())]

@@ -9,7 +9,7 @@ import pytest
 from auditor.elements import rig_elements
 from auditor.identification.accusing import System
 from auditor.identification.margins import margins
-from auditor.identification.robust import Heard, judge_heard
+from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.results import Finding, VerdictKind
 from auditor.store.describing import describe
 from auditor.store.queries import run_query, run_sql
@@ -36,9 +36,10 @@ def judged(tmp_path):
     loaded = store.load_ratios(known)
     system = System(ELEMENTS, RIG.triples, RIG.sensors)
     scales = [yardsticks.get(element) for element in ELEMENTS]
-    heard = Heard(loaded.stamps_ns, loaded.ratios, loaded.states == "present", loaded.fingerprints)
-    verdicts = judge_heard(heard, system, scales)
     thresholds = RobustThresholds("c" * 32, Decimal("0.01"), yardsticks, {}, resolvable=True, incidents_per_hour=2.0)
+    present = loaded.states == "present"
+    series = FrameSeries.of_recording(loaded.stamps_ns, loaded.ratios, present, loaded.fingerprints, {})
+    verdicts = judge_frames(series, system, thresholds)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
     return store, known, verdicts, margins(loaded.ratios, scales)
