@@ -1,4 +1,4 @@
-"""The same drive in every message form that is understood, by the real writers: what tests/test_forms.py compares."""
+"""The same drive in every message form that is understood, by the real writers."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace

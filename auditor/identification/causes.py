@@ -42,10 +42,10 @@ def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yard
     """
     keys = list(strength)
     z = margins(np.stack([strength[key] for key in keys], axis=1), [scales.get(key) for key in keys])
-    scores = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_MARGIN))
-    told: list[tuple[Suspicion, ...]] = [()] * len(scores)
-    for frame in np.flatnonzero((scores >= _LEAST_TOLD).any(axis=1)).tolist():
-        ranked = sorted(zip(scores[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
+    share = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_MARGIN))
+    told: list[tuple[Suspicion, ...]] = [()] * len(share)
+    for frame in np.flatnonzero((share >= _LEAST_TOLD).any(axis=1)).tolist():
+        ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
         told[frame] = tuple(Suspicion(*keys[place], score) for score, place in ranked if score >= _LEAST_TOLD)
     return told
 

@@ -1,4 +1,4 @@
-"""What `auditor.evidence.fitting` says of real drives as they are, and with their geometry broken on purpose.
+"""What the calibration check says of real drives as they are, and with their geometry broken on purpose.
 
 AUDITOR_TEST_DATA=... python -m tests.benchmarks.fitting
 """

@@ -4,7 +4,6 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.evidence.matchers import SgbmMatcher, foretell  # noqa: E402
-from auditor.evidence.matchers.psmnet import foretelling  # noqa: E402
 from auditor.evidence.matchers.psmnet.checking import check_precision, check_scale, first_frames_warnings  # noqa: E402
 from auditor.evidence.matchers.psmnet.cost import Cost  # noqa: E402
 from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
@@ -127,9 +126,12 @@ def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypat
     rig = plane_rig((0.6, 0.3, 0.0))
     state = ruled_state(4)
     matcher = PsmnetMatcher(Weights(state, 4, content_sha256(state), True, 64, ""))
-    monkeypatch.setattr(foretelling, "frame_cost", lambda matcher, size: Cost(0.5, 2.0, "cuda:0", 1))
     monkeypatch.setattr(
-        foretelling, "first_frames_warnings", lambda matcher, rig, frames: (f"{len(frames)} looked at",)
+        "auditor.evidence.matchers.psmnet.foretelling.frame_cost", lambda matcher, size: Cost(0.5, 2.0, "cuda:0", 1)
+    )
+    monkeypatch.setattr(
+        "auditor.evidence.matchers.psmnet.foretelling.first_frames_warnings",
+        lambda matcher, rig, frames: (f"{len(frames)} looked at",),
     )
     said = foretell(matcher, rig, [plane_frame(rig)], 7200)
     # Three images, and two pairs in the view of the leftmost.
