@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness
 from auditor.evidence.stereo import StereoMap
-from auditor.rig import Rig
 from auditor.symptoms import Agreement
 
 _POINTS = 2500
@@ -45,12 +44,12 @@ class Moment:
     d0_px: Floats
 
     @classmethod
-    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, rig: Rig, witness: int) -> "Moment":
+    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, witness: int) -> "Moment":
         """Keep what the pictures confirm, and points within the matcher's range."""
         step = _HALF // stereo.step
         sure = alike.comparable & (alike.alike > _ALIKE)
         every = slice(None, None, max(view.row.size // _POINTS, 1))
-        d0 = view.disparity_px(rig, witness)[every]
+        d0 = view.disparity_px(witness)[every]
         near = d0 < stereo.range_px - _RANGE_MARGIN_PX
         return cls(
             np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),

@@ -135,7 +135,7 @@ def _scale(evidence: Evidence, pair: Pair) -> float | None:
     sure = evidence.testimony.likenesses[pair]
     row, column = view.row // stereo.step, view.column // stereo.step
     told = (sure.alike * sure.comparable)[view.row // 2, view.column // 2] > 0.7
-    d0, ds = view.disparity_px(evidence.rig, i), stereo.disparity_px[row, column]
+    d0, ds = view.disparity_px(i), stereo.disparity_px[row, column]
     told &= (d0 > _SMALLEST_PX) & (ds > 0)
     return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= _FEWEST_POINTS else None
 
