@@ -1,5 +1,6 @@
 """Judging what a store holds: what is current afterwards, what is refused, and how much is read for it."""
 
+from collections import Counter
 from decimal import Decimal
 
 import pytest
@@ -8,7 +9,7 @@ from auditor.cli.judging import Judging, Tally, judge_all
 from auditor.errors import StoreError
 from auditor.judging import Criteria, calibrate, judge_measurement
 from auditor.results import Method
-from auditor.store import tables
+from auditor.store import Store, tables
 from auditor.store.page_loading import load_page
 from auditor.store.queries import run_sql
 from tests.store.making import add_judgement, add_measurement, make_measurement, make_rig, new_store
@@ -21,11 +22,11 @@ YEARS = 20 * 365 * 24 * 60
 
 @pytest.fixture
 def reads(monkeypatch):
-    """The tables that are read, one entry a file that is opened."""
+    """The files that are opened, one entry each time."""
     opened, parquet_file = [], tables.pq.ParquetFile
 
     def counted(path):
-        opened.append(path.parent.name)
+        opened.append(path)
         return parquet_file(path)
 
     monkeypatch.setattr(tables.pq, "ParquetFile", counted)
@@ -72,16 +73,16 @@ def test_nothing_is_kept_of_a_judgement_whose_r_has_too_many_decimals(tmp_path):
         assert not list((store.folder / table).glob("*"))
 
 
-def test_judging_twice_as_many_measurements_reads_twice_as_many_files(tmp_path, reads):
-    counts = []
-    for count in (3, 6):
-        store, known = judged(tmp_path / str(count), count)
-        reads.clear()
-        judge_all(store, known, Judging(ZERO, method="paper"), Tally())
-        counts.append((reads.count("judgements"), len(reads) - reads.count("calibrations")))
-    (few, all_few), (many, all_many) = counts
-    assert (few, many) == (3, 6)
-    assert all_many == 2 * all_few
+@pytest.mark.parametrize("method", Method)
+def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_symptoms(tmp_path, reads, method):
+    store, known = judged(tmp_path, 7)
+    reads.clear()
+    judge_all(Store.open(store.folder), known, Judging(ZERO, method=method), Tally())
+    opened = Counter(reads)
+    of_each = ("measurements", "judgements", "recordings", "frames", *(["symptoms"] if method is Method.ROBUST else []))
+    assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
+    often = 2 if method is Method.ROBUST else 1
+    assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", often)}
 
 
 def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_path, reads):
@@ -90,5 +91,5 @@ def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_p
         store, _ = judged(tmp_path / str(count), count)
         reads.clear()
         load_page(store)
-        counts.append(reads.count("judgements"))
+        counts.append(sum(path.parent.name == "judgements" for path in reads))
     assert counts[1] == 2 * counts[0]

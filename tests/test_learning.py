@@ -78,7 +78,7 @@ def test_a_street_knows_the_disparity_of_every_pixel_and_its_lidar_agrees() -> N
     assert aligned < 0.5 * np.median(np.abs(left[row, column].astype(int) - right[row, column]))
     i, k = pair_of(2, drive.rig)
     view = lidar_view(drive.cloud(2), drive.rig, k)
-    assert np.nanmedian(np.abs(view.disparity_px(drive.rig, i) - disparity[view.row, view.column])) < 0.5
+    assert np.nanmedian(np.abs(view.disparity_px(i) - disparity[view.row, view.column])) < 0.5
     assert {pair_of(number, drive.rig) for number in range(9)} == {(1, 3), (2, 3)}
 
 

@@ -105,4 +105,4 @@ def _off_px(frame: Frame, rig: Rig, witness: int, depth_m: np.ndarray) -> np.nda
     P, P_witness = rig.camera(3).projection, rig.camera(witness).projection
     points = np.linalg.solve(P[:, :3], np.stack([u * z, v * z, z]) - P[:, 3:])
     seen = P_witness[:, :3] @ points + P_witness[:, 3:]
-    return np.abs(view.disparity_px(rig, witness)[known] - (u - seen[0] / seen[2]))
+    return np.abs(view.disparity_px(witness)[known] - (u - seen[0] / seen[2]))

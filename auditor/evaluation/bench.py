@@ -143,7 +143,7 @@ class Bench:
                 return cast(Counts, counts)
             second = self.stereo_map(j, k, attacks)
             if i == LIDAR:
-                return compare_with_lidar(self.lidar_view(k, attacks), second, rig, j).counts
+                return compare_with_lidar(self.lidar_view(k, attacks), second, j).counts
             baselines = rig.baseline_m(i, k), rig.baseline_m(j, k)
             return compare_cameras(self.stereo_map(i, k, attacks), second, *baselines).counts
 

@@ -15,7 +15,6 @@ from auditor.evidence.lidar import LidarView
 from auditor.evidence.likeness import Likeness
 from auditor.evidence.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.evidence.stereo import StereoMap
-from auditor.rig import Rig
 from auditor.symptoms import Agreement
 
 Floats = NDArray[np.float32]
@@ -36,12 +35,12 @@ class Moment:
     d0_px: Floats
 
     @classmethod
-    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, rig: Rig, witness: int) -> "Moment":
+    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, witness: int) -> "Moment":
         """Keep what the pictures confirm, and points within the matcher's range."""
         step = HALF // stereo.step
         sure = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
         every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
-        d0 = view.disparity_px(rig, witness)[every]
+        d0 = view.disparity_px(witness)[every]
         near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
         return cls(
             np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),

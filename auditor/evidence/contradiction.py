@@ -50,7 +50,7 @@ def adjudicate(
 
     `halves` are the half-resolution grey images of the reference and of the witness, `alike` their likeness.
     """
-    d0 = view.disparity_px(rig, witness)
+    d0 = view.disparity_px(witness)
     row, column = view.row // stereo.step, view.column // stereo.step
     ds = stereo.disparity_px[row, column]
     valid = stereo.valid[row, column] & stereo.textured[row, column]

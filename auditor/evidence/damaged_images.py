@@ -108,7 +108,7 @@ def _nearness(
 
     for k, view in views.items():
         i = next(c.number for c in rig.cameras if c.number != k)
-        put(k, view.u_px, view.row, view.disparity_px(rig, i) / np.float32(rig.baseline_m(i, k)))
+        put(k, view.u_px, view.row, view.disparity_px(i) / np.float32(rig.baseline_m(i, k)))
     for (i, k), stereo in maps.items():
         step, every = HALF // stereo.step, REGION_STEP // HALF
         likeness = likenesses[i, k]

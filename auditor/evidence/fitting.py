@@ -120,7 +120,7 @@ def _scale(evidence: Evidence, pair: Pair) -> float | None:
     sure = evidence.testimony.likenesses[pair]
     row, column = view.row // stereo.step, view.column // stereo.step
     told = (sure.alike * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
-    d0, ds = view.disparity_px(evidence.rig, i), stereo.disparity_px[row, column]
+    d0, ds = view.disparity_px(i), stereo.disparity_px[row, column]
     told &= (d0 > CALIBRATION_CHECK.smallest_px) & (ds > 0)
     return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= CALIBRATION_CHECK.fewest_points else None
 

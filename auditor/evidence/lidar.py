@@ -1,6 +1,6 @@
 """The LiDAR in a camera's view: Eq. 1 through full projection matrices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ class LidarView:
     """The LiDAR's points as reference camera k sees them, one a pixel, hidden ones dropped.
 
     `column` and `row` are (M,) integer pixels; `u_px` the (M,) exact column; `point_m` the (M, 3) points in the LiDAR
-    frame; `returns` counts the points in view before any was dropped.
+    frame; `returns` counts the points in view before any was dropped; `rig` is what they were projected by.
     """
 
     reference: int
@@ -26,15 +26,20 @@ class LidarView:
     u_px: NDArray[np.float32]
     point_m: NDArray[np.float32]
     returns: int
+    rig: Rig
+    _disparities: dict[int, NDArray[np.float32]] = field(default_factory=dict, init=False, repr=False)
 
-    def disparity_px(self, rig: Rig, witness: int) -> NDArray[np.float32]:
-        """DM_{0,k} at a witness: (M,) column in view k minus column in the witness's view.
+    def disparity_px(self, source: int) -> NDArray[np.float32]:
+        """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
 
         Both columns come from full projection matrices: f b / z is off by up to a pixel where the cameras' optical
-        centres differ in z.
+        centres differ in z. Every check of a frame asks for them, so they are kept.
         """
-        u_witness, _, _ = _project(_projection(rig, rig.camera(witness)), self.point_m)
-        return self.u_px - u_witness
+        if source not in self._disparities:
+            u_source, _, _ = _project(_projection(self.rig, self.rig.camera(source)), self.point_m)
+            self._disparities[source] = self.u_px - u_source
+            self._disparities[source].setflags(write=False)
+        return self._disparities[source]
 
 
 def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
@@ -53,7 +58,7 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     owner[row[inside], column[inside]] = inside
     kept = owner[owner >= 0]
     kept = kept[_unhidden(camera, column[kept], row[kept], depth[kept])]
-    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size)
+    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig)
 
 
 def _unhidden(

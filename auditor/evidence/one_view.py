@@ -83,7 +83,7 @@ def compare(looked: Looked, maps: Maps) -> Evidence:
         maps = {(i, k): within(stereo, looked.sights[k], looked.sights[i]) for (i, k), stereo in maps.items()}
     lidar = lidar_views(looked.frame, rig, looked.triples)
     comparisons = {
-        triple: compare_with_lidar(lidar[triple.k], maps[triple.j, triple.k], rig, triple.j)
+        triple: compare_with_lidar(lidar[triple.k], maps[triple.j, triple.k], triple.j)
         if triple.i == LIDAR
         else compare_cameras(
             maps[triple.i, triple.k],

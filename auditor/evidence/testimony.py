@@ -71,7 +71,7 @@ def testify(
     """
     alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
-        (i, k): too_near(views[k], alone[k], rig, i, matchable(stereo.range_px), halves[k].shape)
+        (i, k): too_near(views[k], alone[k], i, matchable(stereo.range_px), halves[k].shape)
         for (i, k), stereo in maps.items()
         if k in views
     }
@@ -102,7 +102,7 @@ def _lights(
     grids = {camera: coarse(half) for camera, half in halves.items()}
     pairs = list(combinations(sorted(grids), 2))
     near = {
-        (i, k): coarse_mask(too_near(views[k], alone[k], rig, i, reach(rig.camera(k).width_px), halves[k].shape))
+        (i, k): coarse_mask(too_near(views[k], alone[k], i, reach(rig.camera(k).width_px), halves[k].shape))
         for i, k in pairs
         if k in views
     }

@@ -43,14 +43,14 @@ class Reach(NamedTuple):
 
 
 def too_near(
-    view: LidarView, alone: NDArray[np.bool_], rig: Rig, witness: int, reach: Reach, shape: tuple[int, int]
+    view: LidarView, alone: NDArray[np.bool_], witness: int, reach: Reach, shape: tuple[int, int]
 ) -> NDArray[np.bool_]:
     """(h, w) half-resolution mask of where the LiDAR sees something too near to be compared.
 
     16 px around it are masked, and what it can hide from the witness. Points that stand `alone` (M,) hide nothing: in
     light rain a few dozen drops would keep most of the view from the cameras' witnesses.
     """
-    near = view.disparity_px(rig, witness) > reach.limit_px
+    near = view.disparity_px(witness) > reach.limit_px
     near &= ~alone
     mask = np.zeros(shape, dtype=np.uint8)
     if near.any():

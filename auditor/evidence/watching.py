@@ -39,7 +39,7 @@ class Watch:
         smooth = {camera: smoothed(half) for camera, half in halves.items()}
         contrasts = {(i, k): contrast(smooth[k], smooth[i], likenesses[i, k], maps[i, k]) for i, k in maps}
         moments = {
-            (j, k): Moment.of(views[k], stereo, likenesses[j, k], rig, j)
+            (j, k): Moment.of(views[k], stereo, likenesses[j, k], j)
             for (j, k), stereo in maps.items()
             if k in views and resolves_depth(rig, j, k)
         }

@@ -113,7 +113,7 @@ def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
     view = lidar_view(frame.cloud, rig, k)
     camera = rig.camera(k)
     disparity = np.full((camera.height_px, camera.width_px), np.nan, dtype=np.float32)
-    disparity[view.row, view.column] = view.disparity_px(rig, i)
+    disparity[view.row, view.column] = view.disparity_px(i)
     if own is not None:
         disparity[~seen_by_both(disparity, 1, own.sights[k], own.sights[i])] = np.nan
     return frame.images[k].pixels, frame.images[i].pixels, _inside(disparity, rig.camera(i))

@@ -2,6 +2,10 @@
 
 Format: the rosbag format, version 2.0. The index is used for the names of topics and to find the next chunk behind a
 damaged place, never to find messages. A bag has no checksums: what it holds is checked when it is decoded.
+
+The package `rosbags` would read a bag that was closed properly. Its reader is not used because it needs the index at
+the end, which a cut or active bag does not have, and believes the sizes of chunks. This walker needs no index and
+compares every size with the bytes that are there. rosbags still decodes the messages.
 """
 
 from bisect import bisect_right

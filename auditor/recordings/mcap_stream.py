@@ -1,4 +1,10 @@
-"""Reading an MCAP file forward, record by record, within bounds (format: the MCAP specification, version 0)."""
+"""Reading an MCAP file forward, record by record, within bounds (format: the MCAP specification, version 0).
+
+The readers of the package `mcap` would give the same messages of a whole file. They are not used because they end at
+the first record that is cut or damaged, and unpack a chunk to whatever size it declares. This walker compares every
+length with a limit and with the bytes that are there, and goes on behind a damaged place. The package still decodes
+schemas, attachments and metadata.
+"""
 
 import struct
 import zlib

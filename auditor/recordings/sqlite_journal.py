@@ -2,6 +2,10 @@
 
 A recorder that crashed leaves what it wrote last there. Frames are believed up to the last commit with the right
 checksums, as SQLite itself does. Format: the SQLite database file format, section 4.
+
+SQLite would recover the log by itself when it opens the database. It is not used because it writes for that: an index
+file beside the recording, and the log's pages into the database as the last connection closes. A recording is evidence
+and is opened for reading only.
 """
 
 import struct

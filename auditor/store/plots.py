@@ -1,4 +1,9 @@
-"""Geometry of a report's plots: what the templates draw, in pixels of one drawing. No markup is made here."""
+"""Geometry of a report's plots: what the templates draw, in pixels of one drawing. No markup is made here.
+
+A plotting library would draw the same with axes of its own. It is not used because a page must be one small file that
+opens anywhere without scripts or fonts, in which the templates escape every text of a recording and lines take the
+page's own styles. What remains to be worked out is ticks and paths.
+"""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -55,10 +55,15 @@ MANIFESTS = {
 
 
 class Store:
-    """One store. Every method raises StoreError where a file cannot be read or written, or an id is none."""
+    """One store. Every method raises StoreError where a file cannot be read or written, or an id is none.
+
+    Rigs and finished measurements are read once: their ids are hashes of what decides them, and they are never changed.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._rigs: dict[str, Rig] = {}
+        self._measurements: dict[str, StoredMeasurement] = {}
 
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
@@ -131,8 +136,10 @@ class Store:
 
     def rig(self, rig_id: str) -> Rig:
         """The rig of an id."""
-        row = self._row("rigs", rig_id)
-        return Rig.from_dict(json.loads(row["description"]))
+        if rig_id not in self._rigs:
+            row = self._row("rigs", rig_id)
+            self._rigs[rig_id] = Rig.from_dict(json.loads(row["description"]))
+        return self._rigs[rig_id]
 
     def write_labels(self, recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None = None) -> None:
         """Keep the ground truth of a recording. A recording without a label is not known to be clean."""
@@ -181,11 +188,13 @@ class Store:
 
     def measurements(self) -> list[StoredMeasurement]:
         """All finished measurements, by id."""
-        return [stored_measurement(row) for row in self._rows("measurements")]
+        return [self.measurement(known) for known in self.ids("measurements")]
 
     def measurement(self, measurement_id: str) -> StoredMeasurement:
         """One finished measurement."""
-        return stored_measurement(self._row("measurements", measurement_id))
+        if measurement_id not in self._measurements:
+            self._measurements[measurement_id] = stored_measurement(self._row("measurements", measurement_id))
+        return self._measurements[measurement_id]
 
     def load_errors(self, measurement_id: str, statistic: Statistic) -> FrameErrors:
         """The disparity errors of a finished measurement."""

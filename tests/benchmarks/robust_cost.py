@@ -78,7 +78,7 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: Watch) ->
     elements = rig_elements(rig)
     timed(seconds, f"{kind}: local ratios", lambda: local_ratios(elements, heard.cells, heard.shares))
     pair = timed(seconds, f"{kind}: likeness, a pair", lambda: likeness(halves[k], halves[1], maps[1, k]))
-    d0 = view.disparity_px(rig, 1)
+    d0 = view.disparity_px(1)
     timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_witness(view, rig, 1, d0))
     points = timed(
         seconds,

@@ -3,9 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auditor.elements import rig_elements
+from auditor.evidence import Fitting, Watch, lidar, localise, measure
 from auditor.evidence.lidar import lidar_view
+from auditor.evidence.matchers.sgbm import SgbmMatcher
 from auditor.frames import PointCloud
-from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_rig
+from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
 
 def cloud(*points: tuple[float, float, float]) -> PointCloud:
@@ -21,8 +24,8 @@ def test_disparities_at_a_witness_follow_equation_1_where_the_optical_axes_are_p
     rig = plane_rig((0.6, 0.3, 0.0))
     view = lidar_view(PointCloud(0, plane_cloud(9.0)), rig, 3)
     assert view.row.size == (WIDTH // 2) * (HEIGHT // 2)
-    np.testing.assert_allclose(view.disparity_px(rig, 1), FOCAL * 0.6 / 9.0, atol=1e-3)
-    np.testing.assert_allclose(view.disparity_px(rig, 2), FOCAL * 0.3 / 9.0, atol=1e-3)
+    np.testing.assert_allclose(view.disparity_px(1), FOCAL * 0.6 / 9.0, atol=1e-3)
+    np.testing.assert_allclose(view.disparity_px(2), FOCAL * 0.3 / 9.0, atol=1e-3)
 
 
 def test_of_two_points_in_one_pixel_the_nearer_is_kept() -> None:
@@ -44,7 +47,7 @@ def test_points_behind_the_camera_or_outside_its_image_are_not_in_view() -> None
 
 def test_an_empty_cloud_gives_an_empty_view() -> None:
     view = lidar_view(PointCloud(0, np.empty((0, 3), np.float32)), plane_rig(), 3)
-    assert view.disparity_px(plane_rig(), 1).shape == (0,)
+    assert view.disparity_px(1).shape == (0,)
 
 
 def test_a_full_projection_matrix_moves_columns_that_the_simple_equation_would_not() -> None:
@@ -53,8 +56,8 @@ def test_a_full_projection_matrix_moves_columns_that_the_simple_equation_would_n
     moved[2, 3] = -0.02  # the witness's optical centre 2 cm nearer to the scene
     tilted = type(rig)(rig.lidar, (type(rig.cameras[0])(1, "", "", WIDTH, HEIGHT, moved), rig.cameras[1]))
     points = cloud((10.0, -4.0, 0.0))
-    simple = lidar_view(points, rig, 2).disparity_px(rig, 1)
-    full = lidar_view(points, tilted, 2).disparity_px(tilted, 1)
+    simple = lidar_view(points, rig, 2).disparity_px(1)
+    full = lidar_view(points, tilted, 2).disparity_px(1)
     assert full[0] == pytest.approx(
         simple[0] - 0.02 * (FOCAL * 3.4 + WIDTH / 2 * 10) / 10 / 9.98 + WIDTH / 2 * 0.02 / 9.98, abs=0.4
     )
@@ -113,3 +116,13 @@ def test_a_point_is_hidden_by_one_nearer_by_more_than_three_pixels_at_sixty_cent
     # 300 px 0.6 m make 18 px at 10 m, 15 at 12 m and 14.75 at 12.2 m.
     view = lidar_view(cloud(at(160, 60, 10.0), at(161, 60, depth_m)), plane_rig(), 3)
     assert view.row.size == kept
+
+
+def test_all_checks_of_a_frame_project_its_points_once_into_each_camera_of_a_view(monkeypatch) -> None:
+    rig, projected, project = plane_rig((0.6, 0.3, 0.0)), [], lidar._project
+    monkeypatch.setattr(lidar, "_project", lambda P, points: projected.append(P.tobytes()) or project(P, points))
+    _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
+    Fitting().look(evidence, Watch().observe(evidence))
+    localise(evidence, rig_elements(rig))
+    assert sorted(evidence.lidar) == [3]
+    assert len(projected) == len(set(projected)) == 3

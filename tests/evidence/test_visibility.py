@@ -15,9 +15,8 @@ MATCHER = Reach(115.2, 128)
 def view_of(columns, rows, depths):
     """Points at given pixels and depths, as the leftmost camera at x = 0 sees them."""
     u, v, z = (np.array(values, dtype=np.float32) for values in (columns, rows, depths))
-    return LidarView(3, u.astype(np.int32), v.astype(np.int32), u, np.zeros((u.size, 3), np.float32), u.size), (
-        FOCAL * 0.6 / z
-    ).astype(np.float32)
+    column, row, nowhere = u.astype(np.int32), v.astype(np.int32), np.zeros((u.size, 3), np.float32)
+    return LidarView(3, column, row, u, nowhere, u.size, plane_rig()), (FOCAL * 0.6 / z).astype(np.float32)
 
 
 def test_a_point_behind_a_near_one_in_the_witness_s_image_is_hidden_from_it():
@@ -105,7 +104,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
     cloud = plane_cloud(1.5)  # 300 px 0.6 m / 1.5 m = 120 px
     right = cloud[:, 1] < -0.2
     view = lidar_view(PointCloud(0, cloud[right]), plane_rig(), 3)
-    mask = too_near(view, nothing(view), plane_rig(), 1, MATCHER, (HEIGHT // 2, WIDTH // 2))
+    mask = too_near(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2))
     edge = int(view.column.min()) // 2
     assert mask[30, edge + 4 :].all()
     assert mask[30, edge - 60 : edge].all()
@@ -114,7 +113,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
 
 def test_nothing_is_masked_where_everything_can_be_matched():
     view = lidar_view(PointCloud(0, plane_cloud(2.0)), plane_rig(), 3)  # 90 px
-    assert not too_near(view, nothing(view), plane_rig(), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
+    assert not too_near(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
 
 
 def test_drops_that_stand_alone_hide_nothing():
@@ -122,5 +121,5 @@ def test_drops_that_stand_alone_hide_nothing():
     alone = isolated(view, plane_rig().camera(3).focal_px)
     assert alone.any()
     size = HEIGHT // 2, WIDTH // 2
-    assert too_near(view, nothing(view), plane_rig(), 1, MATCHER, size).any()
-    assert not too_near(view, alone, plane_rig(), 1, MATCHER, size).any()
+    assert too_near(view, nothing(view), 1, MATCHER, size).any()
+    assert not too_near(view, alone, 1, MATCHER, size).any()

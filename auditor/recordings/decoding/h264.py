@@ -1,6 +1,10 @@
 """What an H.264 access unit says of itself before it is decoded: the size of its pictures, and their number.
 
 Format: ITU-T H.264, annex B (start codes), 7.3.2.1.1 (sequence parameter set), 7.3.3 (slice header), 9.1 (Exp-Golomb).
+
+FFmpeg (the package `av`) would tell the same after it has opened a decoder for the stream. It is not asked because by
+then it has allocated pictures of the size that the stream declares. Here the size is read from a few bits and compared
+with the camera's, before any native code sees the stream; FFmpeg then decodes.
 """
 
 import re

@@ -2,6 +2,10 @@
 
 Format: protobuf's wire encoding. The values of `bytes` fields are views of the message; nothing is allocated by a size
 that the message declares, only by the bytes that are there.
+
+The package `protobuf` would decode any message, from classes that it builds of the descriptors in the recording. It is
+not used because nothing of a recording is to be built or run, and because a message of a million empty parts becomes as
+many objects before anybody can count them. The layouts that matter are few and known beforehand.
 """
 
 import struct

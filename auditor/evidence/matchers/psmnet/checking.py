@@ -117,7 +117,7 @@ def first_frames_warnings(
         truth = np.full_like(disparity, np.nan)
         if frame.cloud is not None:
             view = lidar_view(frame.cloud, rig, leftmost)
-            truth[view.row // matcher.step, view.column // matcher.step] = view.disparity_px(rig, rightmost)
+            truth[view.row // matcher.step, view.column // matcher.step] = view.disparity_px(rightmost)
             if sights:
                 truth[~seen_by_both(truth, matcher.step, sights[leftmost], sights[rightmost])] = np.nan
         measured.append((disparity, truth))

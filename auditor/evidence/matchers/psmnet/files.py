@@ -1,4 +1,9 @@
-"""Files of weights that nobody vouches for, read without running anything that they hold."""
+"""Files of weights that nobody vouches for, read without running anything that they hold.
+
+`torch.load` alone would read a checkpoint. Without `weights_only` it runs what a pickle asks for, and with it refuses a
+file whose training left numpy scalars or its arguments beside the weights. So it is called with `weights_only` and with
+stand-ins that forget what they are given, and its refusals are said in one line.
+"""
 
 import io
 import json
