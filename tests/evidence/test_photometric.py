@@ -103,6 +103,12 @@ def test_what_near_things_hide_is_not_missed(pair):
     assert compare_light(coarse(trunk), coarse(k), coarse_mask(near)).brighter_k == 0.0
 
 
+def test_a_cell_is_near_where_any_pixel_of_it_is():
+    half = np.zeros((48, 156), dtype=np.bool_)  # two by two pixels a cell
+    half[2, 5] = half[47, 155] = True
+    assert np.argwhere(coarse_mask(half)).tolist() == [[1, 2], [23, 77]]
+
+
 def test_its_reach_is_five_of_78_columns():
     assert reach(780) == Reach(50, 150)
 

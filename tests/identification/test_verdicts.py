@@ -180,6 +180,7 @@ def test_a_verdict_names_the_next_best_explanations():
     assert verdict.kind is VerdictKind.UNIDENTIFIED
     assert [other.worse_by for other in verdict.alternatives] == sorted(o.worse_by for o in verdict.alternatives)
     assert judge("101", N3, FOUR).alternatives == (((3,), 1.0), ((), 2.0))
+    assert judge("010", N3, FOUR).alternatives == (((), 0.0), ((0,), 0.0))  # S_2, too, leaves one element unexplained
     assert judge("1", triples_of(3, lidar=False), (1, 2, 3)).alternatives == ()
 
 
