@@ -30,8 +30,8 @@ def judge(
     """The verdict on one frame of a rig with these triples and sensors, some of which may be missing.
 
     The system judged is made of the sensors that are there and belong to at least one measured triple; the others are
-    `out_of_system`. An attack is attributed only where Algorithm 2 determines every sensor, accuses at most N - 3 of
-    them, and the attack it names explains every measured element over all references (Eq. 7).
+    `out_of_system`. An attack is attributed only where Algorithm 2 determines every sensor, and the attack it names, on
+    at most N - 3 of them, explains every measured element over all references (Eq. 7).
     """
     e = without(e, triples, missing)
     system = {sensor for triple, state in zip(triples, e, strict=True) if state != NOT_MEASURED for sensor in triple}
@@ -156,8 +156,6 @@ def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: i
         return f"an attack on one of {N} sensors cannot be attributed"
     if found.undetermined:
         return f"unmeasured disparity errors leave {_names(found.undetermined)} undetermined"
-    if len(found.attacked) > N - 3:
-        return f"more than {N - 3} of {N} sensors accused"
     if disagreements(e, found.attacked, triples):
         return f"no attack on at most {N - 3} of {N} sensors explains the disparity error states"
     return ""

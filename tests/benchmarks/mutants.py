@@ -135,8 +135,12 @@ def modules_by_subject() -> Iterator[tuple[Subject, list[str]]]:
 def run(drawn: Sequence[tuple[Subject, Mutant]], jobs: int, folder: Path) -> Iterator[tuple[Subject, Mutant, bool]]:
     """Each mutant with whether it survived; each of `jobs` threads has a copy of the repository."""
     copies: SimpleQueue[Path] = SimpleQueue()
+    every = list(dict.fromkeys(test for subject, _ in drawn for test in subject.tests))
     for job in range(jobs):
-        copies.put(_copy(folder / str(job)))
+        copy = _copy(folder / str(job))
+        if not _passes(every, copy, compiled=True):
+            sys.exit("the tests fail without any mutant")
+        copies.put(copy)
 
     def survives(one: tuple[Subject, Mutant]) -> tuple[Subject, Mutant, bool]:
         copy = copies.get()
@@ -146,11 +150,6 @@ def run(drawn: Sequence[tuple[Subject, Mutant]], jobs: int, folder: Path) -> Ite
             copies.put(copy)
 
     with ThreadPool(jobs) as pool:
-        for subject in dict.fromkeys(subject for subject, _ in drawn):
-            copy = copies.get()
-            if not _passes(subject.tests, copy, compiled=True):
-                sys.exit(f"the tests of {subject.name} fail without any mutant")
-            copies.put(copy)
         yield from pool.imap_unordered(survives, drawn)
 
 

@@ -1,11 +1,14 @@
+import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence.likeness import likeness, likeness_at
+from auditor.evidence.likeness import likeness, likeness_at, matchable
 from auditor.evidence.reduction import halve
 from auditor.evidence.stereo import StereoMap
+from auditor.evidence.visibility import Reach
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
+PATCH_FLOOR = 9.0
 DEPTH_M = 9.0  # disparity 20 px between S_1 and S_3
 
 
@@ -118,3 +121,104 @@ def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(ha
 def test_no_points_have_no_likeness(halves):
     nothing = np.zeros(0, dtype=np.int64)
     assert likeness_at(*halves, nothing, nothing, np.zeros(0, np.float32)).shape == (0,)
+
+
+def patches(image, border):
+    """(h, w, 7, 7) patches around each pixel of an image that goes on beyond its border."""
+    padded = np.pad(image.astype(np.float64), 3, mode=border)
+    return np.lib.stride_tricks.sliding_window_view(padded, (7, 7))
+
+
+def correlated(one, other):
+    """Zero-mean correlations of patches (..., 7, 7), their norms raised by the floor."""
+    one, other = (patch - patch.mean(axis=(-2, -1), keepdims=True) for patch in (one, other))
+    norms = [np.sqrt((patch**2).sum(axis=(-2, -1))) + PATCH_FLOOR for patch in (one, other)]
+    return (one * other).sum(axis=(-2, -1)) / (norms[0] * norms[1])
+
+
+@pytest.mark.parametrize("contrast", [1.0, 0.05])
+def test_the_correlation_of_two_pictures_is_that_of_each_patch_by_itself(contrast):
+    rng = np.random.default_rng(5)
+    scene = cv2.GaussianBlur(rng.uniform(0, 255, (40, 90)), (3, 3), 0) * contrast + 20
+    reference, witness = (scene + rng.normal(0, 4 * contrast, scene.shape)).astype(np.uint8), scene.astype(np.uint8)
+    disparity = np.float32(2 * rng.integers(0, 6, (40, 90)))
+    stereo = StereoMap(disparity, np.ones((40, 90), bool), np.ones((40, 90), bool), 2, 128)
+    column = np.clip(np.arange(90) - disparity.astype(int) // 2, 0, 89)
+    warped = np.take_along_axis(witness, column, axis=1)
+    expected = correlated(patches(reference, "reflect"), patches(warped, "reflect"))
+    np.testing.assert_allclose(likeness(reference, witness, stereo).alike, expected, atol=2e-4)
+
+
+@pytest.mark.parametrize("contrast", [1.0, 0.05])
+def test_the_correlation_of_a_point_is_the_best_of_three_half_a_pixel_apart(contrast):
+    rng = np.random.default_rng(6)
+    reference, witness = ((rng.uniform(0, 255, (2, 30, 50))) * contrast).astype(np.uint8)
+    row, column = rng.integers(0, 30, 200), rng.integers(0, 50, 200)
+    disparity = np.float32(rng.choice([-1.0, 0.0, 0.2, 3.5, 7.8, 20.0, 60.0], 200))
+    doubled = np.zeros((30, 100), np.int64)
+    doubled[:, ::2], doubled[:, 1::2] = witness, witness
+    doubled[:, 1:-1:2] = (witness[:, :-1].astype(int) + witness[:, 1:]) // 2
+    padded = np.pad(doubled, ((3, 3), (30, 30)), mode="edge")
+    expected = []
+    for r, c, d in zip(row, column, disparity, strict=True):
+        middle = int(np.clip(np.rint((c - d) * 2), 0, 98)) + 30
+        one = patches(reference, "edge")[r, c]
+        shifted = [padded[r : r + 7, middle + s - 6 : middle + s + 7 : 2].astype(float) for s in (-1, 0, 1)]
+        expected.append(max(correlated(one, other) for other in shifted))
+    np.testing.assert_allclose(likeness_at(reference, witness, row, column, disparity), expected, atol=1e-3)
+
+
+def flat(level=128.0):
+    return np.full((60, 160), level, dtype=np.float64)
+
+
+def compared(reference, witness, disparity_px=0):
+    return likeness(reference.astype(np.uint8), witness.astype(np.uint8), flat_map(disparity_px))
+
+
+@pytest.mark.parametrize(("level", "comparable"), [(249, True), (250, False)])
+def test_light_that_saturates_both_cameras_says_nothing(level, comparable):
+    pair = compared(flat(level), flat(255))
+    assert pair.comparable[30, 80] == comparable
+
+
+@pytest.mark.parametrize(("difference", "unlike"), [(40, False), (41, True), (-40, False), (-41, True)])
+def test_brightness_differs_from_forty_grey_levels_on(difference, unlike):
+    # Half of the picture is brighter: gain and offset follow the larger, equal part.
+    reference, witness = flat(100), flat(100)
+    reference[:, :50] += difference
+    found = compared(reference, witness)
+    assert found.unlike[30, 20] == unlike
+    assert not found.unlike[:, 60:].any()
+
+
+@pytest.mark.parametrize(("shift", "unlike"), [(22, False), (23, True)])
+def test_brightness_is_looked_for_two_pixels_either_way(shift, unlike):
+    # Slopes of two levels a pixel have too little texture; of their shift two pixels are searched, 40 levels allowed.
+    def slope(right):
+        return np.tile(np.clip(100 - 2.0 * (np.arange(160) - right), 40, 100), (60, 1))
+
+    assert compared(slope(115), slope(115 - shift)).unlike.any() == unlike
+    assert compared(slope(115 - shift), slope(115)).unlike.any() == unlike
+
+
+@pytest.mark.parametrize(("gap_px", "comparable"), [(4, True), (5, False)])
+def test_what_lands_more_than_two_pixels_left_of_its_left_neighbours_hides_them(gap_px, comparable):
+    # The surface to the right of column 80 lands `gap_px` / 2 half-resolution pixels further left than its neighbour.
+    stereo = flat_map(20)
+    stereo.disparity_px[:, 80:] = 20 + 2 + gap_px
+    pair = likeness(*(np.full((60, 160), 128, np.uint8),) * 2, stereo)
+    assert pair.comparable[30, 79] == comparable
+
+
+def test_invalid_pixels_and_twelve_on_each_side_of_them_are_not_comparable():
+    stereo = flat_map(0)
+    stereo.valid[30, 80] = False
+    comparable = likeness(*(np.full((60, 160), 128, np.uint8),) * 2, stereo).comparable
+    expected = np.ones((60, 160), dtype=np.bool_)
+    expected[30, 68:93] = False
+    np.testing.assert_array_equal(comparable, expected)
+
+
+def test_what_a_matcher_can_see_ends_at_nine_tenths_of_its_range():
+    assert matchable(128) == Reach(0.9 * 128, 128)

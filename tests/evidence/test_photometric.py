@@ -2,7 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
+from auditor.evidence.gain import fit_gain
 from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light, reach
+from auditor.evidence.texture import textured
 from auditor.evidence.visibility import Reach
 
 HEIGHT, WIDTH, SHIFT = 188, 621, 20
@@ -101,5 +103,128 @@ def test_what_near_things_hide_is_not_missed(pair):
     assert compare_light(coarse(trunk), coarse(k), coarse_mask(near)).brighter_k == 0.0
 
 
+def test_a_cell_is_near_where_any_pixel_of_it_is():
+    half = np.zeros((48, 156), dtype=np.bool_)  # two by two pixels a cell
+    half[2, 5] = half[47, 155] = True
+    assert np.argwhere(coarse_mask(half)).tolist() == [[1, 2], [23, 77]]
+
+
 def test_its_reach_is_five_of_78_columns():
     assert reach(780) == Reach(50, 150)
+
+
+def by_hand(grid_i, grid_k, near):
+    """Cell by cell: what lies in column u of k lies 0 to 5 columns farther left in i, what is near up to 15."""
+    gain, offset = fit_gain(grid_k[:, 2:], grid_i[:, :-2])
+    least = np.minimum(gain * grid_i + offset, 255)
+    most = np.where(grid_i < 250, least, 255)
+    brighter_i, brighter_k, darker_i, darker_k = np.zeros((4, 24, 78), dtype=np.bool_)
+    for r, c in np.ndindex(24, 78):
+        rows = slice(max(r - 1, 0), r + 2)
+        for columns, may_hide in ((16, True), (6, False)):
+            in_k, in_i = np.s_[rows, c : c + columns], np.s_[rows, max(c - columns + 1, 0) : c + 1]
+            if may_hide or not near[r, c]:
+                brighter_i[r, c] |= least[r, c] - grid_k[in_k].max() > 75
+                brighter_k[r, c] |= grid_k[r, c] - most[in_i].max() > 75
+        if not near[r, c]:
+            darker_i[r, c] = grid_k[rows, c : c + 6].min() - most[r, c] > 40
+            darker_k[r, c] = least[rows, max(c - 5, 0) : c + 1].min() - grid_k[r, c] > 40
+    for of_i in (brighter_i, darker_i):
+        of_i[:, 73:] = False
+    for of_k in (brighter_k, darker_k):
+        of_k[:, :5] = False
+    brighter_i[:, :-2] |= darker_k[:, 2:]
+    brighter_k[:, 2:] |= darker_i[:, :-2]
+    return tuple(
+        max(np.pad(cells, 5)[r : r + 6, c : c + 6].mean() for r, c in np.ndindex(29, 83))
+        for cells in (brighter_i, brighter_k)
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_light_is_what_comparing_cell_by_cell_finds(seed):
+    rng = np.random.default_rng(seed)
+    scene = rng.uniform(60, 160, (24, 90))
+    grid_i, grid_k = (np.float32(scene[:, 2:80] * 0.9 + 12), np.float32(scene[:, :78]))
+    for grid in (grid_i, grid_k):
+        for _ in range(3):
+            at = np.s_[rng.integers(0, 24) :, rng.integers(0, 78) :][:2]
+            spot = grid[at][: rng.integers(1, 9), : rng.integers(4, 30)]
+            spot += np.float32(rng.choice([-100, -60, 60, 90, 200]))
+        np.clip(grid, 0, 255, out=grid)
+    near = rng.random((24, 78)) < (0.3 if seed else 0)
+    found = compare_light(grid_i, grid_k, near if seed else None)
+    assert (found.brighter_i, found.brighter_k) == pytest.approx(by_hand(grid_i, grid_k, near), abs=1e-6)
+
+
+def street():
+    """Cells of two levels, the same in both cameras: gain and offset are exactly one and nothing."""
+    grid = np.full((24, 78), 100, dtype=np.float32)
+    grid[:, :15] = grid[:, 60:] = 140
+    return grid, grid.copy()
+
+
+@pytest.mark.parametrize(("level", "light"), [(175, 0.0), (176, 30 / 36)])
+def test_light_is_more_than_seventy_five_grey_levels(level, light):
+    grid, lit = street()
+    lit[9:15, 30:35] = level
+    for found in (compare_light(lit, grid), compare_light(grid, lit)):
+        assert max(found.brighter_i, found.brighter_k) == pytest.approx(light)
+        assert min(found.brighter_i, found.brighter_k) == 0
+
+
+@pytest.mark.parametrize(("level", "light"), [(60, 0.0), (59, 1.0)])
+def test_darkness_is_more_than_forty_grey_levels(level, light):
+    grid, dark = street()
+    dark[9:15, 30:36] = level
+    assert compare_light(dark, grid) == Light(0.0, light)
+    assert compare_light(grid, dark) == Light(light, 0.0)
+
+
+def line(count=400, every=0):
+    """Values of one camera and of another of gain 1.5 and offset 10; every so many-th says something else."""
+    source = np.linspace(5, 140, count, dtype=np.float32)
+    target = source * np.float32(1.5) + 10
+    if every:
+        target[::every] += 25
+    return target, source
+
+
+def test_gain_and_offset_are_those_of_the_six_tenths_that_fit_best():
+    assert fit_gain(*line()) == pytest.approx((1.5, 10.0), abs=1e-3)
+    assert fit_gain(*line(every=3)) == pytest.approx((1.5, 10.0), abs=1e-3)
+    assert fit_gain(*line(every=2)) != pytest.approx((1.5, 10.0), abs=0.5)
+
+
+def test_a_gain_is_never_taken_to_be_more_than_two_or_less_than_a_half():
+    source = np.linspace(10, 60, 300, dtype=np.float32)
+    assert fit_gain(source * 4, source)[0] == 2.0
+    assert fit_gain(source / 4, source)[0] == 0.5
+
+
+def test_fewer_than_a_hundred_values_that_are_not_saturated_make_no_gain():
+    target, source = line(100)
+    assert fit_gain(target, source)[0] == pytest.approx(1.5, abs=1e-3)
+    assert fit_gain(target[1:], source[1:]) == (1.0, 0.0)
+    target[50] = 250
+    assert fit_gain(target, source) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(("slope", "enough"), [(2.0, False), (2.1, True)])
+def test_texture_is_more_than_two_grey_levels_a_pixel(slope, enough):
+    ramp = np.tile(np.floor(np.arange(100) * slope).astype(np.uint8), (20, 1))
+    if not enough:
+        assert not textured(ramp)[:, 5:-5].any()  # exactly two
+    else:
+        assert textured(ramp)[:, 10:-10].any()
+
+
+def test_texture_is_the_root_of_the_mean_square_over_five_by_five_pixels():
+    # One upright edge of height h: two columns of gradient h / 2, in windows of five columns h / sqrt(10) in all.
+    for height, expected in ((6, False), (7, True)):
+        image = np.full((20, 40), 100, dtype=np.uint8)
+        image[:, 20:] += np.uint8(height)
+        found = textured(image)
+        assert found[10, 18:22].all() == expected
+        assert not found[:, :17].any()
+        assert not found[:, 23:].any()

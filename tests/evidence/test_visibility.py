@@ -74,6 +74,20 @@ def test_a_point_is_visible_as_far_as_the_witness_s_half_resolution_image_goes(c
     assert seen([column + 4], [60], [4]) == [visible]
 
 
+def test_points_in_the_outermost_columns_and_rows_stay_where_they_are():
+    # Two columns or four rows from the near point nothing is hidden, at the edges of the image either.
+    assert seen([60, 14], [60, 60], [60, 10]) == [True, True]
+    assert seen([378, 324], [60, 60], [60, 10]) == [True, True]
+    assert seen([200, 150], [118, 110], [60, 10]) == [True, True]
+
+
+@pytest.mark.parametrize(("d0", "visible"), [(28.5, True), (28.25, False)])
+def test_half_the_baseline_is_half_the_difference(d0, visible):
+    view, _ = view_of([200, 200], [60, 60], [1, 1])
+    view = replace(view, u_px=np.float32([200, 170 + d0]))
+    assert visible_to_witness(view, plane_rig(), 2, np.float32([30, d0])).tolist() == [True, visible]
+
+
 def test_a_point_left_of_the_witness_s_image_hides_nothing():
     assert seen([50, 3], [60, 60], [60, 2]) == [False, True]
 

@@ -1,8 +1,11 @@
+from math import comb
+
 import numpy as np
 import pytest
 
 from auditor.elements import Element, Witness, elements_of
 from auditor.identification.accusing import System, accuse
+from auditor.identification.joint import explain
 from auditor.results import VerdictKind
 from auditor.rig import triples_of
 
@@ -122,3 +125,41 @@ def test_frames_keep_their_order_whatever_each_of_them_lacks():
     kinds = [VerdictKind.CLEAN, VerdictKind.UNIDENTIFIED, VerdictKind.CLEAN, VerdictKind.ATTACKED]
     assert [v.kind for v in verdicts] == kinds
     assert verdicts[3].attacked == (1,)
+
+
+@pytest.mark.parametrize(("sensors", "sizes"), [(2, 0), (3, 0), (4, 1), (5, 2), (6, 3)])
+def test_a_system_tells_attacks_on_all_but_three_of_its_sensors_apart(sensors, sizes):
+    sets = System((), (), tuple(range(sensors))).attack_sets
+    assert len(sets) == len(set(sets)) == sum(comb(sensors, size) for size in range(sizes + 1))
+    assert sets[0] == ()
+
+
+def test_of_three_sensors_the_margin_is_the_largest_one_measured():
+    assert one({U23: 2.0, U13: 0.5, L12: np.nan}, missing=frozenset({0})).margin == 2.0
+    assert one({U23: -0.5}, missing=frozenset({0})).margin == -0.5
+
+
+def test_a_frame_at_the_score_s_threshold_is_clean():
+    z = np.array([[2.0 if element == U23 else -1.0 for element in SYSTEM.elements]])
+    score = float(explain(z, SYSTEM.elements, SYSTEM.attack_sets).score[0])
+    assert score == pytest.approx(1.98)
+    assert one({U23: 2.0}, threshold=score).kind is VerdictKind.CLEAN
+    assert one({U23: 2.0}, threshold=np.nextafter(score, 0)).kind is VerdictKind.ATTACKED
+
+
+@pytest.mark.parametrize(("left", "kind"), [(1.0, VerdictKind.ATTACKED), (1.01, VerdictKind.UNIDENTIFIED)])
+def test_the_best_explanation_may_leave_a_margin_of_one_over(left, kind):
+    verdict = one({U23: 3.0, EMPTY: left})
+    assert verdict.kind is kind
+    assert (verdict.alternatives[0].attacked == (2,)) == (kind is VerdictKind.UNIDENTIFIED)
+
+
+def test_a_margin_of_zero_raises_nothing():
+    verdict = one({X13: 2.0, X23: 2.0, U13: 0.0})
+    assert (verdict.attacked, verdict.e, len(verdict.evidence)) == ((0,), "110", 2)
+
+
+def test_a_triple_is_measured_where_its_own_elements_are():
+    assert one({X13: np.nan}).e == "-00"
+    assert one({U13: np.nan}).e == "00-"
+    assert one({X13: np.nan, U13: 1.0}).e == "101", "raised by what is inside it, it needs no measure"

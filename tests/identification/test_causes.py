@@ -88,6 +88,102 @@ def test_each_cause_is_told_by_its_symptoms(changed, expected):
     assert likeliest(**changed) == expected
 
 
+NAN = np.nan
+
+
+@pytest.mark.parametrize(
+    ("cause", "sensor", "changed", "expected"),
+    [
+        # A camera late: more points on their rows, taken for a frame earlier, than now as they are or all moved alike.
+        (Cause.LATE, 1, {"late_i": (0.97, 0.2)}, 0.05 / 0.1),
+        (Cause.LATE, 1, {"late_i": (0.97, 0.2), "in_step": 0.95}, 0.02 / 0.1),
+        (Cause.LATE, 2, {"late_i": (0.97, 0.2)}, -0.72 / 0.1),
+        (Cause.LATE, 3, {"late_k": (0.97, 0.95)}, 0.03 / 0.1),
+        (Cause.LATE, 3, {"late_k": (0.97, NAN)}, 0.05 / 0.1),
+        # Tilted: rows off by two pixels at least; what other pairs show is taken off.
+        (Cause.DISPLACED, 1, {"offset_px": (2.0, 0.2), "in_step": (0.5, 0.9)}, 0.42 / 0.35),
+        (Cause.DISPLACED, 1, {"offset_px": (-2.0, 0.2), "in_step": (0.5, 0.9)}, 0.42 / 0.35),
+        (Cause.DISPLACED, 1, {"offset_px": (1.9, 0.2), "in_step": (0.5, 0.9)}, 0.0),
+        (Cause.DISPLACED, 1, {"offset_px": (2.0, 2.0), "in_step": (0.5, 0.82)}, (0.42 - 0.1) / 0.35),
+        (Cause.DISPLACED, 2, {"offset_px": (2.0, 0.2), "in_step": (0.5, 0.9)}, 0.0),
+        (Cause.DISPLACED, 3, {"offset_px": 2.0, "in_step": (0.5, 0.6)}, 0.32 / 0.35),
+        # Biased: disparities off by three pixels at least.
+        (Cause.DISPLACED, 1, {"bias_px": (3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
+        (Cause.DISPLACED, 1, {"bias_px": (-3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
+        (Cause.DISPLACED, 1, {"bias_px": (2.9, 0), "agreeing": (0.5, 0.8)}, 0.0),
+        # Dirt: darker where unlike, than its partner is among others that are half as unlike at least.
+        (Cause.SOILED, 1, {"unlike_px": (2000, 50), "difference": (6, 0)}, 6 / 4),
+        (Cause.SOILED, 3, {"unlike_px": (2000, 50), "difference": (6, 0)}, -6 / 4),
+        (Cause.SOILED, 3, {"unlike_px": (2000, 2000), "difference": (-6, -7)}, 6 / 4),
+        (Cause.SOILED, 1, {"unlike_px": (2000, 1001), "difference": (10, 4)}, 6 / 4),
+        (Cause.SOILED, 1, {"unlike_px": (2000, 1000), "difference": (10, 4)}, 10 / 4),
+        (Cause.SOILED, 1, {"unlike_px": (2000, 1001), "difference": (10, -4)}, 10 / 4),
+        (Cause.SOILED, 2, {"unlike_px": (2000, 1001), "difference": (10, 4)}, -6 / 4),
+        (Cause.SOILED, 1, {"unlike_px": (200, 0), "difference": (6, 0)}, 6 / 4),
+        (Cause.SOILED, 1, {"unlike_px": (199, 0), "difference": (6, 0)}, 0.0),
+        # The LiDAR late: by how much more points agree with the frame before, ten unsure ones added.
+        (Cause.LATE, 0, {"before_only": 40, "now_only": 10}, 30 / 60 / 0.2),
+        (Cause.LATE, 0, {"before_only": (40, 10), "now_only": 10}, 30 / 60 / 2 / 0.2),
+        (Cause.LATE, 0, {"before_only": (40, NAN), "now_only": 10}, 30 / 60 / 0.2),
+        # The LiDAR turned: the least of its pairs, but for those whose own bias does as well.
+        (Cause.DISPLACED, 0, {"turned_only": (60, 50), "unturned_only": 20}, 30 / 80 / 0.2),
+        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 3.0, "biased": 0.79}, 0.0),
+        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": -3.0, "biased": 0.79}, 0.0),
+        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 2.9, "biased": 0.79}, 40 / 90 / 0.2),
+        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 3.0, "biased": 0.78}, 40 / 90 / 0.2),
+        (Cause.DISPLACED, 0, {"turned_only": 20, "unturned_only": 60, "bias_px": 3.0, "biased": 0.79}, -40 / 90 / 0.2),
+        # Rain: points that stand alone nearby, less twice those farther away.
+        (Cause.RAIN, 0, {"specks_near": (0.03, 0.01), "specks_beyond": (0.001, 0.004)}, (0.028 + 0.002) / 2 / 0.01),
+        # Darkness is that of the brightest camera, glare that of the least saturated one.
+        (Cause.DARK, None, {"level": (20.0, 60.0, 40.0)}, 20 / 40),
+        (Cause.DARK, None, {"level": (20.0, NAN, 40.0)}, 40 / 40),
+        (Cause.GLARE, None, {"saturated": (0.5, 0.3, 0.2)}, 0.2 / 0.25),
+    ],
+)
+def test_the_strength_of_a_cause_is_worked_out_by_hand(cause, sensor, changed, expected):
+    found = strengths(seen(**changed), STAMPS_NS, SENSORS)[cause, sensor]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_dirt_is_looked_at_over_two_seconds_and_all_else_over_half_a_second():
+    frames = 41
+    columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
+    columns["unlike_px"][:] = 2000.0
+    columns["difference"][20] = 84.0, 0.0
+    columns["before_only"], columns["now_only"] = np.zeros((2, frames, 2))
+    columns["before_only"][20] = 90.0
+    still = np.full((frames, 3), 60.0), np.zeros((frames, 3))
+    stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
+    found = strengths(Observed(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)
+    dirt, late = found[Cause.SOILED, 1], found[Cause.LATE, 0]
+    assert np.flatnonzero(dirt).tolist() == list(range(10, 31))
+    assert dirt[20] == pytest.approx(84 / 4 / 21)
+    assert np.flatnonzero(late).tolist() == [18, 19, 20, 21, 22]
+    assert late[20] == pytest.approx(0.9 / 0.2 / 5)
+
+
+def test_a_rig_without_a_lidar_has_none_of_its_causes():
+    found = strengths(seen(), STAMPS_NS, (1, 2, 3))
+    assert {sensor for _, sensor in found} == {1, 2, 3, None}
+
+
+def test_causes_are_told_from_a_score_of_a_fifth_on_the_likeliest_first():
+    plain = Yardstick(0.0, 1.0, 100)
+    strength = {
+        (Cause.LATE, 1): np.array([-1.8, -1.81, 0.0]),
+        (Cause.DARK, None): np.array([-1.8, NAN, 3.0]),
+        (Cause.RAIN, 0): np.array([5.0, -2.0, 0.0]),
+    }
+    told = suspicions(strength, dict.fromkeys(strength, plain))
+    assert told[0] == (
+        (Cause.RAIN, 0, 1.0),
+        (Cause.LATE, 1, pytest.approx(0.2)),
+        (Cause.DARK, None, pytest.approx(0.2)),
+    )
+    assert told[1] == ()
+    assert told[2] == ((Cause.DARK, None, 1.0), (Cause.LATE, 1, 0.5), (Cause.RAIN, 0, 0.5))
+
+
 def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
     assert likeliest(unlike_px=2000, difference=120) == []
     assert likeliest(unlike_px=(2000, 100), difference=(120, 0)) == [(Cause.SOILED, 1)]  # or light in S_3, less likely
@@ -206,3 +302,38 @@ def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
     for witness, i in (("empty", 0), ("unlike", 1)):
         accused = verdict(attacked=(i,), witness=witness, i=i, margin=0.5)
         assert weigh(accused, RAIN) == accused
+
+
+@pytest.mark.parametrize(
+    ("margin", "score", "kind"),
+    [
+        (2.5, 0.75, VerdictKind.SUSPECT),  # a margin of 1.5, one less than the attack's
+        (2.51, 0.75, VerdictKind.ATTACKED),
+        (1.0, 0.5, VerdictKind.SUSPECT),
+        (0.9, 0.49, VerdictKind.ATTACKED),
+    ],
+)
+def test_an_attack_that_leads_a_cause_by_more_than_a_margin_of_one_is_not_doubted(margin, score, kind):
+    assert weigh(verdict(margin=margin), (Suspicion(Cause.LATE, 1, score),)).kind is kind
+
+
+@pytest.mark.parametrize(("score", "kind"), [(0.5, VerdictKind.SUSPECT), (0.49, VerdictKind.CLEAN)])
+def test_a_fault_is_a_finding_from_a_half_on(score, kind):
+    assert weigh(CLEAN, (Suspicion(Cause.LATE, 1, score),)).kind is kind
+
+
+@pytest.mark.parametrize(("others", "kind"), [(1.0, VerdictKind.SUSPECT), (1.01, VerdictKind.ATTACKED)])
+def test_a_fault_explains_what_it_can_have_raised_half_of(others, kind):
+    evidence = (Evidence("unlike", 1, None, 3, 1.0), Evidence("unlike", 2, None, 3, others))
+    raised = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(3,), evidence=evidence)
+    assert weigh(raised, (Suspicion(Cause.LATE, 1, 1.0),)).kind is kind
+
+
+@pytest.mark.parametrize(("margin", "kind"), [(0.25, VerdictKind.SUSPECT), (0.26, VerdictKind.ATTACKED)])
+def test_rain_counts_as_a_margin_of_three_quarters_below_its_threshold(margin, kind):
+    assert weigh(verdict(attacked=(0,), witness="contradicted", i=2, margin=margin), RAIN).kind is kind
+
+
+@pytest.mark.parametrize(("margin", "kind"), [(1.5, VerdictKind.SUSPECT), (1.51, VerdictKind.ATTACKED)])
+def test_dirt_on_a_partner_must_be_as_clear_as_what_was_raised(margin, kind):
+    assert weigh(verdict(margin=margin), (Suspicion(Cause.SOILED, 3, 0.75),), {3}).kind is kind

@@ -1,9 +1,11 @@
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
 import pytest
 
 from auditor.elements import Witness, elements_of
+from auditor.errors import ThresholdsError
 from auditor.identification.accusing import System
 from auditor.identification.false_alarms import (
     held_out_scores,
@@ -13,7 +15,7 @@ from auditor.identification.false_alarms import (
     score_threshold,
     wilson,
 )
-from auditor.identification.robust_thresholds import robust_thresholds
+from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
 from auditor.results import Cause, Procedure, Statistic
 from auditor.rig import triples_of
 from auditor.rig_kind import RigKind
@@ -85,6 +87,32 @@ def test_allowed_incidents_set_the_score_s_threshold():
     assert strict.score == pytest.approx(held_out_scores(clean, SYSTEM, R).max())
     assert strict.score > 1
     assert strict.incidents_per_hour == 0
+
+
+def test_one_element_with_too_few_samples_makes_a_rate_unresolvable():
+    many = recording("many", 200)
+    first, *others = ELEMENTS
+    few = {first: np.where(np.arange(200) < 50, 0.1, np.nan)} | {e: many.ratios[e] for e in others}
+    assert robust_thresholds(calibration(many), SYSTEM, R).resolvable
+    found = robust_thresholds(calibration(replace(many, ratios=few)), SYSTEM, R)
+    assert not found.resolvable
+    assert found.yardsticks[first].samples == 50
+    assert (found.r, found.transferred) == (R, False)
+
+
+def test_what_no_clean_frame_has_shown_has_no_yardstick():
+    quiet = recording("quiet")
+    known = {ELEMENTS[0]: quiet.ratios[ELEMENTS[0]]}
+    found = robust_thresholds(calibration(replace(quiet, ratios=known)), SYSTEM, R, transferred=True)
+    assert set(found.yardsticks) == {ELEMENTS[0]}
+    assert found.transferred
+    with pytest.raises(ThresholdsError, match="no clean local ratios"):
+        robust_thresholds(calibration(replace(quiet, ratios={})), SYSTEM, R)
+
+
+def test_the_hours_of_a_calibration_are_those_of_its_recordings():
+    both = calibration(recording("a", 3600), recording("b", 1800))
+    assert clean_hours(both) == pytest.approx(0.15)
 
 
 def test_the_score_s_threshold_allows_so_many_incidents_and_no_more():

@@ -136,3 +136,50 @@ def test_a_witness_that_alone_denies_the_lidar_is_named_itself():
     z = np.full((1, len(elements)), -2.0)
     z[0, elements.index((Witness.CONTRADICTED, 1, 3))] = 3.0
     assert sets[explain(z, elements, sets).best[0]] == (1,)
+
+
+CONTRADICTED, UNLIKE, LIGHT, EMPTY, SCATTERED = Witness
+
+
+@pytest.mark.parametrize(
+    ("element", "attacked", "accounted", "due"),
+    [
+        (Element(CONTRADICTED, 1, 3), (), 0.0, 0.0),
+        (Element(CONTRADICTED, 1, 3), (0,), 1.0, 1.0),
+        (Element(CONTRADICTED, 1, 3), (1,), 0.9, 0.0),
+        (Element(CONTRADICTED, 1, 3), (3,), 0.9, 0.0),
+        (Element(CONTRADICTED, 1, 3), (2,), 0.0, 0.0),
+        (Element(CONTRADICTED, 1, 3), (0, 1), 1.0, 0.0),
+        (Element(CONTRADICTED, 1, 3), (0, 2), 1.0, 1.0),
+        (Element(CONTRADICTED, 1, 3), (0, 3), 1.0, 0.0),
+        (Element(UNLIKE, 1, 3), (1,), 1.0, 0.5),
+        (Element(UNLIKE, 1, 3), (3,), 1.0, 0.5),
+        (Element(UNLIKE, 1, 3), (0, 2), 0.0, 0.0),
+        (Element(LIGHT, 1, 2), (2,), 1.0, 0.0),
+        (Element(LIGHT, 1, 2), (3,), 0.0, 0.0),
+        (Element(EMPTY, 0, 3), (0,), 1.0, 0.0),
+        (Element(EMPTY, 0, 3), (3,), 0.0, 0.0),
+        (Element(SCATTERED, 0, 3), (0,), 1.0, 0.0),
+    ],
+)
+def test_what_an_attack_accounts_for_and_what_it_should_have_raised(element, attacked, accounted, due):
+    assert (explained(element, attacked), demands(element, attacked)) == (accounted, due)
+
+
+def test_each_attacked_sensor_costs_a_fiftieth_of_a_margin():
+    elements, sets = full_elements(4), attack_sets(range(5), 2)
+    cost = explain(np.full((1, len(elements)), np.nan), elements, sets).cost[0]
+    np.testing.assert_allclose(cost, [0.02 * len(attacked) for attacked in sets])
+
+
+def test_twenty_thousand_attack_sets_are_weighed_at_most():
+    # Of 19 sensors: 1 + 19 + 171 + 969 + 3876 + 11628 are 16,664, and those of the next size would be too many.
+    assert len(attack_sets(range(19), 16)) == 16_664
+    assert attack_sets((3, 1, 2), 1) == ((), (1,), (2,), (3,))
+
+
+def test_as_many_sets_as_may_be_weighed_are(monkeypatch):
+    monkeypatch.setattr(joint, "MOST_SETS", 56)
+    assert len(attack_sets(range(10), 7)) == 56
+    monkeypatch.setattr(joint, "MOST_SETS", 55)
+    assert len(attack_sets(range(10), 7)) == 11

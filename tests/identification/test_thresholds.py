@@ -113,6 +113,12 @@ def test_a_triple_without_samples_has_no_theta():
     assert set(thresholds.theta) == {TRIPLES[0], TRIPLES[2]}
 
 
+def test_a_single_sample_is_enough_for_a_theta():
+    clean = clean_frames({**SAMPLES, (Statistic.GATED, TRIPLES[1]): [0.25]})
+    thresholds = thresholds_at(replace(CALIBRATION, clean=clean), Statistic.GATED, Decimal(0))
+    assert (thresholds.theta[TRIPLES[1]], thresholds.samples[TRIPLES[1]]) == (0.25, 1)
+
+
 def test_a_statistic_without_samples_is_an_error():
     with pytest.raises(ThresholdsError, match="plain"):
         thresholds_at(CALIBRATION, Statistic.PLAIN, Decimal(0))

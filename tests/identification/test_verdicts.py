@@ -181,6 +181,7 @@ def test_a_verdict_names_the_next_best_explanations():
     assert verdict.kind is VerdictKind.UNIDENTIFIED
     assert [other.worse_by for other in verdict.alternatives] == sorted(o.worse_by for o in verdict.alternatives)
     assert judge("101", N3, FOUR).alternatives == (((3,), 1.0), ((), 2.0))
+    assert judge("010", N3, FOUR).alternatives == (((), 0.0), ((0,), 0.0))  # S_2, too, leaves one element unexplained
     assert judge("1", triples_of(3, lidar=False), (1, 2, 3)).alternatives == ()
 
 
@@ -232,3 +233,28 @@ def test_a_night_of_frames_is_judged_in_seconds():
     verdicts = judge_frames(errors, thresholds_for(N4), N4, FIVE, [frozenset()] * len(errors))
     assert len(verdicts) == len(errors)
     assert time.process_time() - started < 2.0
+
+
+@pytest.mark.parametrize(("above", "state"), [(-1e-9, "0"), (0.0, "0"), (1e-9, "1")])
+def test_an_element_is_raised_above_theta_and_not_at_it(above, state):
+    theta = dict.fromkeys(N4, 0.25)
+    errors = np.full((1, len(N4)), 0.125)
+    errors[0, 2] = 0.25 + above
+    [verdict] = judge_frames(errors, replace(thresholds_for(N4), theta=theta), N4, FIVE, [frozenset()])
+    assert verdict.e == "00" + state + "0" * (len(N4) - 3)
+    assert len(verdict.evidence) == int(state)
+    assert verdict.margin == pytest.approx(abs(above), abs=1e-15)
+
+
+def test_the_evidence_of_a_raised_frame_is_what_lies_above_theta_and_nothing_that_lies_at_it():
+    errors = np.full((1, len(N4)), 0.125)
+    errors[0, :3] = 0.5, 0.25, 0.75
+    theta = replace(thresholds_for(N4), theta=dict.fromkeys(N4, 0.25))
+    [verdict] = judge_frames(errors, theta, N4, FIVE, [frozenset()])
+    assert [(one.i, one.j, one.k, one.margin) for one in verdict.evidence] == [(*N4[2], 0.5), (*N4[0], 0.25)]
+
+
+def test_three_sensors_that_measured_nothing_are_not_too_few():
+    triples = triples_of(3, lidar=False)
+    assert "three overlapping sensors" not in judge("-", triples, (1, 2, 3)).reason
+    assert "the rig has 2" in judge("", (), (1, 2)).reason
