@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from auditor.elements import Element
-from auditor.results import Cause, CauseIn, Statistic
-from auditor.rig import Triple
-from auditor.thresholds import CleanFrames
+from auditor.model.calibration import CleanFrames
+from auditor.model.checks import Element
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Triple
+from auditor.model.verdict import Cause, CauseIn
 
 PERIOD_NS = 100_000_000
 

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.rig import Rig
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture
-from auditor.recordings.interface import Definition, Topic
+from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers import frames as frames_writer
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.rig import Rig
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud
 from tests.recordings.foxglove_messages import Said, said, transform, write_json, write_protobuf
 from tests.recordings.videos import encoded

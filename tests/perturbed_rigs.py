@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from auditor.lab.vehicles import rotation
-from auditor.lenses import Lens
-from auditor.rig import Camera, Rig
+from auditor.lab.simulation.vehicles import rotation
+from auditor.model.lenses import Lens
+from auditor.model.rig import Camera, Rig
 
 
 def perturbed(rig: Rig, lenses: tuple[Lens, ...], seed: int, turn_deg: float = 2.0) -> Rig:

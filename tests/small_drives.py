@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.rig import Rig
 from auditor.recordings import write_bag, write_db3, write_mcap
-from auditor.rig import Rig
 from tests.evidence.scenes import plane_cloud, plane_images, plane_rig
 
 START_NS = 1_700_000_000 * 10**9

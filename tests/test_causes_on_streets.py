@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from auditor.frames import Frame
-from auditor.lab.attacks import BogusWall
-from auditor.lab.drives import make_drive
-from auditor.lab.rain import Rain
-from auditor.results import Cause, Verdict, VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.attacks.rain import Rain
+from auditor.lab.simulation.drives import make_drive
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import Cause, Verdict, VerdictKind
 from tests.benchmarks.robust_causes import Learnt, judged, learn
 from tests.benchmarks.robust_faults import on, taken
 from tests.benchmarks.robust_watching import measured

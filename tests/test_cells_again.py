@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
-from auditor.elements import Witness, rig_elements
-from auditor.identification import local_ratio
-from auditor.judging import Criteria, calibrate, judge_measurement, ratios_from_cells
-from auditor.pipeline import MeasureTask, measure_recording
+from auditor.identification import statistics
+from auditor.model.checks import Witness, rig_elements
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, ratios_from_cells
+from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store, run_sql
 from tests.small_drives import write_drive
 
@@ -38,8 +38,8 @@ def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
 def test_other_windows_give_other_local_ratios_of_what_has_cells_and_of_nothing_else(scanned, monkeypatch):
     store, measurement = scanned
     stored = store.load_ratios(measurement).ratios
-    smaller = {witness: local_ratio.Window(2, 2, 10) for witness in local_ratio.WINDOWS}
-    monkeypatch.setattr(local_ratio, "WINDOWS", smaller)
+    smaller = {witness: statistics.Window(2, 2, 10) for witness in statistics.WINDOWS}
+    monkeypatch.setattr(statistics, "WINDOWS", smaller)
     changed = ratios_from_cells(store, measurement)
     elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
     counted = np.array([element.witness in smaller for element in elements])
@@ -72,8 +72,8 @@ def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_wh
     store, measurement = scanned
     before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
     assert {"unlike", "light"} <= witnesses(as_measured)
-    demanding = {witness: local_ratio.Window(6, 8, 10**9) for witness in local_ratio.WINDOWS}
-    monkeypatch.setattr(local_ratio, "WINDOWS", demanding)
+    demanding = {witness: statistics.Window(6, 8, 10**9) for witness in statistics.WINDOWS}
+    monkeypatch.setattr(statistics, "WINDOWS", demanding)
     assert witnesses(judged(store, measurement, recount=True)[1]) == {"light"}
     assert judged(store, measurement, recount=False)[1] == as_measured
     np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)

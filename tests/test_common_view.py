@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from auditor.common_view import common_view, largest_rectangle
 from auditor.errors import RigError
-from auditor.rig import Camera, Rig
+from auditor.model.common_view import common_view, largest_rectangle
+from auditor.model.rig import Camera, Rig
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,21 +10,22 @@ import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
-from auditor.elements import rig_elements
 from auditor.errors import RecordingError, RigError, SettingError
-from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, stretches
-from auditor.evaluation.bench import Bench
+from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, runner
+from auditor.evaluation.attacked_frame import Bench
 from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
-from auditor.evaluation.stretches import STRETCH_FRAMES
-from auditor.evidence import measure
-from auditor.evidence.matchers import find_matcher
-from auditor.identification.local_ratio import local_ratios
-from auditor.lab.attacks import BogusWall, Facula
+from auditor.evaluation.runner import STRETCH_FRAMES
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Procedure
+from auditor.model.rig import LIDAR, Triple
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
-from auditor.results import AttackLabel, Procedure
-from auditor.rig import LIDAR, Triple
 from auditor.store import Store, run_query, run_sql
-from auditor.store.evaluations import INTERVAL_FRAMES, EvaluationPart
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, EvaluationPart
 from tests.evidence.scenes import plane_frame, plane_rig
 from tests.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -180,7 +181,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture
 def short_stretches(monkeypatch):
-    monkeypatch.setattr(stretches, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
 
 
 @pytest.mark.usefixtures("short_stretches")

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auditor.evidence import measure
-from auditor.evidence.matchers import MatcherOptions, find_matcher
-from auditor.frames import Frame, SensorState
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher
+from auditor.model.frames import Frame, SensorState
+from auditor.model.measurement import Counts, Statistic
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
-from auditor.results import Counts, Statistic
 from tests.evidence.scenes import plane_rig
 from tests.message_forms import FORMS, FOXGLOVE_FORMS, MessageForm, drive, through_container
 from tests.recordings.forms import CONTAINERS

@@ -3,7 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auditor.geometry import camera_centre, compose, invert, motion, quaternion_from_rotation, rotation_from_quaternion
+from auditor.model.geometry import (
+    camera_centre,
+    compose,
+    invert,
+    motion,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 
 part = st.floats(-1, 1)
 

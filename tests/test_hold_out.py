@@ -5,12 +5,12 @@ from decimal import Decimal
 
 import pytest
 
-from auditor.frames import Presence, SensorState
-from auditor.identification.false_alarms import INCIDENT_GAP_S, hold_out_robust
-from auditor.judging import Criteria, calibrate, judge_measurement, system_of
-from auditor.pipeline import MeasureTask, measure_recording
+from auditor.identification.cross_validation import INCIDENT_GAP_S, hold_out_robust
+from auditor.model.frames import Presence, SensorState
+from auditor.model.verdict import FINDINGS
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, system_of
+from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.recordings import write_mcap
-from auditor.results import FINDINGS
 from auditor.store import Store, run_query
 from auditor.store.describing import describe
 from tests.evidence.scenes import plane_rig

@@ -7,10 +7,10 @@ import pytest
 
 from auditor.cli.judging import Judging, Tally, judge_all
 from auditor.errors import StoreError
-from auditor.judging import Criteria, calibrate, judge_measurement
-from auditor.results import Method
+from auditor.model.verdict import Method
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
-from auditor.store.page_loading import load_page
 from auditor.store.queries import run_sql
 from tests.store.making import add_judgement, add_measurement, make_measurement, make_rig, new_store
 

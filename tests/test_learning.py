@@ -17,16 +17,16 @@ pytest.importorskip("torch")
 
 from auditor.cli import auditor
 from auditor.errors import RecordingError, SettingError
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.matchers import MatcherOptions, SgbmMatcher, find_matcher
-from auditor.evidence.matchers.scoring import score
-from auditor.evidence.rectifying import rectification
-from auditor.lab.drives import make_drive
-from auditor.learning import Recorded, SampleFiles, SampleTask, Street, lesson, make_samples
-from auditor.learning.sources import dense_sample, lidar_sample, pair_of
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher
+from auditor.measurement.disparity.matchers.scoring import score
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.rig import LIDAR
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
-from auditor.results import AttackLabel
-from auditor.rig import LIDAR
+from auditor.training import Recorded, SampleFiles, SampleTask, Street, lesson, make_samples
+from auditor.training.samples import dense_sample, lidar_sample, pair_of
 from tests.evidence.scenes import FOCAL, moved, plane_frame, plane_rig
 from tests.small_drives import drive_frames, write_drive
 

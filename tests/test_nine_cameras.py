@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
-from auditor.evidence import measure
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.frames import CameraImage, Frame, Presence, SensorState
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.frames import CameraImage, Frame, Presence, SensorState
+from auditor.model.rig import Camera, Rig
 from auditor.recordings import write_mcap
-from auditor.rig import Camera, Rig
 
 VIEWS = 9
 FOCAL_PX, STEP_M = 500.0, 0.04  # Middlebury tells neither; disparities do not depend on them

@@ -9,17 +9,24 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import SettingError
-from auditor.evaluation import Recorded, stretches
-from auditor.evaluation.bench import Bench
-from auditor.evaluation.objects import ObjectTask, check_detectors, evaluate_objects
-from auditor.evaluation.objects.scoring import score_in_image, score_on_ground
-from auditor.evaluation.objects.seeing import ObjectBench, in_view, scenarios
-from auditor.evidence.detectors import Detection, Detectors, ImageBox, SolidBox, SolidDetection, find_detectors
-from auditor.evidence.matchers import find_matcher
-from auditor.lab.attacks import BogusWall, Facula
-from auditor.lab.drives import make_drive
-from auditor.recordings.object_labels import ObjectLabel, read_object_labels
-from auditor.rig import Triple
+from auditor.evaluation import Recorded, runner
+from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
+from auditor.evaluation.object_baseline.agreement import ObjectBench, in_view, scenarios
+from auditor.evaluation.object_baseline.average_precision import score_in_image, score_on_ground
+from auditor.evaluation.object_baseline.detectors import (
+    Detection,
+    Detectors,
+    ImageBox,
+    SolidBox,
+    SolidDetection,
+    find_detectors,
+)
+from auditor.evaluation.object_baseline.kitti_labels import ObjectLabel, read_object_labels
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.rig import Triple
 from auditor.store import Store, run_query, run_sql
 from tests.evidence.detector_models import write_camera_detector, write_cloud_detector
 from tests.evidence.scenes import plane_rig
@@ -109,7 +116,7 @@ def test_the_papers_two_systems_are_compared() -> None:
 
 
 def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(stretches, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
     whole = run(drive, tmp_path / "whole")
     assert (whole.frames, whole.cases) == (FRAMES, CASES)
     assert not run(drive, tmp_path / "whole").fresh

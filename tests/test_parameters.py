@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from auditor.evidence.parameters import (
+from auditor.identification.parameters import JUDGING, THETA_CEILING, THETA_FLOOR, judging_digest, judging_settings
+from auditor.measurement.parameters import (
     DISPARITY_ERROR,
     MEASURING,
     SGBM,
@@ -20,10 +21,10 @@ from auditor.evidence.parameters import (
     measuring_digest,
     measuring_settings,
 )
-from auditor.identification.parameters import JUDGING, THETA_CEILING, THETA_FLOOR, judging_digest, judging_settings
-from auditor.parameters import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.model.measurement import COUNTING_VERSION
+from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
+from auditor.model.verdict import JUDGING_VERSION
 from auditor.recordings.parameters import SYNCHRONISING, synchronising_digest
-from auditor.results import COUNTING_VERSION, JUDGING_VERSION
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "auditor"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from auditor.cli import run
-from auditor.evidence.lidar import lidar_view
-from auditor.frames import Frame
-from auditor.rig import Rig
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from tests.benchmarks import identification
 from tests.benchmarks.real_drives import frames
 

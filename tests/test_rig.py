@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.rig import Camera, Lidar, Rig, Triple, triples_of
+from auditor.model.rig import Camera, Lidar, Rig, Triple, triples_of
 
 
 def camera(number: int, x_m: float, focal_px: float = 700.0) -> Camera:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auditor.pipeline import MeasureTask, measure_recording
+from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store
 from tests.small_drives import write_drive
 

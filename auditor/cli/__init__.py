@@ -47,7 +47,7 @@ class _Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's
         if cmd_name not in VERBS:
             return None
-        command: click.Command = importlib.import_module(f"auditor.cli.{cmd_name.replace('-', '_')}").command
+        command: click.Command = importlib.import_module(f"auditor.cli.verbs.{cmd_name.replace('-', '_')}").command
         return command
 
 

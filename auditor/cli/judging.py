@@ -12,9 +12,9 @@ from auditor.cli.output import say
 from auditor.errors import AuditorError, SettingError, ThresholdsError
 
 if TYPE_CHECKING:
-    from auditor.judging import Criteria
+    from auditor.model.calibration import Calibration
+    from auditor.pipeline.judge import Criteria
     from auditor.store import Store, StoredJudgement
-    from auditor.thresholds import Calibration
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,9 @@ class Judging:
     @property
     def criteria(self) -> "Criteria":
         """The same, as judging takes it."""
-        from auditor.judging import Criteria  # noqa: PLC0415 - keeps --help quick
-        from auditor.results import Method, Statistic  # noqa: PLC0415
+        from auditor.model.measurement import Statistic  # noqa: PLC0415
+        from auditor.model.verdict import Method  # noqa: PLC0415
+        from auditor.pipeline.judge import Criteria  # noqa: PLC0415 - keeps --help quick
 
         return Criteria(
             self.r,
@@ -109,7 +110,7 @@ def listing_calibrations(folder: Path) -> str:
 
 def judge_all(store: "Store", measurements: Sequence[str], judging: Judging, tally: Tally) -> list[str]:
     """Judge measurements, say what cannot be judged and why, and add to the tally; answer those that were judged."""
-    from auditor.judging import fitting_calibration, judge_measurement, tells_incidents  # noqa: PLC0415
+    from auditor.pipeline.judge import fitting_calibration, judge_measurement, tells_incidents  # noqa: PLC0415
 
     criteria = judging.criteria
     chosen = named_calibration(store.folder, judging.calibration)
@@ -145,7 +146,7 @@ def recording_name(store: "Store", measurement: str) -> str:
 
 
 def _weigh(store: "Store", name: str, judgement: "StoredJudgement", judging: Judging, tally: Tally) -> None:
-    from auditor.results import VerdictKind  # noqa: PLC0415
+    from auditor.model.verdict import VerdictKind  # noqa: PLC0415
 
     measurement = store.measurement(judgement.measurement_id)
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)

@@ -11,9 +11,9 @@ from auditor.cli.output import progress, say
 from auditor.errors import LimitError, RigError
 
 if TYPE_CHECKING:
-    from auditor.engines import Limits
-    from auditor.evidence.matchers import MatcherOptions
-    from auditor.pipeline import Measured
+    from auditor.measurement.disparity.matchers import MatcherOptions
+    from auditor.pipeline.measure import Measured
+    from auditor.pipeline.workers import Limits
     from auditor.recordings import Origin
 
 
@@ -39,9 +39,9 @@ def measure_all(
 
     Raises SettingError where `origin_of` does, and RigError for a rig file that cannot be read, before any work.
     """
-    from auditor.engines import run_all  # noqa: PLC0415
-    from auditor.evidence.matchers import find_matcher  # noqa: PLC0415
-    from auditor.pipeline import MeasureTask, measure_recording  # noqa: PLC0415
+    from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
+    from auditor.pipeline.measure import MeasureTask, measure_recording  # noqa: PLC0415
+    from auditor.pipeline.workers import run_all  # noqa: PLC0415
     from auditor.recordings import check_rig_file, find_recordings  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 

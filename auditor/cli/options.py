@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from auditor.engines import Limits
-    from auditor.evidence.matchers import MatcherOptions
+    from auditor.measurement.disparity.matchers import MatcherOptions
+    from auditor.pipeline.workers import Limits
     from auditor.recordings import Origin
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
@@ -103,7 +103,7 @@ def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def collected(*, time_limit: float | None, memory_limit: float, **others: Any) -> Any:  # noqa: ANN401
-        from auditor.engines import Limits, limits_of  # noqa: PLC0415 - keeps --help quick
+        from auditor.pipeline.workers import Limits, limits_of  # noqa: PLC0415 - keeps --help quick
 
         def budget(path: Path) -> Limits:
             files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
@@ -146,7 +146,7 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
         compiled: bool,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
-        from auditor.evidence.matchers import MatcherOptions  # noqa: PLC0415 - keeps --help quick
+        from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: PLC0415 - keeps --help quick
 
         network = MatcherOptions(weights, align_corners, max_disparity, device, precision, compiled)
         return command(network=network, **others)

@@ -1,7 +1,6 @@
 """The paper's experiments on clean recordings: attacked in memory, measured into a store, answered in SQL."""
 
-from auditor.evaluation.running import EvaluateTask, evaluate_source, experiments_of
-from auditor.evaluation.runs import Evaluated, Task
+from auditor.evaluation.runner import Evaluated, EvaluateTask, Task, evaluate_source, experiments_of
 from auditor.evaluation.sources import Recorded, Source, Street
 from auditor.evaluation.verdicts import judge_cases
 

@@ -1,24 +1,43 @@
-"""The paper's experiments as lists of cases: which sensors are attacked in a frame, and with what."""
+"""The experiments as lists of cases: the paper's, attacks and faults beyond it, and attacks that last."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
+from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.bench import Attack
-from auditor.frames import Frame
-from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.rig import LIDAR, Rig, Triple
+from auditor.errors import DecodingError, SettingError
+from auditor.evaluation.attacked_frame import Attack
+from auditor.lab.attacks.faults import (
+    DelayedCamera,
+    DelayedLidar,
+    HiddenSector,
+    ScatteredPoints,
+    ShiftedCamera,
+    TurnedLidar,
+)
+from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.recordings.decoding.pictures import decode_picture
+from auditor.store.evaluation_tables import INTERVAL_FRAMES
 
 WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Fig. 11."""
 
+
 RADII_PX = (37.5, 75.0, 112.5, 150.0, 187.5, 225.0)
 """Fig. 12, on images of the paper's width."""
 
+
 PAPER_WIDTH_PX = 1242
+
+
 SENSITIVITY_STRENGTHS = ("mild", "opaque")
+
+
 MOST_ATTACKED = 2
 """Sets that are only identified, not detected by one triple, have this many sensors at most."""
 
@@ -163,3 +182,115 @@ EXPERIMENTS = (
     Experiment("sensitivity", _scenario_1_only, _sensitivity),
 )
 """In the order in which they are measured."""
+
+
+SECTORS_DEG = (10.0, 20.0, 30.0)
+
+
+SECTOR_AZIMUTHS_DEG = (-25.0, 25.0)
+
+
+POINTS = (500, 2000, 8000)
+
+
+YAWS_DEG = (0.2, 0.5, 1.0)
+
+
+ROWS_PX = (1, 2, 4)
+
+
+DELAYS = (1, 3, 10)
+
+
+STRIPES_PX = 40.0
+
+
+STRIPE_LEVELS = (60.0, 120.0)
+
+
+def further_cases(rig: Rig, dice: Dice, past: Sequence[Frame]) -> Iterator[Case]:
+    """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it.
+
+    What is not left to chance comes with the first draw only, so that nothing counts twice.
+    """
+    if rig.lidar:
+        yield from _drawn_on_lidar(dice)
+    for sensor in (1, rig.n):
+        phase = dice.of(sensor).uniform(0, STRIPES_PX)
+        for level in STRIPE_LEVELS:
+            yield Case({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
+            yield Case({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
+    if dice.draw == 0:
+        yield from _certain(rig, past)
+
+
+def _drawn_on_lidar(dice: Dice) -> Iterator[Case]:
+    rng = dice.of(LIDAR)
+    azimuth, seed = float(rng.uniform(*SECTOR_AZIMUTHS_DEG)), int(rng.integers(1 << 31))
+    for width in SECTORS_DEG:
+        yield Case({LIDAR: HiddenSector(width, azimuth)}, size=width)
+    for count in POINTS:
+        yield Case({LIDAR: ScatteredPoints(count, seed)}, size=count)
+
+
+def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[Case]:
+    if rig.lidar:
+        for yaw in YAWS_DEG:
+            yield Case({LIDAR: TurnedLidar(yaw)}, size=yaw)
+        for delay, frame in _earlier(past):
+            if frame.cloud is not None:
+                yield Case({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
+    for sensor in (1, rig.n):
+        for rows in ROWS_PX:
+            yield Case({sensor: ShiftedCamera(rows)}, size=rows)
+        for delay, frame in _earlier(past):
+            if sensor in frame.images:
+                yield Case({sensor: DelayedCamera(delay, frame.images[sensor])}, size=delay)
+
+
+def _earlier(past: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
+    """The frames of DELAYS ago, those that there are."""
+    return ((delay, past[-delay]) for delay in DELAYS if delay <= len(past))
+
+
+def read_patterns(paths: Sequence[Path]) -> tuple[LaserPattern, ...]:
+    """Laser patterns from picture files, named by their paths. Raises SettingError where one is none."""
+    patterns = []
+    for path in paths:
+        try:
+            pixels = decode_picture(memoryview(path.read_bytes()), colour=True, size_px=None)
+        except (OSError, DecodingError) as error:
+            raise SettingError(f"it is no readable picture ({error})", where=path) from error
+        patterns.append(LaserPattern("/".join(path.parts[-3:]), pixels if pixels.ndim == 3 else pixels[..., None]))
+    return tuple(patterns)
+
+
+def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, Dice, Sequence[Frame]], Iterator[Case]]:
+    """Each pattern on each camera."""
+
+    def on_each(rig: Rig, _dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+        for camera in rig.cameras:
+            for pattern in patterns:
+                yield Case({camera.number: pattern}, pattern.title)
+
+    return on_each
+
+
+FURTHER = Experiment("further", all_triples, further_cases)
+
+
+STRENGTH = "mild"
+"""Of the faculas: the weakest that the combinations try."""
+
+
+def interval_cases(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+    """One sensor at a time, then the first and the last together; what holds still is drawn for the whole interval."""
+    held = replace(dice, frame=dice.frame - dice.frame % INTERVAL_FRAMES)
+    together = (LIDAR if rig.lidar else 1, rig.n)
+    for variant, chance in (("still", held), ("moving", dice)):
+        attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, chance.of(sensor)) for sensor in rig.sensors}
+        for attacked in (*((sensor,) for sensor in rig.sensors), together):
+            yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)
+
+
+INTERVALS = Experiment("intervals", all_triples, interval_cases, together=INTERVAL_FRAMES)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from auditor import __version__
 from auditor.errors import RecordingError
-from auditor.evidence.rectifying import rectification
-from auditor.frames import Frame, Skipped
-from auditor.lab.drives import make_drive
-from auditor.lab.streets import STYLES
-from auditor.pipeline import rigs_of
+from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.frames import Frame, Skipped
+from auditor.model.rig import Rig
+from auditor.pipeline.measure import rigs_of
 from auditor.recordings import open_recording, survey, synchronise
-from auditor.rig import Rig
 from auditor.store.records import content_id
 
 

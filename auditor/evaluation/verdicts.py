@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import Element, rig_elements
 from auditor.evaluation.experiments import scenario_1
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
-from auditor.identification.robust import WINDOW_S
-from auditor.identification.windows import window_means
-from auditor.results import FINDINGS, VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.identification.robust import WINDOW_S, System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.identification.statistics import window_means
+from auditor.model.calibration import Yardstick
+from auditor.model.checks import Element, rig_elements
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.store import Store, rows_of, run_sql
-from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
-from auditor.thresholds import Yardstick
+from auditor.store.evaluation_tables import BLOCK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
 
 _CASES = """
 SELECT

@@ -1,11 +1,68 @@
-"""Algorithm 2: from the e vector to the attacked sensors, by Lemmas 1 and 2."""
+"""From disparity errors to the attacked sensors: Eq. 6, Eq. 7 read backwards, and Algorithm 2 by Lemmas 1 and 2."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import comb
 
-from auditor.identification.states import ABOVE, NOT_ABOVE, NOT_MEASURED
-from auditor.rig import Triple
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.identification.parameters import EXPLANATION
+from auditor.model.rig import Triple
+
+ABOVE = "1"
+
+
+NOT_ABOVE = "0"
+
+
+NOT_MEASURED = "-"
+
+
+def without(e: str, triples: Sequence[Triple], absent: frozenset[int]) -> str:
+    """The e vector with '-' for every triple that an absent sensor belongs to."""
+    return "".join(
+        NOT_MEASURED if not absent.isdisjoint(triple) else state for state, triple in zip(e, triples, strict=True)
+    )
+
+
+def sensors_where(sensors: Sequence[int], chosen: NDArray[np.bool_]) -> list[frozenset[int]]:
+    """The sensors of each frame that are chosen, say as missing, from (F, S) flags; few of these sets differ."""
+    patterns, which = np.unique(chosen, axis=0, return_inverse=True)
+    sets = [frozenset(s for s, there in zip(sensors, row, strict=True) if there) for row in patterns.tolist()]
+    return [sets[index] for index in which.ravel().tolist()]
+
+
+MOST_SETS = EXPLANATION.most_sets
+"""Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
+
+
+def codeword(attacked: Collection[int], triples: Sequence[Triple]) -> str:
+    """The e vector of an attack (Eq. 7): an element is '1' where a sensor of its triple is attacked."""
+    return "".join(ABOVE if any(sensor in attacked for sensor in triple) else NOT_ABOVE for triple in triples)
+
+
+def allowed_attack_sets(sensors: Iterable[int]) -> tuple[tuple[int, ...], ...]:
+    """The attacks that N sensors can tell apart: no sensor, then one, up to N - 3 of them.
+
+    No more than MOST_SETS are listed, whole sizes.
+    """
+    system = sorted(sensors)
+    sets: list[tuple[int, ...]] = []
+    for size in range(max(len(system) - 3, 0) + 1):
+        if len(sets) + comb(len(system), size) > MOST_SETS:
+            break
+        sets.extend(combinations(system, size))
+    return tuple(sets)
+
+
+def disagreements(e: str, attacked: Collection[int], triples: Sequence[Triple]) -> int:
+    """How many measured elements of e differ from the codeword of an attack."""
+    return sum(
+        state not in (NOT_MEASURED, expected) for state, expected in zip(e, codeword(attacked, triples), strict=True)
+    )
+
 
 FEWEST_SENSORS = 4
 """N sensors tolerate N - 3 attacked ones, so with three an attack has no name."""

@@ -7,14 +7,8 @@ above its threshold theta.
 from dataclasses import dataclass
 from decimal import Decimal
 
-from auditor.parameters import BY_HAND, canonical_json, digest, parameter
-from auditor.shared_parameters import (
-    DISPARITY_ERROR_SAMPLES,
-    PAIR_DEPTH,
-    POINT_LEAD,
-    RIG_KIND_TOLERANCE,
-    SCORE_LIMITS,
-)
+from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
+from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, PAIR_DEPTH, POINT_LEAD, RIG_KIND_TOLERANCE, SCORE_LIMITS
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"

@@ -1,29 +1,234 @@
-"""The one judge of the robust method: frames of a recording in, verdicts out, whoever asks.
+"""The robust method on one measurement: what each frame says by itself, and what its temporal window says."""
 
-A scan, an evaluation, the hold-out of a calibration and benchmarks call `judge_frames`.
-"""
-
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.accusing import System, accuse, heard, raising_scores
-from auditor.identification.causes import suspicions, weigh
-from auditor.identification.freezing import frozen
-from auditor.identification.margins import margins
-from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.states import sensors_where
-from auditor.identification.windows import runs_of, window_means
-from auditor.results import FINDINGS, Cause, CauseIn, Finding, Suspicion, Verdict
-from auditor.thresholds import CleanFrames, RobustThresholds
+from auditor.identification.algorithm2 import (
+    ABOVE,
+    FEWEST_SENSORS,
+    NOT_ABOVE,
+    NOT_MEASURED,
+    allowed_attack_sets,
+    identify,
+    sensors_where,
+)
+from auditor.identification.attack_sets import PRICE, Explanations, explain, explains, triple_states
+from auditor.identification.faults import frozen, suspicions, weigh
+from auditor.identification.parameters import EXPLANATION, TEMPORAL_WINDOW
+from auditor.identification.scores import margins
+from auditor.identification.statistics import runs_of, window_means
+from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.checks import Element, Witness
+from auditor.model.rig import LIDAR, Triple
+from auditor.model.verdict import (
+    FINDINGS,
+    Alternative,
+    Cause,
+    CauseIn,
+    Evidence,
+    Finding,
+    Suspicion,
+    Verdict,
+    VerdictKind,
+)
+
+_UNEXPLAINED = EXPLANATION.most_uncovered
+"""Raised margins that the best explanation leaves over: with more than this it is none."""
+
+
+_ALTERNATIVES = EXPLANATION.alternatives
+
+
+_UNHEARD = f"nobody could deny what S_{LIDAR} reports: points that it invents pass unnoticed"
+
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class System:
+    """What a rig's frames are judged by: its elements, triples and sensors, in their fixed orders."""
+
+    elements: tuple[Element, ...]
+    triples: tuple[Triple, ...]
+    sensors: tuple[int, ...]
+
+    @property
+    def in_several_pairs(self) -> frozenset[int]:
+        """The cameras matched with more than one other: what is wrong with one of them shows in all its pairs."""
+        pairs = Counter(s for e in self.elements if e.witness is Witness.UNLIKE for s in (e.i, e.k))
+        return frozenset(sensor for sensor, number in pairs.items() if number > 1)
+
+
+def heard(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+    """A copy of (F, M) margins with NaN for the elements that need a sensor missing in their frame."""
+    masked = np.array(z, dtype=np.float64)
+    gone = {
+        absent: [not absent.isdisjoint(element.needed) for element in system.elements]
+        for absent in set(missing)
+        if absent
+    }
+    for frame, absent in enumerate(missing):
+        if absent:
+            masked[frame, gone[absent]] = np.nan
+    return masked
+
+
+def raising_score(z: Floats, explanations: Explanations) -> Floats:
+    """(F,) how far each frame is raised, from its margins (F, M) and their explanations.
+
+    How much better the best attack explains it than none does; with three sensors, which tell no attacks apart, the
+    largest margin; -inf where nothing was measured.
+    """
+    if len(explanations.sets) > 1:
+        return explanations.score
+    return np.asarray(np.nanmax(z, axis=1, initial=-np.inf))
+
+
+def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], threshold: float = 0.0) -> list[Verdict]:
+    """The verdicts on F frames from (F, M) margins z, NaN where not measured, and the sensors missing in each.
+
+    A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's
+    `margin` is the lead of the best explanation over the second best, or the largest z where three sensors tell none
+    apart; `evidence` are the raised elements, the strongest first, `named` is Algorithm 2's answer on the same states.
+    `reason` says why a raised frame is not attributed, and where the LiDAR was there but could not be contradicted.
+    """
+    verdicts: list[Verdict | None] = [None] * len(z)
+    z = heard(z, system, missing)
+    for absent, frames in _alike(missing).items():
+        for frame, verdict in zip(frames, _accuse_alike(z[frames], system, absent, threshold), strict=True):
+            verdicts[frame] = verdict
+    return [verdict for verdict in verdicts if verdict is not None]
+
+
+def raising_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+    """(F,) what `accuse` compares with its threshold, from the same (F, M) margins and missing sensors."""
+    scores = np.full(len(z), -np.inf)
+    z = heard(z, system, missing)
+    for absent, frames in _alike(missing).items():
+        sets = allowed_attack_sets(sensor for sensor in system.sensors if sensor not in absent)
+        scores[frames] = raising_score(z[frames], explain(z[frames], system.elements, sets))
+    return scores
+
+
+def _alike(missing: Sequence[frozenset[int]]) -> dict[frozenset[int], list[int]]:
+    """The frames that lack the same sensors."""
+    groups: dict[frozenset[int], list[int]] = {}
+    for frame, absent in enumerate(missing):
+        groups.setdefault(absent, []).append(frame)
+    return groups
+
+
+def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: float) -> list[Verdict]:
+    """Frames that lack the same sensors."""
+    present = [sensor for sensor in system.sensors if sensor not in absent]
+    outside = tuple(sensor for sensor in system.sensors if sensor in absent)
+    sets = allowed_attack_sets(present)
+    explanations = explain(z, system.elements, sets)
+    score = raising_score(z, explanations)
+    lead = explanations.lead if len(sets) > 1 else score
+    ranked = np.argsort(explanations.cost, axis=1, kind="stable")[:, : 1 + _ALTERNATIVES]
+    measured = np.count_nonzero(~np.isnan(z), axis=1)
+    named = cache(lambda e: _algorithm_2(e, system, present))
+    remarks = _remarks(z, system, present)
+    verdicts = []
+    for f, e in enumerate(_states(z, system)):
+        if not measured[f]:
+            reason = "no witness could be heard"
+            verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=reason))
+            continue
+        verdict = Verdict(
+            kind=VerdictKind.CLEAN,
+            e=e,
+            named=named(e),
+            out_of_system=outside,
+            margin=float(lead[f]),
+            reason=remarks[f],
+            evidence=_evidence(z[f], system),
+            alternatives=_alternatives(explanations, f, ranked[f]),
+        )
+        if score[f] > threshold:
+            verdict = _raised(verdict, explanations.sets[ranked[f, 0]], z[f], system.elements, len(present))
+        verdicts.append(verdict)
+    return verdicts
+
+
+def _raised(verdict: Verdict, attacked: tuple[int, ...], z: Floats, elements: Sequence[Element], N: int) -> Verdict:
+    """The verdict on a frame that is raised: with the attacked sensors, or why none can be named."""
+    doubt = _doubt(z, attacked, verdict.margin or 0.0, elements, N)
+    if not doubt:
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
+    likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()
+    return replace(
+        verdict,
+        kind=VerdictKind.UNIDENTIFIED,
+        reason="; ".join(filter(None, (doubt, verdict.reason))),
+        alternatives=(*likeliest, *verdict.alternatives),
+    )
+
+
+def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
+    """What each verdict does not cover: invented points, where the LiDAR is there and nobody could deny them.
+
+    No two cameras see enough of its points, or lie far enough apart, or clean frames taught nothing of it.
+    """
+    if LIDAR not in present:
+        return [""] * len(z)
+    denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
+    unheard = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
+    return [_UNHEARD if alone else "" for alone in unheard.tolist()]
+
+
+def _states(z: Floats, system: System) -> list[str]:
+    """The e vector of each frame: a triple is raised where an element inside it is, '-' where none was measured."""
+    above, measured = triple_states(z > 0, ~np.isnan(z), system.elements, system.triples)
+    marks = np.where(measured, np.where(above, ABOVE, NOT_ABOVE), NOT_MEASURED)
+    return ["".join(row) for row in marks.tolist()]
+
+
+def _algorithm_2(e: str, system: System, present: Sequence[int]) -> tuple[int, ...] | None:
+    if len(present) < FEWEST_SENSORS:
+        return None
+    found = identify(e, system.triples, present)
+    return None if found.undetermined else found.attacked
+
+
+def _doubt(z: Floats, attacked: tuple[int, ...], lead: float, elements: Sequence[Element], N: int) -> str:
+    if N < FEWEST_SENSORS:
+        return f"an attack on one of {N} sensors cannot be attributed"
+    left = sum(max(float(v), 0.0) for v, e in zip(z, elements, strict=True) if v == v and not explains(e, attacked))  # noqa: PLR0124 - not NaN
+    if left > _UNEXPLAINED:
+        return f"no attack on at most {N - 3} of {N} sensors explains what was measured"
+    if lead < PRICE:
+        return "two explanations are as good"
+    return ""
+
+
+def _evidence(z: Floats, system: System) -> tuple[Evidence, ...]:
+    """The raised elements, the strongest first."""
+    raised = [(float(z[place]), system.elements[place]) for place in np.flatnonzero(z > 0)]
+    return tuple(Evidence(e.witness.value, e.i, None, e.k, v) for v, e in sorted(raised, key=lambda one: -one[0]))
+
+
+def _alternatives(explanations: Explanations, frame: int, ranked: NDArray[np.intp]) -> tuple[Alternative, ...]:
+    """All explanations but the best of those ranked, with how much worse they are."""
+    cost = explanations.cost[frame]
+    best = cost[ranked[0]]
+    return tuple(Alternative(explanations.sets[s], float(cost[s] - best)) for s in ranked[1:].tolist())
+
 
 WINDOW_S = TEMPORAL_WINDOW.seconds
 """Attacks last, most mistakes do not: incidents are made of what half a second says."""
 
-Floats = NDArray[np.float64]
+
 Flags = NDArray[np.bool_]
+
+
 Numbers = NDArray[np.int64]
 
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from decimal import ROUND_FLOOR, Decimal, InvalidOperation, localcontext
 
 from auditor.errors import SettingError, ThresholdsError
-from auditor.results import Procedure, Statistic
-from auditor.rig_kind import RigKind
-from auditor.thresholds import Calibration, Thresholds
+from auditor.model.calibration import Calibration, Thresholds
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import RigKind
 
 BELOW_EVERY_ERROR = -1.0
 """theta at r = 1, where every sample has to lie above it; disparity errors are never negative."""

@@ -1,14 +1,9 @@
 """READ: a file becomes messages, and messages become frames."""
 
-from auditor.recordings.converting import ConvertReport, convert, rewrite
-from auditor.recordings.finding import Found, find_recordings
-from auditor.recordings.health import Health, look_through
-from auditor.recordings.interface import Damage, Reader, Recording, Topic
-from auditor.recordings.opening import format_of, open_recording
-from auditor.recordings.origin import Origin
-from auditor.recordings.path_pattern import read_path
-from auditor.recordings.rig_file import read_rig, write_rig
-from auditor.recordings.rigs import (
+from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
+from auditor.recordings.origin import Origin, read_path
+from auditor.recordings.recording import Damage, Reader, Recording, Topic
+from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
     check_rig_file,
@@ -17,9 +12,12 @@ from auditor.recordings.rigs import (
     rig_of_camchain,
     told_rig,
 )
-from auditor.recordings.surveying import Survey, survey
-from auditor.recordings.synchronising import FrameStream, synchronise
+from auditor.recordings.rigs.files import read_rig, write_rig
+from auditor.recordings.synchronisation.frames import FrameStream, synchronise
+from auditor.recordings.synchronisation.health import Health, look_through
+from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers import write_bag, write_db3, write_mcap
+from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
 
 __all__ = [
     "ConvertReport",

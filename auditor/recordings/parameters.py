@@ -5,7 +5,7 @@ A changed value asks for a new COUNTING_VERSION.
 
 from dataclasses import dataclass
 
-from auditor.parameters import BY_HAND, digest, parameter
+from auditor.model.parameter import BY_HAND, digest, parameter
 
 _WORK = "bounds the memory and the work; no experiment recorded"
 

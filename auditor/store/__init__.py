@@ -4,9 +4,8 @@ import pyarrow
 
 from auditor.store.calibrations import make_calibration, read_calibration, write_calibration
 from auditor.store.describing import Description, describe, list_views
-from auditor.store.evaluation_report import render_evaluation_report
 from auditor.store.export import rows_of, table_of
-from auditor.store.frames_writer import FramesWriter
+from auditor.store.measurement_tables import FramesWriter
 from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from auditor.store.records import (
@@ -19,7 +18,6 @@ from auditor.store.records import (
     StoredMeasurement,
     measurement_id,
 )
-from auditor.store.report import render_incident_report
 from auditor.store.store import Store
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
@@ -44,8 +42,6 @@ __all__ = [
     "measurement_id",
     "query",
     "read_calibration",
-    "render_evaluation_report",
-    "render_incident_report",
     "rows_of",
     "run_query",
     "run_sql",

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import Element, Witness
 from auditor.errors import StoreError, ThresholdsError
-from auditor.results import Cause, CauseIn, Procedure, Statistic
-from auditor.rig import Triple
-from auditor.rig_kind import RigKind
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import Element, Witness
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import RigKind, Triple
+from auditor.model.verdict import Cause, CauseIn
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
-from auditor.thresholds import Calibration, CleanFrames
 
 _AGAIN = "make one with auditor calibrate"
 _NONE = -1

@@ -9,13 +9,13 @@ from pathlib import Path
 import duckdb
 
 from auditor.errors import StoreError
-from auditor.results import MIN_VALID_PX
-from auditor.rig_kind import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
-from auditor.store.evaluations import BLOCK_FRAMES, INTERVAL_FRAMES
+from auditor.model.calibration import HIGHEST_MARGIN, LOWEST_MARGIN
+from auditor.model.measurement import MIN_VALID_PX
+from auditor.model.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
+from auditor.store.evaluation_tables import BLOCK_FRAMES, INTERVAL_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
-from auditor.thresholds import HIGHEST_MARGIN, LOWEST_MARGIN
 
 _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,

@@ -1,196 +1,262 @@
-"""The tables of the evaluation page."""
+"""Parts of an evaluation, one file of cases each, finished by a row of its own."""
 
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from typing import Any
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, asdict, dataclass
+from datetime import datetime
+from decimal import Decimal
+from typing import ClassVar, Protocol
 
-from auditor.rig import LIDAR
-from auditor.store import published
-from auditor.store.evaluation_answers import R_SHOWN, ROLES, Answers, Sensors, names, percent, rate_of, size_of, subsets
-from auditor.store.evaluation_page import HELD_OUT, Cell, Grid, Row
-
-_UNITS = {
-    "hidden sector": "°",
-    "turned LiDAR": "°",
-    "shifted camera": " row(s)",
-    "delay": " frame(s)",
-    "stripes": " grey levels",
-    "scattered points": " points",
-}
+from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
+from auditor.model.verdict import VerdictKind
+from auditor.store.records import content_id, to_utc
+from auditor.store.schema import SCHEMA_VERSION
+from auditor.store.store import Store
+from auditor.store.tables import Row, TableWriter, read_rows, write_rows, writing
 
 
-def grids(answers: Answers) -> dict[str, list[Grid]]:
-    """All tables, by the part of the page that they belong to."""
-    return {
-        "detection": [_detection(answers, mode) for mode in answers.modes],
-        "combinations": [_combinations(answers, number) for number in answers.scenarios],
-        "identification": [
-            _identification(answers, mode, system) for system in answers.systems for mode in answers.modes
-        ],
-        "sensitivity": list(_sensitivity(answers)),
-        "further": list(_further(answers)),
-        "false_alarms": [_false_alarms(answers, mode) for mode in answers.modes],
-        "confusion": [_confusion(answers, system) for system in answers.systems[:1]],
-    }
+@dataclass(frozen=True)
+class Part(ABC):
+    """One experiment on one stretch of a recording: the columns of its row of the table `manifest`.
+
+    Its cases are rows of the table `table`. `seed` and `draws` are None where nothing is drawn; each `attack_every`-th
+    frame was attacked, None where none was.
+    """
+
+    manifest: ClassVar[str]
+    table: ClassVar[str]
+
+    _: KW_ONLY
+    recording_id: str
+    name: str
+    synthetic: bool
+    rig_id: str
+    procedure: Procedure
+    experiment: str
+    seed: int | None
+    draws: int | None
+    stretch: int
+    attack_every: int | None = None
+    experiments_version: int = EXPERIMENTS_VERSION
+
+    @property
+    @abstractmethod
+    def evaluation_id(self) -> str:
+        """The id that follows from what decides everything that is measured for the part."""
 
 
-def _detection(answers: Answers, mode: str) -> Grid:
-    def cells(r: str) -> Iterator[Cell]:
-        for number, triple in answers.scenarios.items():
-            yield published.DETECTION[number][r]
-            yield from (answers.detection.get((mode, triple, s, None, float(r))) for s in answers.strengths)
+class Case(Protocol):
+    """What was measured under one set of attacks."""
 
-    return Grid(
-        title=HELD_OUT[mode],
-        groups=tuple((f"Scenario {n}: {names(t)}", 1 + len(answers.strengths)) for n, t in answers.scenarios.items()),
-        columns=("paper", *answers.strengths) * len(answers.scenarios),
-        rows=tuple(Row(f"r = {percent(r)}", tuple(cells(r))) for r in published.TABLE_RATES),
+    def row(self) -> Row: ...  # noqa: D102 - its columns, but for the part's id
+
+
+class PartWriter:
+    """Takes the cases of one part, and makes them finished with `commit`."""
+
+    def __init__(self, part: Part, store: Store, table: TableWriter) -> None:
+        self._part = part
+        self._store = store
+        self._table = table
+        self._cases = 0
+
+    def add(self, case: Case) -> None:
+        """Take one case."""
+        self._table.add({**case.row(), "evaluation_id": self._part.evaluation_id})
+        self._cases += 1
+
+    def commit(
+        self,
+        *,
+        frames: int,
+        skipped: int,
+        last: bool,
+        seconds: float,
+        versions: Mapping[str, str],
+        evaluated_at: datetime,
+    ) -> None:
+        """Put the cases in their place, then write the row that makes them finished."""
+        self._table.commit()
+        part = self._part
+        row = {
+            **vars(part),
+            "evaluation_id": part.evaluation_id,
+            **asdict(part.procedure),
+            "last": last,
+            "frames": frames,
+            "skipped": skipped,
+            "cases": self._cases,
+            "seconds": seconds,
+            "versions": dict(sorted(versions.items())),
+            "evaluated_at": to_utc(evaluated_at),
+            "schema_version": SCHEMA_VERSION,
+        }
+        write_rows(part.manifest, self._store.path(part.manifest, part.evaluation_id), [row])
+
+
+@contextmanager
+def part_writer(store: Store, part: Part) -> Iterator[PartWriter]:
+    """Write the cases of a part; without a `commit` inside the block, nothing of them stays. Raises StoreError."""
+    with writing(part.table, store.path(part.table, part.evaluation_id)) as table:
+        yield PartWriter(part, store, table)
+
+
+def finished_part(store: Store, part: Part) -> bool | None:
+    """None where a part is not finished; else whether the recording ends in it. Raises StoreError."""
+    path = store.path(part.manifest, part.evaluation_id)
+    return bool(read_rows(part.manifest, path)[0]["last"]) if path.is_file() else None
+
+
+JUDGED_R = Decimal("0.01")
+"""The designated false-alarm rate that the robust method judges cases at."""
+
+
+BLOCK_FRAMES = 10
+"""Frames that it holds out together, in blocks of time."""
+
+
+INTERVAL_FRAMES = 10
+"""Frames that an attack of the experiment `intervals` lasts."""
+
+
+_PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px")
+
+
+@dataclass(frozen=True)
+class EvaluationPart(Part):
+    """One of the paper's experiments, or of those beyond it.
+
+    `inputs` tells apart the files that its attacks were made from, where there are any.
+    """
+
+    manifest = "evaluations"
+    table = "cases"
+
+    _: KW_ONLY
+    inputs: str | None = None
+
+    @property
+    def evaluation_id(self) -> str:
+        """The id that follows from what decides every count of the part."""
+        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
+        drawn = (self.seed, self.draws, self.attack_every, self.inputs)
+        return content_id("evaluation", *decides, *drawn, self.stretch)
+
+
+@dataclass(frozen=True)
+class MeasuredCase:
+    """The counts of one case in the order of the rig's triples, its local ratios in that of its elements.
+
+    The other fields are as in the table `cases`.
+    """
+
+    frame: int
+    stamp_ns: int
+    draw: int
+    attacked: tuple[int, ...]
+    attack: str | None
+    strength: str | None
+    size: float | None
+    visible_share: float | None
+    parameters: Mapping[str, object]
+    counts: Sequence[Counts | None]
+    ratios: Sequence[float | None]
+
+    def row(self) -> Row:
+        """Its columns."""
+        return {
+            **vars(self),
+            "attacked": list(self.attacked),
+            "ratios": list(self.ratios),
+            "parameters": json.dumps(self.parameters, sort_keys=True),
+            **{name: [c and getattr(c, name) for c in self.counts] for name in _PIXELS},
+        }
+
+
+@dataclass(frozen=True)
+class CaseVerdict:
+    """What the robust method says of one case, judged by some sensors with thresholds that hold out some clean frames.
+
+    The fields are those of the table `case_verdicts`.
+    """
+
+    frame: int
+    stamp_ns: int
+    draw: int
+    attacked: tuple[int, ...]
+    attack: str | None
+    strength: str | None
+    size: float | None
+    system: tuple[int, ...]
+    held_out: str
+    samples: int
+    verdict: VerdictKind
+    accused: tuple[int, ...]
+    lasting: VerdictKind | None = None
+    lasting_accused: tuple[int, ...] = ()
+
+
+def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
+    """Keep what was said of the cases of one part, in place of what was said before. Raises StoreError."""
+    rows = (
+        {
+            **vars(one),
+            "evaluation_id": evaluation_id,
+            "attacked": list(one.attacked),
+            "system": list(one.system),
+            "r": JUDGED_R,
+            "verdict": one.verdict.value,
+            "accused": list(one.accused),
+            "lasting": one.lasting and one.lasting.value,
+            "lasting_accused": list(one.lasting_accused),
+        }
+        for one in verdicts
     )
+    write_rows("case_verdicts", store.path("case_verdicts", evaluation_id), rows)
 
 
-def _combinations(answers: Answers, number: int) -> Grid:
-    triple = answers.scenarios[number]
-    return Grid(
-        title=f"Scenario {number}: {names(triple)}",
-        groups=tuple((HELD_OUT[mode], len(answers.strengths)) for mode in answers.modes),
-        columns=tuple(answers.strengths) * len(answers.modes),
-        rows=tuple(
-            Row(
-                names(attacked),
-                tuple(
-                    answers.detection.get((mode, triple, s, attacked, R_SHOWN))
-                    for mode in answers.modes
-                    for s in answers.strengths
-                ),
-            )
-            for attacked in subsets(triple)
-        ),
-    )
+@dataclass(frozen=True)
+class ObjectPart(Part):
+    """One of the experiments that the baseline is compared in.
+
+    `labels` is the hash of the files of labels, None without any.
+    """
+
+    manifest = "object_evaluations"
+    table = "object_cases"
+
+    _: KW_ONLY
+    detector: str
+    detector_settings: str
+    labels: str | None
+
+    @property
+    def evaluation_id(self) -> str:
+        """The id that follows from what decides every box of the part."""
+        decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
+        drawn = (self.seed, self.draws, self.attack_every)
+        return content_id("objects", *decides, self.detector_settings, *drawn, self.labels, self.stretch)
 
 
-def _identification(answers: Answers, mode: str, system: Sensors) -> Grid:
-    """Of four sensors the paper's Table II with its figures, of more the average of one and of two attacked."""
+@dataclass(frozen=True)
+class ObjectCase:
+    """One case; `best_iou` follows the rig's triples, None where one was not compared, `scored` are rows of its column.
 
-    def cell(strength: str, key: Sensors | int, r: str) -> Cell:
-        return answers.identification.get((mode, len(system), strength, key, float(r)))
+    The other fields are as in the table `object_cases`.
+    """
 
-    title = f"{names(system)}; {HELD_OUT[mode]}"
-    if len(system) > 4:
-        sizes = [size for size in (1, 2) if size <= len(system) - 3]
-        return Grid(
-            title,
-            tuple((f"{size} attacked", len(answers.strengths)) for size in sizes),
-            tuple(answers.strengths) * len(sizes),
-            tuple(
-                Row(f"r = {percent(r)}", tuple(cell(s, size, r) for size in sizes for s in answers.strengths))
-                for r in published.TABLE_RATES
-            ),
-        )
-    columns: list[Sensors | int] = [*((sensor,) for sensor in system), 1]
-    return Grid(
-        title,
-        (("Strength", 1), *((f"S_{sensor}", 1) for sensor in system), ("average", 1)),
-        (),
-        tuple(
-            Row(f"r = {percent(r)}" if s == "paper" else "", (s, *of_r))
-            for r in published.TABLE_RATES
-            for s, of_r in [
-                ("paper", published.IDENTIFICATION[r]),
-                *((s, tuple(cell(s, key, r) for key in columns)) for s in answers.strengths),
-            ]
-        ),
-    )
+    frame: int
+    stamp_ns: int
+    draw: int
+    attacked: tuple[int, ...]
+    strength: str | None
+    size: float | None
+    visible_share: float | None
+    best_iou: Sequence[Sequence[float] | None]
+    scored: Sequence[Mapping[str, object]]
 
-
-def _sensitivity(answers: Answers) -> Iterator[Grid]:
-    rows = answers.rows["sensitivity"]
-    for sensor in ("lidar", "reference", "witness"):
-        of_it = [row for row in rows if row["sensor"] == sensor]
-        columns = list(dict.fromkeys((row["held_out"], row["strength"]) for row in of_it))
-        columns.sort(key=lambda column: (answers.modes.index(column[0]), column[1] or ""))
-        found = {(row["held_out"], row["strength"], row["size"]): rate_of(row, "detected") for row in of_it}
-        sizes = {row["size"]: row for row in of_it}
-        if of_it:
-            strengths = len(columns) // len(answers.modes)
-            yield Grid(
-                title=ROLES[sensor],
-                groups=tuple((HELD_OUT[mode], strengths) for mode in answers.modes),
-                columns=tuple(strength or "wall" for _, strength in columns),
-                rows=tuple(
-                    Row(size_of(row), tuple(found.get((*column, size)) for column in columns))
-                    for size, row in sorted(sizes.items())
-                ),
-            )
-
-
-def _further(answers: Answers) -> Iterator[Grid]:
-    """One table for each sensor's attacks beyond the paper's, by the largest system."""
-    rows = [row for row in answers.rows["further"] if len(row["system"]) == len(answers.rig.sensors)]
-    found = {(row["held_out"], tuple(row["attacked"]), described(row)): row for row in rows}
-    for attacked in dict.fromkeys(attacked for _, attacked, _ in found):
-        kinds = list(dict.fromkeys(kind for _, of_it, kind in found if of_it == attacked))
-
-        def cells(kind: str, attacked: Sensors = attacked) -> Iterator[Cell]:
-            for mode in answers.modes:
-                row = found.get((mode, attacked, kind))
-                yield rate_of(row, "detected") if row else None
-                if answers.rig.max_attacked:
-                    interval = {"low": row["naming_low"], "high": row["naming_high"]} if row else {}
-                    yield rate_of({**row, **interval}, "named") if row else None
-
-        columns = ("detected", "named") if answers.rig.max_attacked else ("detected",)
-        yield Grid(
-            title=f"On {names(attacked)}",
-            groups=tuple((HELD_OUT[mode], len(columns)) for mode in answers.modes),
-            columns=columns * len(answers.modes),
-            rows=tuple(Row(kind, tuple(cells(kind))) for kind in kinds),
-        )
-
-
-def described(row: Mapping[str, Any]) -> str:
-    """An attack in words, with its size in its own unit."""
-    words = f"{row['variant']} {row['attack']}" if row["attack"] == "stripes" else row["attack"]
-    if row["attack"] == "pattern":
-        words = f"pattern {row['variant']}"
-    return words if row["size"] is None else f"{words}, {row['size']:g}{_UNITS.get(row['attack'], '')}"
-
-
-def _false_alarms(answers: Answers, mode: str) -> Grid:
-    rows = [row for row in answers.rows["false_alarms"] if row["held_out"] == mode]
-    systems = list(dict.fromkeys(tuple(row["system"]) for row in rows))
-    found = {(tuple(row["system"]), row["r"]): row for row in rows}
-
-    def cells(system: Sensors) -> Iterator[Cell]:
-        for r in published.TABLE_RATES:
-            row = found[system, float(r)]
-            yield rate_of(row, "raised")
-        hourly = found[system, R_SHOWN]["raised_an_hour"]
-        yield None if hourly is None else f"{hourly:,.0f}"
-
-    return Grid(
-        title=HELD_OUT[mode],
-        groups=(("frames raised", len(published.TABLE_RATES)), ("frames an hour", 1)),
-        columns=(*(f"r = {percent(r)}" for r in published.TABLE_RATES), f"r = {percent(str(R_SHOWN))}"),
-        rows=tuple(Row(names(system), tuple(cells(system))) for system in systems),
-    )
-
-
-def _confusion(answers: Answers, system: Sensors) -> Grid:
-    """Truth against verdict, held out by blocks where that could be done, for faculas of all strengths."""
-    mode = "block" if "block" in answers.modes else answers.modes[0]
-    rows = [r for r in answers.rows["confusion"] if r["held_out"] == mode and tuple(r["system"]) == system]
-    counts: dict[tuple[Sensors, str], int] = defaultdict(int)
-    for row in rows:
-        if row["attacked"] == [LIDAR] and row["strength"] != answers.strengths[0]:
-            continue  # a wall has no strength: it is repeated under each
-        counts[tuple(row["attacked"]), names(row["accused"]) or row["verdict"]] += row["cases"]
-    said = ["clean", *(f"S_{s}" for s in system), "unidentified", "not_auditable"]
-    return Grid(
-        title=f"{names(system)}; r = {percent(str(R_SHOWN))}; {HELD_OUT[mode]}; faculas of all strengths",
-        groups=(("verdict", len(said)),),
-        columns=tuple(name.replace("_a", " a") for name in said),
-        rows=tuple(
-            Row(names(truth) + " attacked" if truth else "clean", tuple(f"{counts[truth, s]:,}" for s in said))
-            for truth in sorted({tuple(row["attacked"]) for row in rows}, key=lambda t: (len(t), t))
-        ),
-    )
+    def row(self) -> Row:
+        """Its columns."""
+        return {**vars(self), "attacked": list(self.attacked)}

@@ -7,8 +7,7 @@ import pyarrow as pa
 
 from auditor.errors import QueryError
 from auditor.store.connection import connected, in_one_line
-from auditor.store.parameters import Value, bind
-from auditor.store.sql_files import SqlFile, queries
+from auditor.store.sql_files import SqlFile, Value, bind, queries
 from auditor.store.store import Store
 
 

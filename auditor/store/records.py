@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.frames import TopicBalance
-from auditor.results import Procedure, Statistic, VerdictKind
-from auditor.thresholds import RobustThresholds, Thresholds
+from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.frames import TopicBalance
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.verdict import VerdictKind
 
 _ID_DIGITS = 32
 DIGITS_OF_R = 17

@@ -5,10 +5,12 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC
 from typing import Any
 
-from auditor.elements import rig_elements
-from auditor.frames import TopicBalance
-from auditor.results import FINDINGS, Procedure, Statistic, Verdict, VerdictKind
-from auditor.rig import Rig
+from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.checks import rig_elements
+from auditor.model.frames import TopicBalance
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import Rig
+from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
     DIGITS_OF_R,
@@ -20,7 +22,6 @@ from auditor.store.records import (
 )
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
-from auditor.thresholds import RobustThresholds, Thresholds
 
 
 def rig_row(rig: Rig) -> Row:

@@ -8,14 +8,23 @@ from pathlib import Path
 from typing import Any, Self
 
 from auditor.errors import StoreError
-from auditor.regions import Region
-from auditor.results import FINDINGS, AttackLabel, Method, Statistic, Verdict, VerdictKind
-from auditor.rig import Rig
+from auditor.model.calibration import Calibration
+from auditor.model.measurement import Region, Statistic
+from auditor.model.rig import Rig
+from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.cell_rows import FrameCells, read_cells
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
-from auditor.store.frame_rows import read_errors, read_ratios
-from auditor.store.frames_writer import WRITTEN, FramesWriter
+from auditor.store.measurement_tables import (
+    WRITTEN,
+    FrameCells,
+    FramesWriter,
+    FrameSymptoms,
+    read_cells,
+    read_errors,
+    read_ratios,
+    read_regions,
+    read_symptoms,
+)
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
     FrameErrors,
@@ -25,7 +34,6 @@ from auditor.store.records import (
     StoredJudgement,
     StoredMeasurement,
 )
-from auditor.store.region_rows import read_regions
 from auditor.store.rows import (
     element_rows,
     judgement_row,
@@ -36,9 +44,7 @@ from auditor.store.rows import (
     verdict_row,
 )
 from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.symptom_rows import FrameSymptoms, read_symptoms
 from auditor.store.tables import newer_version, read_rows, read_table, write_rows, writing
-from auditor.thresholds import Calibration
 
 MARKER = "store.json"
 _FORMAT = "auditor store"

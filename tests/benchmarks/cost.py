@@ -19,8 +19,8 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.frames import Frame
-from auditor.pipeline import MeasureTask, measure_recording
+from auditor.model.frames import Frame
+from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames
 

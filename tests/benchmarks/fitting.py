@@ -10,13 +10,13 @@ from itertools import islice
 import cv2
 import numpy as np
 
-from auditor.evidence import Fitting, Watch, measure, use_one_thread
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.frames import Frame
-from auditor.geometry import Matrix, motion
-from auditor.lab.vehicles import rotation
-from auditor.lenses import NO_LENS, Lens
-from auditor.rig import Rig
+from auditor.lab.simulation.vehicles import rotation
+from auditor.measurement import Fitting, Watch, measure, use_one_thread
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.frames import Frame
+from auditor.model.geometry import Matrix, motion
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
 
 Case = Callable[[Rig, Frame], tuple[Rig, Frame]]

@@ -21,10 +21,10 @@ from time import perf_counter, process_time
 import cv2
 import pytest
 
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 from tests.recordings.drives import make_frames, make_rig
 from tests.recordings.forms import CONTAINERS
 from tests.recordings.reading_all import decode_all, read_all

@@ -13,13 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.evidence import measure, use_one_thread
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
 from auditor.identification.algorithm2 import identify
-from auditor.lab.attacks import draw_facula, draw_wall
-from auditor.results import Statistic
-from auditor.rig import LIDAR, Rig, Triple
+from auditor.lab.attacks.paper import draw_facula, draw_wall
+from auditor.measurement import measure, use_one_thread
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.frames import Frame
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig, Triple
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 

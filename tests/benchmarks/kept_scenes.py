@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import auditor
-from auditor.evidence import use_one_thread
+from auditor.measurement import use_one_thread
 
 
 class Named(Protocol):

@@ -16,20 +16,19 @@ from decimal import Decimal
 import cv2
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.evidence import measure, use_one_thread
-from auditor.evidence.localising import localise
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
-from auditor.identification.accusing import System, accuse
-from auditor.identification.local_ratio import local_ratios
-from auditor.identification.margins import margins, yardsticks
-from auditor.identification.raisable import raisable
-from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.lab.drives import make_drive
-from auditor.lab.streets import STYLES
-from auditor.regions import REGION_STEP, Region
-from auditor.rig import LIDAR, Rig
+from auditor.identification.robust import System, accuse
+from auditor.identification.scores import margins, raisable, yardsticks
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.measurement import measure, use_one_thread
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.localisation.regions import localise
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame
+from auditor.model.measurement import REGION_STEP, Region
+from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_measuring import WALLS_M
 

@@ -15,17 +15,17 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.evaluation.bench import Bench
-from auditor.evidence import measure
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.frames import Frame
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
-from auditor.lab.attacks import draw_facula, draw_wall
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.results import VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.evaluation.attacked_frame import Bench
+from auditor.identification.robust import System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.lab.attacks.paper import draw_facula, draw_wall
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import VerdictKind
 from tests.evidence.scenes import moved
 
 OFFSETS_M = {

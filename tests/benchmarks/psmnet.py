@@ -25,18 +25,25 @@ import cv2
 import numpy as np
 import torch
 
-from auditor.evidence import measure, measure_stream
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.evidence.matchers.psmnet import PsmnetMatcher, Weights, check_precision, frame_cost, load_weights
-from auditor.evidence.matchers.psmnet.inference import PRECISIONS, Engine
-from auditor.evidence.matchers.psmnet.network import PSMNet
-from auditor.evidence.matchers.psmnet.training import TrainingSettings, train
-from auditor.evidence.matchers.psmnet.weights import content_sha256
-from auditor.evidence.matchers.scoring import Sample, score
-from auditor.frames import Frame, Skipped
-from auditor.lab.drives import make_drive
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement import measure, measure_stream
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.disparity.matchers.psmnet import (
+    PsmnetMatcher,
+    Weights,
+    check_precision,
+    frame_cost,
+    load_weights,
+)
+from auditor.measurement.disparity.matchers.psmnet.inference import PRECISIONS, Engine
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet
+from auditor.measurement.disparity.matchers.psmnet.weights import content_sha256
+from auditor.measurement.disparity.matchers.scoring import Sample, score
+from auditor.model.frames import Frame, Skipped
+from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
-from auditor.rig import Rig
+from auditor.training.checkpoints import TrainingSettings
+from auditor.training.psmnet import train
 from tests.evidence.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192

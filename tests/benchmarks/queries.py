@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 from time import perf_counter
 
-from auditor.results import AttackLabel, Statistic
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import AttackLabel
 from auditor.store import make_calibration, run_query
 from auditor.store.store import Store
 from tests.clean_frames import clean_frames

@@ -24,10 +24,10 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from auditor.frames import Frame
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from auditor.recordings import open_recording, write_mcap
 from auditor.recordings.decoding import Decoders
-from auditor.rig import Rig
 from tests.benchmarks.real_drives import frames
 from tests.recordings.drives import make_frames, make_rig
 

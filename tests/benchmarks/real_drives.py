@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from auditor.frames import Frame
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
-from auditor.rig import Rig
 
 LEFT_OUT = "camera_gray_left"
 

@@ -13,13 +13,13 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence import measure, use_one_thread
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
-from auditor.lab.drives import make_drive
-from auditor.lab.streets import STYLES
-from auditor.results import Statistic
-from auditor.rig import Rig
+from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.measurement import measure, use_one_thread
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.frames import Frame
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Rig
 from tests.benchmarks import real_drives
 
 FACTOR = 1.5

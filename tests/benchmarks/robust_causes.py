@@ -18,18 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.evidence import use_one_thread
-from auditor.identification.accusing import System
-from auditor.identification.causes import suspicions
-from auditor.identification.margins import strength_yardsticks, yardsticks
-from auditor.identification.robust import Heard, judge_heard
-from auditor.identification.strengths import Observed, strengths
-from auditor.lab.streets import STYLES
-from auditor.results import FINDINGS, Cause, CauseIn, Suspicion, Verdict, VerdictKind
-from auditor.rig import Rig
-from auditor.symptoms import COLUMNS
-from auditor.thresholds import Yardstick
+from auditor.identification.faults import Observed, strengths, suspicions
+from auditor.identification.robust import Heard, System, judge_heard
+from auditor.identification.scores import strength_yardsticks, yardsticks
+from auditor.lab.simulation.streets import STYLES
+from auditor.measurement import use_one_thread
+from auditor.model.calibration import Yardstick
+from auditor.model.checks import COLUMNS, rig_elements
+from auditor.model.rig import Rig
+from auditor.model.verdict import FINDINGS, Cause, CauseIn, Suspicion, Verdict, VerdictKind
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_faults import CLEAN, FAULTS, PARTS

@@ -11,10 +11,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from auditor.evaluation.bench import Bench
-from auditor.evidence import use_one_thread
-from auditor.frames import CameraImage, Frame, PointCloud
-from auditor.rig import LIDAR, Rig
+from auditor.evaluation.attacked_frame import Bench
+from auditor.measurement import use_one_thread
+from auditor.model.frames import CameraImage, Frame, PointCloud
+from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_judging import robust
 from tests.benchmarks.robust_measuring import MATCHER, Sample, measured

@@ -14,24 +14,22 @@ from typing import Any
 
 import cv2
 
-from auditor.elements import rig_elements
-from auditor.evidence import Watch, localise, measure, use_one_thread
-from auditor.evidence.cells import cells_of_likeness, cells_of_points
-from auditor.evidence.contradiction import adjudicate
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.likeness import likeness
-from auditor.evidence.matchers import find_matcher
-from auditor.evidence.photometric import coarse, compare_light
-from auditor.evidence.reduction import halve
-from auditor.evidence.stereo import stereo_map
-from auditor.evidence.testimony import testify
-from auditor.evidence.texture import textured
-from auditor.evidence.visibility import visible_to_witness
-from auditor.frames import Frame
-from auditor.identification.local_ratio import local_ratios
-from auditor.identification.raisable import raisable
-from auditor.lab.attacks import BogusWall, Facula
-from auditor.rig import Rig
+from auditor.identification.scores import raisable
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.measurement import Watch, localise, measure, use_one_thread
+from auditor.measurement.checks.brightness import coarse, compare_light
+from auditor.measurement.checks.collect import testify
+from auditor.measurement.checks.count_grid import cells_of_likeness, cells_of_points
+from auditor.measurement.checks.lidar_conflict import adjudicate
+from auditor.measurement.checks.photometric_consistency import likeness
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.disparity.lidar import lidar_view, visible_to_witness
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
 
 ROUNDS = 3

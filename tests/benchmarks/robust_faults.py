@@ -10,9 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from auditor.frames import Frame, PointCloud
-from auditor.lab.attacks import STRENGTHS, draw_facula, draw_wall
-from auditor.lab.faults import (
+from auditor.lab.attacks.faults import (
     DimmedCamera,
     HiddenSector,
     ScatteredPoints,
@@ -20,10 +18,12 @@ from auditor.lab.faults import (
     SoiledLens,
     TurnedLidar,
 )
-from auditor.lab.patterns import LaserPattern
-from auditor.lab.rain import Rain
-from auditor.results import Cause
-from auditor.rig import LIDAR, Rig
+from auditor.lab.attacks.light_patterns import LaserPattern
+from auditor.lab.attacks.paper import STRENGTHS, draw_facula, draw_wall
+from auditor.lab.attacks.rain import Rain
+from auditor.model.frames import Frame, PointCloud
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import Cause
 from tests.benchmarks.robust_further import MovedSector
 
 CLEAN = "clean"

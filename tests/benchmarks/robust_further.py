@@ -15,15 +15,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evaluation.bench import Attack, Bench
-from auditor.evidence import use_one_thread
-from auditor.frames import CameraImage, Frame, PointCloud
-from auditor.lab.drives import make_drive
-from auditor.lab.faults import HiddenSector
-from auditor.lab.patterns import LaserPattern, Stripes
-from auditor.lab.streets import STYLES
-from auditor.results import VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.evaluation.attacked_frame import Attack, Bench
+from auditor.lab.attacks.faults import HiddenSector
+from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.measurement import use_one_thread
+from auditor.model.frames import CameraImage, Frame, PointCloud
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import VerdictKind
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_judging import clean_of, robust, wilson
 from tests.benchmarks.robust_measuring import MATCHER, Sample, measured

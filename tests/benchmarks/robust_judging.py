@@ -6,14 +6,14 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
+from auditor.identification.paper import judge
+from auditor.identification.robust import System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.identification.statistics import window_means
 from auditor.identification.thresholds import threshold
-from auditor.identification.verdicts import judge
-from auditor.identification.windows import window_means
-from auditor.results import Verdict
-from auditor.rig import Rig
+from auditor.model.checks import rig_elements
+from auditor.model.rig import Rig
+from auditor.model.verdict import Verdict
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.robust_measuring import Sample
 

@@ -6,12 +6,12 @@ from itertools import combinations
 
 import numpy as np
 
-from auditor.evaluation.bench import Attack, Attacks, Bench
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
-from auditor.lab.attacks import STRENGTHS, Facula, draw_facula, draw_wall
-from auditor.results import Statistic
-from auditor.rig import LIDAR, Rig
+from auditor.evaluation.attacked_frame import Attack, Attacks, Bench
+from auditor.lab.attacks.paper import STRENGTHS, Facula, draw_facula, draw_wall
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.frames import Frame
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig
 
 WALLS_M = (0.5, 1.0, 1.5, 2.5)
 SMALL = ((75.0, "mild"), (75.0, "opaque"), (112.5, "mild"))

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evidence import use_one_thread
-from auditor.results import FINDINGS, Verdict, VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.measurement import use_one_thread
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_judging import METHODS, clean_of, wilson
 from tests.benchmarks.robust_measuring import Sample, samples

@@ -8,9 +8,9 @@ from math import exp, factorial
 
 import numpy as np
 
-from auditor.lab.attacks import STRENGTHS
-from auditor.results import Verdict, VerdictKind
-from auditor.rig import LIDAR, Rig
+from auditor.lab.attacks.paper import STRENGTHS
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.robust_judging import WINDOW_S, clean_of, robust, wilson
 from tests.benchmarks.robust_measuring import Sample
 from tests.benchmarks.robust_streets import lasting

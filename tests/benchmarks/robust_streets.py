@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.bench import Bench
-from auditor.lab.drives import make_drive
-from auditor.lab.streets import STYLES
-from auditor.rig import Rig
+from auditor.evaluation.attacked_frame import Bench
+from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.model.rig import Rig
 from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
 from tests.benchmarks.robust_measuring import MATCHER, Sample, cases, measured
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.elements import rig_elements
-from auditor.evidence import Watch, measure
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import Frame
-from auditor.identification.local_ratio import local_ratios
-from auditor.lab.drives import make_drive
-from auditor.results import NO_FINGERPRINT, Cause, Measurement
-from auditor.rig import Rig
-from auditor.symptoms import Pair
+from auditor.identification.statistics import local_ratios
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement import Watch, measure
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import Pair, rig_elements
+from auditor.model.frames import Frame
+from auditor.model.measurement import NO_FINGERPRINT, Measurement
+from auditor.model.rig import Rig
+from auditor.model.verdict import Cause
 from tests.benchmarks import robust_faults, robust_further
 from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
 from tests.benchmarks.robust_faults import PARTS

@@ -1,4 +1,4 @@
-from auditor.cli.abilities import abilities, short_pairs
+from auditor.cli.capabilities import abilities, short_pairs
 from tests.evidence.scenes import plane_rig
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.demo import fleet
 from auditor.errors import AuditorError
-from auditor.store import render_incident_report
+from auditor.pipeline.demo import fleet
+from auditor.reporting import render_incident_report
 from tests.small_drives import write_drive
 from tests.store.report_stores import add_recording, new_store
 
@@ -17,7 +17,7 @@ def _renders_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(*_: object) -> None:
         raise AuditorError("the folder is ready")
 
-    monkeypatch.setattr("auditor.cli.demo._record", stop)
+    monkeypatch.setattr("auditor.cli.verbs.demo._record", stop)
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.geometry import motion
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import rotation
-from auditor.lenses import NO_LENS, Lens
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.lab.simulation.vehicles import rotation
+from auditor.model.geometry import motion
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.rig import Rig
 from auditor.recordings import write_mcap, write_rig
-from auditor.rig import Rig
 from tests.perturbed_rigs import perturbed
 
 LENSES = (Lens("plumb_bob", (-0.3, 0.1, 0.0005, -0.0003)), Lens("equidistant", (-0.01, 0.0, 0.0, 0.0)), NO_LENS)

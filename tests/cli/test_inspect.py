@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.frames import CameraImage, Frame
+from auditor.model.frames import CameraImage, Frame
 from auditor.recordings import write_mcap
 from tests.evidence.scenes import plane_rig
 from tests.small_drives import FOUR_CAMERAS, PERIOD_NS, drive_frames

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.frames import Frame
-from auditor.lab.attacks import BogusWall, Facula
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lenses import NO_LENS, Lens
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.model.frames import Frame
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.rig import LIDAR
 from auditor.recordings import write_mcap
-from auditor.rig import LIDAR
 from tests.evidence.scenes import moved
 from tests.perturbed_rigs import perturbed
 

@@ -7,9 +7,9 @@ import json
 import pytest
 
 from auditor.cli import run
-from auditor.evidence.parameters import MEASURING, WARNING
 from auditor.identification.parameters import JUDGING
-from auditor.parameters import list_parameters
+from auditor.measurement.parameters import MEASURING, WARNING
+from auditor.model.parameter import list_parameters
 from auditor.recordings.parameters import SYNCHRONISING
 
 EVERY = list_parameters(*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)

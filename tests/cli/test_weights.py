@@ -5,7 +5,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.cli import run  # noqa: E402 - torch first: without it there is nothing to test
-from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
 
 
 def test_a_checkpoint_is_looked_into_and_converted(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from auditor.engines import Limits, Outcome, Progress, limits_of, run_all
 from auditor.errors import LimitError, RecordingError
+from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
 
 
 def square(item: int, progress: Progress) -> int:
@@ -112,7 +112,7 @@ def twenty_frames(item: str, progress: Progress) -> str:
 def test_frames_that_come_keep_a_task_alive(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock that goes on by 400 s with every frame: 8000 s in all, and never 500 s of silence."""
     now = [0.0]
-    monkeypatch.setattr("auditor.engines.processes.monotonic", lambda: now[0])
+    monkeypatch.setattr("auditor.pipeline.workers.monotonic", lambda: now[0])
 
     def goes_on(item: str, what: str, count: int) -> None:
         now[0] += 400
@@ -129,7 +129,7 @@ def test_large_recordings_may_be_silent_longer() -> None:
 
 def test_workers_end_with_their_parent() -> None:
     program = (
-        "from tests.engines.test_processes import report_and_wait; from auditor.engines import run_all\n"
+        "from tests.engines.test_processes import report_and_wait; from auditor.pipeline.workers import run_all\n"
         "list(run_all(report_and_wait, [1, 2], 2, lambda item, what, done: print(what, flush=True)))"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
@@ -146,7 +146,7 @@ def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() ->
     """They start when the process that they are forked from has imported everything, which takes a second."""
     program = (
         "import os, signal, sys, threading\n"
-        "from tests.engines.test_processes import report_and_wait; from auditor.engines import run_all\n"
+        "from tests.engines.test_processes import report_and_wait; from auditor.pipeline.workers import run_all\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
         "    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from auditor.evidence.matchers.psmnet.network import PSMNet
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet
 
 torch.set_num_threads(1)  # tests run side by side, and threads that wait for one another on a busy machine cost seconds
 

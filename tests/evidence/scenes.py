@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evidence.lidar import LidarView
-from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState
-from auditor.rig import Camera, Lidar, Rig
+from auditor.measurement.disparity.lidar import LidarView
+from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
+from auditor.model.rig import Camera, Lidar, Rig
 
 WIDTH, HEIGHT, FOCAL = 320, 120, 300.0
 

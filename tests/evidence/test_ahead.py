@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from auditor.evidence.ahead import ahead
+from auditor.measurement.frame import ahead
 
 
 def test_items_keep_their_order_and_none_is_lost() -> None:

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from auditor.evidence.bringing_back import WayBack
-from auditor.evidence.comparing import Comparison
-from auditor.evidence.rectifying import rectification
-from auditor.evidence.stereo import StereoMap
-from auditor.lab.vehicles import make_rig, rotation
-from auditor.results import Counts
-from auditor.rig import Camera, Rig
+from auditor.lab.simulation.vehicles import make_rig, rotation
+from auditor.measurement.checks.disparity_error import Comparison
+from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.disparity.warping import WayBack
+from auditor.model.measurement import Counts
+from auditor.model.rig import Camera, Rig
 from tests.evidence.scenes import moved
 
 OFFSETS = {

@@ -1,8 +1,8 @@
 import numpy as np
 
-from auditor.evidence.cells import cells_of_likeness, cells_of_points
-from auditor.evidence.contradiction import Adjudication
-from auditor.evidence.likeness import Likeness
+from auditor.measurement.checks.count_grid import cells_of_likeness, cells_of_points
+from auditor.measurement.checks.lidar_conflict import Adjudication
+from auditor.measurement.checks.photometric_consistency import Likeness
 
 
 def test_points_are_counted_in_the_cell_they_lie_in():

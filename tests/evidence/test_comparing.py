@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from auditor.evidence.comparing import compare_cameras, compare_with_lidar, inconsistent
-from auditor.evidence.stereo import StereoMap
-from auditor.results import Counts, Statistic
+from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar, inconsistent
+from auditor.measurement.disparity.stereo import StereoMap
+from auditor.model.measurement import Counts, Statistic
 from tests.evidence.scenes import WrittenDown, plane_rig
 
 

@@ -3,15 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.evidence import contradiction
-from auditor.evidence.contradiction import adjudicate
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.likeness import Likeness, likeness
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.evidence.reduction import halve
-from auditor.evidence.stereo import StereoMap, stereo_map
-from auditor.evidence.texture import textured
-from auditor.frames import PointCloud
+from auditor.measurement.checks import lidar_conflict
+from auditor.measurement.checks.lidar_conflict import adjudicate
+from auditor.measurement.checks.photometric_consistency import Likeness, likeness
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.disparity.stereo import StereoMap, stereo_map, textured
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_images, plane_rig
 
 DEPTH_M = 9.0
@@ -90,10 +89,10 @@ def test_points_beyond_the_matcher_s_range_are_not_valid():
 def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
     cloud = with_wall(plane_cloud(DEPTH_M))
     everything = judged(cloud).contradicted
-    monkeypatch.setattr(contradiction, "LIDAR_CONFLICT", replace(contradiction.LIDAR_CONFLICT, most_verified=50))
+    monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=50))
     asked = []
-    original = contradiction.likeness_at
-    monkeypatch.setattr(contradiction, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))
+    original = lidar_conflict.likeness_at
+    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))
     few = judged(cloud).contradicted
     assert asked[0] <= 50
     assert few.sum() == pytest.approx(everything.sum(), rel=0.1)
@@ -182,9 +181,9 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     confident = alike[row // 2, column // 2]
     n0 = confident - rng.choice([0.0, 0.25, 0.3, 0.35, 0.9], count).astype(np.float32)
     n0_at = {(r, c): value for r, c, value in zip((row // 2).tolist(), (column // 2).tolist(), n0, strict=True)}
-    monkeypatch.setattr(contradiction, "MOST_ADJUDICATED", most)
+    monkeypatch.setattr(lidar_conflict, "MOST_ADJUDICATED", most)
     monkeypatch.setattr(
-        contradiction,
+        lidar_conflict,
         "likeness_at",
         lambda _, __, r, c, ___: np.array([n0_at[at] for at in zip(r.tolist(), c.tolist(), strict=True)], np.float32),
     )
@@ -235,7 +234,7 @@ def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, 
     grid = HEIGHT // 2, WIDTH // 2
     disparity = np.full(grid, 16.9, np.float32)
     disparity[row // 2, column // 2] = 20.0
-    monkeypatch.setattr(contradiction, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
+    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
     found = adjudicate(
@@ -253,7 +252,7 @@ def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th
         sizes.append(arguments[2].size)
         return np.zeros(arguments[2].size, np.float32)
 
-    monkeypatch.setattr(contradiction, "likeness_at", remembered)
+    monkeypatch.setattr(lidar_conflict, "likeness_at", remembered)
     row, column = (part[:flagged] for part in np.divmod(np.arange(HEIGHT * 200), 200))
     rig, ones = plane_rig(), np.ones(grid, np.bool_)
     view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))

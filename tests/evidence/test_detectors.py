@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.evidence.detectors import Detection, ImageBox, SolidBox, find_detectors
-from auditor.evidence.detectors.geometric import ViewPoints, find_objects
-from auditor.evidence.detectors.overlap import best_partners, overlaps, overlaps_on_ground
+from auditor.evaluation.object_baseline.detectors import Detection, ImageBox, SolidBox, find_detectors
+from auditor.evaluation.object_baseline.detectors.geometric import ViewPoints, find_objects
+from auditor.evaluation.object_baseline.detectors.overlap import best_partners, overlaps, overlaps_on_ground
 from tests.evidence.detector_models import hostile_models, write_camera_detector, write_cloud_detector, write_detector
 from tests.evidence.scenes import FOCAL, HEIGHT, RIG_SE3_LIDAR, WIDTH, plane_rig
 

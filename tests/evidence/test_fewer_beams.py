@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.elements import Witness
-from auditor.evaluation.bench import Bench
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import PointCloud
-from auditor.identification.margins import CEILINGS, FLOORS
-from auditor.lab.attacks import BogusWall
-from auditor.lab.drives import make_drive
+from auditor.evaluation.attacked_frame import Bench
+from auditor.identification.scores import CEILINGS, FLOORS
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.simulation.drives import make_drive
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import Witness
+from auditor.model.frames import PointCloud
 
 LOWEST_DEG, BEAMS, FIELD_DEG = -24.9, 64, 26.9
 

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.evidence.fingerprints import fingerprints
-from auditor.frames import CameraImage
+from auditor.measurement.fault_features.frozen_data import fingerprints
+from auditor.model.frames import CameraImage
 from tests.evidence.scenes import plane_frame, plane_rig
 
 

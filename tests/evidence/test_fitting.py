@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from auditor.frames import Frame
-from auditor.lab.attacks import Facula
-from auditor.rig import Rig
+from auditor.lab.attacks.paper import Facula
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from tests.benchmarks.fitting import CASES, complaints
 from tests.benchmarks.real_drives import frames
 

@@ -3,11 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
-from auditor.evidence import Fitting, Watch, lidar, localise, measure
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.frames import PointCloud
+from auditor.measurement import Fitting, Watch, localise, measure
+from auditor.measurement.disparity import lidar
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.checks import rig_elements
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
 

@@ -2,10 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence.likeness import likeness, likeness_at, matchable
-from auditor.evidence.reduction import halve
-from auditor.evidence.stereo import StereoMap
-from auditor.evidence.visibility import Reach
+from auditor.measurement.checks.photometric_consistency import likeness, likeness_at, matchable
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.disparity.stereo import StereoMap
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
 PATCH_FLOOR = 9.0

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness
-from auditor.evidence import localise, measure
-from auditor.evidence.damaged_points import solid_around
-from auditor.evidence.localising import suspects
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.frames import PointCloud
-from auditor.regions import REGION_STEP
+from auditor.measurement import localise, measure
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.localisation.points import solid_around
+from auditor.measurement.localisation.regions import suspects
+from auditor.model.checks import Element, Witness
+from auditor.model.frames import PointCloud
+from auditor.model.measurement import REGION_STEP
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_cloud, plane_rig
 from tests.evidence.test_symptoms import DEPTH_M, scene
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from auditor.evidence import measure
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.frames import CameraImage, Frame
-from auditor.results import Statistic
-from auditor.rig import Triple
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.frames import CameraImage, Frame
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Triple
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
 
 MATCHER = SgbmMatcher()

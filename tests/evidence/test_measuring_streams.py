@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from auditor.errors import SettingError
-from auditor.evidence import measure, measure_stream
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.frames import Skipped
+from auditor.measurement import measure, measure_stream
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.frames import Skipped
 from tests.evidence.scenes import plane_frame, plane_rig
 
 RIG = plane_rig((0.6, 0.3, 0.0))

@@ -8,7 +8,7 @@ onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher  # noqa: E402
+from auditor.measurement.disparity.matchers import Matcher, MatcherOptions, find_matcher  # noqa: E402
 
 
 def model(

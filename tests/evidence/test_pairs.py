@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
-from auditor.evaluation.bench import Bench
-from auditor.evidence import Watch, draw, localise, measure, measure_stream
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.evidence.rectifying import rectification
-from auditor.frames import Frame, Presence, SensorState
-from auditor.identification.local_ratio import local_ratios
-from auditor.lab.attacks import BogusWall, Facula
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lenses import NO_LENS, Lens
-from auditor.results import Statistic
-from auditor.rig import LIDAR, Rig
+from auditor.evaluation.attacked_frame import Bench
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.measurement import Watch, draw, localise, measure, measure_stream
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame, Presence, SensorState
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig
 from tests.evidence.scenes import moved
 from tests.perturbed_rigs import perturbed
 

@@ -2,10 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence.gain import fit_gain
-from auditor.evidence.photometric import Light, coarse, coarse_mask, compare_light, reach
-from auditor.evidence.texture import textured
-from auditor.evidence.visibility import Reach
+from auditor.measurement.checks.brightness import Light, coarse, coarse_mask, compare_light, fit_gain, reach
+from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.disparity.stereo import textured
 
 HEIGHT, WIDTH, SHIFT = 188, 621, 20
 

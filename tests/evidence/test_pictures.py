@@ -1,9 +1,9 @@
 import cv2
 import numpy as np
 
-from auditor.evidence import PictureBook, draw, measure
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.results import Counts, Measurement
+from auditor.measurement import PictureBook, draw, measure
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.measurement import Counts, Measurement
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
 
 
@@ -31,7 +31,7 @@ def test_there_is_no_picture_where_nothing_was_measured() -> None:
 
 
 def test_a_picture_book_keeps_the_strongest_frame_of_each_second_and_the_strongest_seconds(monkeypatch) -> None:
-    monkeypatch.setattr("auditor.evidence.pictures._MOST_PICTURES", 2)
+    monkeypatch.setattr("auditor.measurement.thumbnails._MOST_PICTURES", 2)
     rig = plane_rig()
     _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
     book = PictureBook()

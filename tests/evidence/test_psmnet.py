@@ -11,13 +11,13 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.evidence.matchers import find_matcher  # noqa: E402
-from auditor.evidence.matchers.psmnet.cost import frame_cost  # noqa: E402
-from auditor.evidence.matchers.psmnet.inference import Engine, make_engine  # noqa: E402
-from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
-from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
-from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
-from auditor.evidence.measuring import measure, measure_stream  # noqa: E402
+from auditor.measurement.disparity.matchers import find_matcher  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.inference import Engine, make_engine  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.preflight import frame_cost  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
+from auditor.measurement.frame import measure, measure_stream  # noqa: E402
 from tests.evidence.psmnet_networks import SMALL, noise, ruled_state  # noqa: E402
 from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
@@ -212,7 +212,7 @@ def test_half_precision_never_reaches_the_soft_argmin() -> None:
 
 def test_the_cost_grows_with_images_pairs_and_pixels(small: PsmnetMatcher, monkeypatch) -> None:
     clock = iter(range(100))
-    monkeypatch.setattr("auditor.evidence.matchers.psmnet.cost.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("auditor.measurement.disparity.matchers.psmnet.preflight.perf_counter", lambda: next(clock))
     cost = frame_cost(small, (256, 512))
     assert (cost.seconds_per_image, cost.seconds_per_pair) == (4.0, 4.0)  # four times the pixels measured, 1 s each
     assert cost.frame_s(images=3, pairs=2) == 20.0
@@ -226,7 +226,7 @@ def test_a_package_that_is_not_installed_is_named_with_its_extra(matcher: str, p
     code = (
         f"import sys; sys.modules[{package!r}] = None\n"
         "from pathlib import Path\n"
-        "from auditor.evidence.matchers import MatcherOptions, find_matcher\n"
+        "from auditor.measurement.disparity.matchers import MatcherOptions, find_matcher\n"
         f"find_matcher({matcher!r}, MatcherOptions(weights=Path('w') if {matcher!r} == 'psmnet' else None))"
     )
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
@@ -239,7 +239,7 @@ def test_psmnet_without_weights_says_so() -> None:
 
 
 def test_the_evidence_room_is_entered_without_torch() -> None:
-    code = "import sys, auditor.evidence, auditor.evidence.matchers; sys.exit('torch' in sys.modules)"
+    code = "import sys, auditor.measurement, auditor.measurement.disparity.matchers; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=False).returncode == 0
 
 

@@ -3,12 +3,16 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from auditor.evidence.matchers import SgbmMatcher, foretell  # noqa: E402
-from auditor.evidence.matchers.psmnet.checking import check_precision, check_scale, first_frames_warnings  # noqa: E402
-from auditor.evidence.matchers.psmnet.cost import Cost  # noqa: E402
-from auditor.evidence.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
-from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
-from auditor.evidence.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
+from auditor.measurement.disparity.matchers import SgbmMatcher, foretell  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.preflight import (  # noqa: E402
+    Cost,  # noqa: E402
+    check_precision,
+    check_scale,
+    first_frames_warnings,
+)
+from auditor.measurement.disparity.matchers.psmnet.weights import Weights, content_sha256  # noqa: E402
 from tests.evidence.psmnet_networks import noise, ruled_state  # noqa: E402
 from tests.evidence.scenes import plane_frame, plane_rig  # noqa: E402
 
@@ -127,10 +131,11 @@ def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypat
     state = ruled_state(4)
     matcher = PsmnetMatcher(Weights(state, 4, content_sha256(state), True, 64, ""))
     monkeypatch.setattr(
-        "auditor.evidence.matchers.psmnet.foretelling.frame_cost", lambda matcher, size: Cost(0.5, 2.0, "cuda:0", 1)
+        "auditor.measurement.disparity.matchers.psmnet.preflight.frame_cost",
+        lambda matcher, size: Cost(0.5, 2.0, "cuda:0", 1),
     )
     monkeypatch.setattr(
-        "auditor.evidence.matchers.psmnet.foretelling.first_frames_warnings",
+        "auditor.measurement.disparity.matchers.psmnet.preflight.first_frames_warnings",
         lambda matcher, rig, frames: (f"{len(frames)} looked at",),
     )
     said = foretell(matcher, rig, [plane_frame(rig)], 7200)

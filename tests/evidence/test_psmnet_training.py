@@ -8,19 +8,13 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.evidence.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
-from auditor.evidence.matchers.psmnet.crops import crops  # noqa: E402
-from auditor.evidence.matchers.psmnet.network import PSMNet  # noqa: E402
-from auditor.evidence.matchers.psmnet.training import (  # noqa: E402
-    CHECKPOINT,
-    TrainingSettings,
-    _loss,
-    _rate,
-    train,
-    training_curve,
-)
-from auditor.evidence.matchers.psmnet.weights import inspect_weights  # noqa: E402
-from auditor.evidence.matchers.scoring import Sample, score  # noqa: E402
+from auditor.measurement.disparity.matchers import MatcherOptions, SgbmMatcher, find_matcher  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.weights import inspect_weights  # noqa: E402
+from auditor.measurement.disparity.matchers.scoring import Sample, score  # noqa: E402
+from auditor.training.augmentation import crops  # noqa: E402
+from auditor.training.checkpoints import CHECKPOINT, TrainingSettings, training_curve  # noqa: E402
+from auditor.training.psmnet import _loss, _rate, train  # noqa: E402
 from tests.evidence.psmnet_networks import noise  # noqa: E402
 
 TOY = TrainingSettings(

@@ -14,8 +14,8 @@ from hypothesis import strategies as st  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
 
 from auditor.errors import SettingError  # noqa: E402
-from auditor.evidence.matchers import Matcher, MatcherOptions, find_matcher  # noqa: E402
-from auditor.evidence.matchers.psmnet.weights import (  # noqa: E402
+from auditor.measurement.disparity.matchers import Matcher, MatcherOptions, find_matcher  # noqa: E402
+from auditor.measurement.disparity.matchers.psmnet.weights import (  # noqa: E402
     content_sha256,
     convert_weights,
     inspect_weights,

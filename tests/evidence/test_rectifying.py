@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.evidence import measure
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.matchers.sgbm import SgbmMatcher
-from auditor.evidence.rectifying import rectification
-from auditor.frames import CameraImage, Frame, PointCloud, Skipped
-from auditor.geometry import invert, motion
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.vehicles import make_rig, rotation
-from auditor.lenses import NO_LENS, Lens
-from auditor.results import Statistic
-from auditor.rig import Camera, Rig
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.lab.simulation.vehicles import make_rig, rotation
+from auditor.measurement import measure
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.frames import CameraImage, Frame, PointCloud, Skipped
+from auditor.model.geometry import invert, motion
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Camera, Rig
 from tests.evidence.scenes import plane_frame, plane_rig
 from tests.perturbed_rigs import perturbed
 

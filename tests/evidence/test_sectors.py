@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.sectors import emptiness
-from auditor.frames import PointCloud
+from auditor.measurement.checks.point_distribution import emptiness
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import WIDTH, plane_cloud, plane_rig
 
 

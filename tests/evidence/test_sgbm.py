@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.evidence.matchers import find_matcher
-from auditor.evidence.matchers.sgbm import SgbmMatcher
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
 

@@ -6,16 +6,15 @@ from math import isnan
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness
-from auditor.evidence import Watch, measure
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.evidence.specks import isolated, scatter, specks
-from auditor.frames import PointCloud
-from auditor.lab.attacks import BogusWall
-from auditor.lab.faults import HiddenSector
-from auditor.lab.rain import Rain
-from auditor.symptoms import Specks
+from auditor.lab.attacks.faults import HiddenSector
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.attacks.rain import Rain
+from auditor.measurement import Watch, measure
+from auditor.measurement.checks.point_distribution import isolated, scatter, specks
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.checks import Element, Specks, Witness
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
 RIG = plane_rig()

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.evidence import Watch, measure
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.frames import CameraImage
-from auditor.lab.faults import DimmedCamera, ShiftedCamera
-from auditor.symptoms import COLUMNS, PairSymptoms
+from auditor.lab.attacks.faults import DimmedCamera, ShiftedCamera
+from auditor.measurement import Watch, measure
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.checks import COLUMNS, PairSymptoms
+from auditor.model.frames import CameraImage
 from tests.evidence.scenes import HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
 DEPTH_M, NEAR_M = 9.0, 6.0

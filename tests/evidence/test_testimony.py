@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
 
-from auditor.elements import resolves_depth
-from auditor.evidence.lidar import lidar_view
-from auditor.evidence.matchers import SgbmMatcher
-from auditor.evidence.reduction import halve
-from auditor.evidence.stereo import stereo_map
-from auditor.evidence.testimony import testify as hear
-from auditor.evidence.texture import textured
+from auditor.measurement.checks.collect import testify as hear
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.disparity.stereo import stereo_map, textured
+from auditor.model.checks import resolves_depth
 from tests.evidence.scenes import plane_frame, plane_rig
 
 

@@ -3,10 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.evidence.lidar import LidarView, lidar_view
-from auditor.evidence.specks import isolated
-from auditor.evidence.visibility import Reach, too_near, visible_to_witness
-from auditor.frames import PointCloud
+from auditor.measurement.checks.point_distribution import isolated
+from auditor.measurement.disparity.lidar import LidarView, Reach, lidar_view, too_near, visible_to_witness
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_rig
 
 MATCHER = Reach(115.2, 128)

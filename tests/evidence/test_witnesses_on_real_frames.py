@@ -5,12 +5,12 @@ from itertools import islice
 
 import pytest
 
-from auditor.elements import Witness
-from auditor.evaluation.bench import Bench
-from auditor.evidence.matchers import find_matcher
-from auditor.identification.local_ratio import WINDOWS, fitted
-from auditor.identification.margins import FLOORS
-from auditor.lab.attacks import BogusWall, Facula
+from auditor.evaluation.attacked_frame import Bench
+from auditor.identification.scores import FLOORS
+from auditor.identification.statistics import WINDOWS, fitted
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import Witness
 from tests.benchmarks.real_drives import frames
 
 pytestmark = pytest.mark.skipif(

@@ -14,16 +14,16 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from auditor.elements import rig_elements
-from auditor.evidence import Watch, measure
-from auditor.evidence.matchers import find_matcher
-from auditor.frames import CameraImage, Frame
-from auditor.identification.local_ratio import local_ratios
-from auditor.identification.robust_thresholds import robust_thresholds
-from auditor.judging import Criteria, calibrate, judge_measurement, system_of
-from auditor.lab.attacks import BogusWall, Facula
-from auditor.results import Measurement, Procedure
-from auditor.rig import LIDAR, Rig
+from auditor.identification.cross_validation import robust_thresholds
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.measurement import Watch, measure
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import rig_elements
+from auditor.model.frames import CameraImage, Frame
+from auditor.model.measurement import Measurement, Procedure
+from auditor.model.rig import LIDAR, Rig
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, system_of
 from auditor.store import MeasurementRecord, Store
 from auditor.store.queries import run_sql
 from tests.benchmarks.real_drives import frames

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from auditor.identification.codewords import allowed_attack_sets, disagreements
-from auditor.rig import Triple
-from auditor.thresholds import Thresholds
+from auditor.identification.algorithm2 import allowed_attack_sets, disagreements
+from auditor.model.calibration import Thresholds
+from auditor.model.rig import Triple
 
 
 def state_vector(errors: Sequence[float], thresholds: Thresholds, triples: Sequence[Triple]) -> str:

@@ -3,11 +3,11 @@ from math import comb
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness, elements_of
-from auditor.identification.accusing import System, accuse
-from auditor.identification.joint import explain
-from auditor.results import VerdictKind
-from auditor.rig import triples_of
+from auditor.identification.attack_sets import explain
+from auditor.identification.robust import System, accuse
+from auditor.model.checks import Element, Witness, elements_of
+from auditor.model.rig import triples_of
+from auditor.model.verdict import VerdictKind
 
 PAIRS = ((1, 3), (2, 3))
 SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))

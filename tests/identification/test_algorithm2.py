@@ -2,9 +2,8 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import Identification, identify
-from auditor.identification.codewords import allowed_attack_sets, codeword
-from auditor.rig import triples_of
+from auditor.identification.algorithm2 import Identification, allowed_attack_sets, codeword, identify
+from auditor.model.rig import triples_of
 from tests.identification.definitions import explaining_sets
 
 CAMERAS = range(3, 8)

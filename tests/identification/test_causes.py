@@ -4,12 +4,11 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.causes import suspicions, weigh
-from auditor.identification.margins import strength_yardstick, strength_yardsticks
-from auditor.identification.strengths import Observed, strengths
-from auditor.results import Alternative, Cause, Evidence, Suspicion, Verdict, VerdictKind
-from auditor.symptoms import COLUMNS
-from auditor.thresholds import Yardstick
+from auditor.identification.faults import Observed, strengths, suspicions, weigh
+from auditor.identification.scores import strength_yardstick, strength_yardsticks
+from auditor.model.calibration import Yardstick
+from auditor.model.checks import COLUMNS
+from auditor.model.verdict import Alternative, Cause, Evidence, Suspicion, Verdict, VerdictKind
 
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6

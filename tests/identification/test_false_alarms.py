@@ -4,22 +4,23 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.elements import Witness, elements_of
 from auditor.errors import ThresholdsError
-from auditor.identification.accusing import System
-from auditor.identification.false_alarms import (
+from auditor.identification.cross_validation import (
+    clean_hours,
     held_out_scores,
     hold_out_paper,
     hold_out_robust,
     hours_of,
+    robust_thresholds,
     score_threshold,
     wilson,
 )
-from auditor.identification.robust_thresholds import clean_hours, robust_thresholds
-from auditor.results import Cause, Procedure, Statistic
-from auditor.rig import triples_of
-from auditor.rig_kind import RigKind
-from auditor.thresholds import Calibration, CleanFrames
+from auditor.identification.robust import System
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import Witness, elements_of
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import RigKind, triples_of
+from auditor.model.verdict import Cause
 
 PAIRS = ((1, 3), (2, 3))
 ELEMENTS = elements_of(3, PAIRS, PAIRS, (3,))

@@ -1,7 +1,7 @@
 import numpy as np
 
-from auditor.identification.freezing import frozen
-from auditor.results import NO_FINGERPRINT
+from auditor.identification.faults import frozen
+from auditor.model.measurement import NO_FINGERPRINT
 
 
 def frames(*columns):

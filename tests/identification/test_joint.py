@@ -3,12 +3,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from auditor.elements import OF_THE_LIDAR, Element, Witness, elements_of
-from auditor.identification import codewords
-from auditor.identification.codewords import allowed_attack_sets
-from auditor.identification.explaining import demands, explained, explains, triple_states
-from auditor.identification.joint import explain
-from auditor.rig import triples_of
+from auditor.identification import algorithm2
+from auditor.identification.algorithm2 import allowed_attack_sets
+from auditor.identification.attack_sets import demands, explain, explained, explains, triple_states
+from auditor.model.checks import OF_THE_LIDAR, Element, Witness, elements_of
+from auditor.model.rig import triples_of
 
 
 def full_elements(n):
@@ -98,7 +97,7 @@ def test_without_elements_nothing_is_raised():
 
 
 def test_a_system_too_large_to_weigh_all_sets_weighs_whole_sizes(monkeypatch):
-    monkeypatch.setattr(codewords, "MOST_SETS", 60)
+    monkeypatch.setattr(algorithm2, "MOST_SETS", 60)
     sets = allowed_attack_sets(range(10))
     assert sets == ((), *combinations(range(10), 1), *combinations(range(10), 2))
 

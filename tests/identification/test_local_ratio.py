@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness
-from auditor.identification.local_ratio import Window, fitted, local_ratio, local_ratios
-from auditor.results import Cells
+from auditor.identification.statistics import Window, fitted, local_ratio, local_ratios
+from auditor.model.checks import Element, Witness
+from auditor.model.measurement import Cells
 
 
 def by_hand(valid, against, window):

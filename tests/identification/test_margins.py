@@ -3,20 +3,20 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.elements import Element, Witness
 from auditor.errors import ThresholdsError
-from auditor.identification.margins import (
+from auditor.identification.scores import (
     CEILINGS,
     FLOORS,
-    Yardstick,
     margins,
+    raisable,
     strength_yardstick,
     strength_yardsticks,
     yardstick,
     yardsticks,
 )
-from auditor.identification.raisable import raisable
-from auditor.results import Cause
+from auditor.model.calibration import Yardstick
+from auditor.model.checks import Element, Witness
+from auditor.model.verdict import Cause
 
 R = Decimal("0.01")
 

@@ -5,12 +5,11 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.elements import Element, Witness, elements_of
-from auditor.identification.accusing import System
-from auditor.identification.robust import FrameSeries, judge_frames, window_scores
-from auditor.results import FINDINGS, Cause, Finding, VerdictKind
-from auditor.rig import triples_of
-from auditor.thresholds import RobustThresholds, Yardstick
+from auditor.identification.robust import FrameSeries, System, judge_frames, window_scores
+from auditor.model.calibration import RobustThresholds, Yardstick
+from auditor.model.checks import Element, Witness, elements_of
+from auditor.model.rig import triples_of
+from auditor.model.verdict import FINDINGS, Cause, Finding, VerdictKind
 
 PAIRS = ((1, 3), (2, 3))
 SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.thresholds import check_calibration, parse_r, resolvable, threshold, thresholds_at
-from auditor.results import COUNTING_VERSION, Procedure, Statistic
-from auditor.rig import triples_of
-from auditor.rig_kind import RigKind
-from auditor.thresholds import Calibration
+from auditor.model.calibration import Calibration
+from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.rig import RigKind, triples_of
 from tests.clean_frames import clean_frames
 
 TRIPLES = triples_of(3, lidar=True)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from auditor.errors import ThresholdsError
-from auditor.identification.codewords import allowed_attack_sets, codeword
-from auditor.identification.states import without
-from auditor.identification.verdicts import judge, judge_frames
-from auditor.results import Statistic, VerdictKind
-from auditor.rig import Triple, triples_of
-from auditor.thresholds import Thresholds
+from auditor.identification.algorithm2 import allowed_attack_sets, codeword, without
+from auditor.identification.paper import judge, judge_frames
+from auditor.model.calibration import Thresholds
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Triple, triples_of
+from auditor.model.verdict import VerdictKind
 from tests.identification.definitions import explaining_sets, state_vector
 
 N3 = triples_of(3, lidar=True)

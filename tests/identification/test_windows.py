@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auditor.identification.windows import window_means
+from auditor.identification.statistics import window_means
 
 MS = 1_000_000
 STEPS_MS = st.sampled_from([-1000, -100, 0, 50, 100, 200, 225, 250, 251])

@@ -4,13 +4,13 @@ import click
 import numpy as np
 import pytest
 
-from auditor.cli.attack import command
+from auditor.cli.verbs.attack import command
 from auditor.errors import SettingError
-from auditor.frames import CameraImage, PointCloud
-from auditor.lab.attacks import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
-from auditor.lab.kinds import KINDS, ON_CAMERA, ON_LIDAR
-from auditor.lab.plans import Attacker, AttackPlan
-from auditor.rig import Camera, Lidar, Rig
+from auditor.lab.attacks.catalogue import KINDS, ON_CAMERA, ON_LIDAR
+from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.schedule import Attacker, AttackPlan
+from auditor.model.frames import CameraImage, PointCloud
+from auditor.model.rig import Camera, Lidar, Rig
 
 WIDTH, HEIGHT = 300, 200
 ROAD_M = 1.7

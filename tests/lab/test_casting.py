@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from auditor.geometry import motion
-from auditor.lab.casting import Hits, Rays, cast, placed
-from auditor.lab.sensing import camera_rays
-from auditor.lab.surfaces import Piece, gather
-from auditor.lab.textures import SIZE, Atlas, Tile, level_of, make_atlas
-from auditor.rig import Camera
+from auditor.lab.simulation.raycasting import Hits, Rays, cast, placed
+from auditor.lab.simulation.sensors import camera_rays
+from auditor.lab.simulation.surfaces import Piece, gather
+from auditor.lab.simulation.textures import SIZE, Atlas, Tile, level_of, make_atlas
+from auditor.model.geometry import motion
+from auditor.model.rig import Camera
 
 FOCAL = 100.0
 

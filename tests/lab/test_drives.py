@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.frames import SensorState
-from auditor.lab.drives import SyntheticDrive, make_drive
-from auditor.lab.streets import STYLES
-from auditor.lab.vehicles import CameraFlaws, LidarFlaws
-from auditor.rig import LIDAR
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.lab.simulation.streets import STYLES
+from auditor.lab.simulation.vehicles import CameraFlaws, LidarFlaws
+from auditor.model.frames import SensorState
+from auditor.model.rig import LIDAR
 
 SMALL = {"width_px": 414, "height_px": 125}
 

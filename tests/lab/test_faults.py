@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.frames import CameraImage, PointCloud
-from auditor.lab.faults import (
+from auditor.lab.attacks.faults import (
     DelayedCamera,
     DelayedLidar,
     DimmedCamera,
@@ -15,6 +14,7 @@ from auditor.lab.faults import (
     SoiledLens,
     TurnedLidar,
 )
+from auditor.model.frames import CameraImage, PointCloud
 from tests.evidence.scenes import plane_rig
 
 RIG = plane_rig()

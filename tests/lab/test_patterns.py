@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auditor.frames import CameraImage
-from auditor.lab.patterns import LaserPattern, Stripes
+from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.model.frames import CameraImage
 
 
 def image(level, shape=(40, 60)):

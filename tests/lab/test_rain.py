@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from auditor.errors import SettingError
-from auditor.frames import PointCloud
-from auditor.lab.kinds import ON_LIDAR, Drawing
-from auditor.lab.rain import Rain
+from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
+from auditor.lab.attacks.rain import Rain
+from auditor.model.frames import PointCloud
 from tests.evidence.scenes import plane_rig
 
 RIG = plane_rig()

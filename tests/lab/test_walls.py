@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from auditor.frames import PointCloud
-from auditor.lab.attacks import BogusWall, angular_steps, road_below_m
-from auditor.lab.drives import SyntheticDrive, make_drive
+from auditor.lab.attacks.paper import BogusWall, angular_steps, road_below_m
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.model.frames import PointCloud
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from auditor.frames import CameraImage, Frame, PointCloud, Presence, SensorState, Skipped
-from auditor.geometry import motion, rotation_from_quaternion
+from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState, Skipped
+from auditor.model.geometry import motion, rotation_from_quaternion
+from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings import FrameStream, Recording, find_rigs, survey, synchronise
-from auditor.rig import Camera, Lidar, Rig
 
 START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 10**8

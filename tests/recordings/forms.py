@@ -12,10 +12,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Reader as Rosbag2Reader
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
-from auditor.frames import Frame
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
 from auditor.recordings import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.messages import Form, MessageMaker
-from auditor.rig import Rig
 from tests.recordings.drives import rechunk
 from tests.recordings.foxglove_messages import said, write_json, write_protobuf
 from tests.recordings.idl import idl_definition

@@ -11,10 +11,10 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
-from auditor.frames import Frame
-from auditor.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.frames import Frame
+from auditor.model.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.rig import Rig
 from auditor.recordings.decoding.pictures import encode_picture
-from auditor.rig import Rig
 
 
 class Said(NamedTuple):

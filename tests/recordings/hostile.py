@@ -14,7 +14,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from auditor.recordings import schemas, write_bag, write_db3, write_mcap
-from auditor.recordings.labels import LABELS_NAME
+from auditor.recordings.recording import LABELS_NAME
 from auditor.recordings.writers.messages import MessageMaker
 from tests.recordings.drives import chunk_ends, make_frames, make_rig, rechunk
 from tests.recordings.forms import copy_bag

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from auditor.errors import AuditorError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings import find_rigs, open_recording, survey, synchronise
 from auditor.recordings.decoding import Decoders
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.geometry import invert, motion
-from auditor.lenses import NO_LENS, Lens
+from auditor.model.geometry import invert, motion
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
-from auditor.rig import Rig
 from tests.perturbed_rigs import perturbed
 from tests.recordings.drives import make_frames, make_rig
 

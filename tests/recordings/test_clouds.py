@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings import schemas
 from auditor.recordings.decoding import CloudDecoder, Decoders
 from auditor.recordings.decoding.kitti import SCAN
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 
 MAKER = MessageMaker("cdr")

@@ -9,7 +9,8 @@ from mcap.well_known import Profile
 from rosbags.highlevel import AnyReader
 
 from auditor.errors import RecordingError
-from auditor.frames import CameraImage, PointCloud
+from auditor.model.frames import CameraImage, PointCloud
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import (
     convert,
     find_rigs,
@@ -21,7 +22,6 @@ from auditor.recordings import (
     write_db3,
     write_mcap,
 )
-from auditor.results import AttackLabel
 from tests.recordings.drives import make_frames, make_rig, mcap_file, same_frame, split, stream_of
 
 RIG = make_rig(3)

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from auditor.errors import DecodingError
 from auditor.recordings import convert, open_recording
 from auditor.recordings.decoding.ros import RosTypes, parse_definition
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 from auditor.recordings.schemas import TRANSFORMS
 from tests.recordings.idl import idl_definition
 

@@ -9,13 +9,13 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from auditor.errors import DecodingError, RigError
-from auditor.frames import Message
-from auditor.geometry import motion, rotation_from_quaternion
+from auditor.model.frames import Message
+from auditor.model.geometry import motion, rotation_from_quaternion
 from auditor.recordings import convert, find_rigs, open_recording, survey
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.foxglove_layouts import LAYOUTS, TIMESTAMP
 from auditor.recordings.decoding.protobuf import MAX_FIELDS, check_schema, decode_protobuf
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
 from tests.recordings.foxglove_messages import (
     cloud_fields,

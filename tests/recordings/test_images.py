@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings import schemas
 from auditor.recordings.decoding import Decoders, ImageDecoder
 from auditor.recordings.decoding.pictures import encode_picture
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 from auditor.recordings.writers.messages import MessageMaker
 
 MAKER = MessageMaker("cdr")

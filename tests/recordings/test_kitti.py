@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auditor.errors import RecordingError
-from auditor.frames import SensorState
+from auditor.model.frames import SensorState
+from auditor.model.rig import Rig
 from auditor.recordings import Recording, convert, find_rigs, open_recording, survey, synchronise
-from auditor.rig import Rig
 from tests.recordings.drives import split, stream_of
 
 

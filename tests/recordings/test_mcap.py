@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from auditor.errors import RecordingError
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import open_recording, write_mcap
-from auditor.recordings.mcap_chunks import unpack_chunk
-from auditor.recordings.unpacking import MAX_BYTES, BadChunkError, Expansion
-from auditor.results import AttackLabel
+from auditor.recordings.formats.mcap.records import unpack_chunk
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion
 from tests.recordings.drives import chunk_ends, make_frames, make_rig, mcap_file, rechunk, same_frame, split, stream_of
 
 RIG = make_rig(3)

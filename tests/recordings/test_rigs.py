@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.evidence.rectifying import rectification
-from auditor.geometry import Matrix, invert, motion, rotation_from_quaternion
-from auditor.lab.vehicles import rotation
-from auditor.lenses import NO_LENS, Lens
+from auditor.lab.simulation.vehicles import rotation
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.geometry import Matrix, invert, motion, rotation_from_quaternion
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.rig import Rig
 from auditor.recordings import check_rig, find_rigs, look_for_rigs, open_recording, read_rig, write_rig
 from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
-from auditor.recordings.interface import Topic
-from auditor.recordings.surveying import CloudTopic, ImageTopic, Survey
-from auditor.rig import Rig
+from auditor.recordings.recording import Topic
+from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
 from tests.perturbed_rigs import perturbed
 from tests.recordings.drives import make_frames, make_rig
 from tests.small_drives import WRITERS

@@ -9,9 +9,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from auditor.errors import RecordingError, RigError
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import find_rigs, open_recording, survey, write_bag, write_db3
 from auditor.recordings.writers.messages import MessageMaker
-from auditor.results import AttackLabel
 from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)

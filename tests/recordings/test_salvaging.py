@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Reader as BagReader
 
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_bag, write_db3
-from auditor.recordings.unpacking import MAX_BYTES
+from auditor.recordings.formats.unpacking import MAX_BYTES
 from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
 from tests.recordings.forms import copy_bag
 

@@ -7,11 +7,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from auditor.errors import RigError
-from auditor.frames import Frame, PointCloud, SensorState, Skipped
+from auditor.model.frames import Frame, PointCloud, SensorState, Skipped
+from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
-from auditor.recordings import window as windows
+from auditor.recordings.synchronisation import window as windows
 from auditor.recordings.writers.mcap_file import McapFile
-from auditor.rig import Rig
 from tests.recordings.drives import PERIOD_NS, START_NS, make_frame, make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)

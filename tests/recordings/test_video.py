@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import CameraImage, Frame, Message, SensorState
+from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets

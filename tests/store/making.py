@@ -5,13 +5,14 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.frames import Presence, SensorState, Skipped
-from auditor.results import Counts, Coverage, Measurement, Procedure, Statistic, Verdict, VerdictKind
-from auditor.rig import Camera, Lidar, Rig
+from auditor.model.calibration import Thresholds
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Presence, SensorState, Skipped
+from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
+from auditor.model.rig import Camera, Lidar, Rig
+from auditor.model.verdict import Verdict, VerdictKind
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
-from auditor.thresholds import Thresholds
 
 PERIOD_NS = 100_000_000
 PROCEDURE = Procedure("sgbm", '{"half":true}')

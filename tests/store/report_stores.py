@@ -8,12 +8,13 @@ from decimal import Decimal
 import cv2
 import numpy as np
 
-from auditor.elements import rig_elements
-from auditor.frames import Presence, SensorState, Skipped, TopicBalance
+from auditor.identification.paper import judge_frames
 from auditor.identification.thresholds import thresholds_at
-from auditor.identification.verdicts import judge_frames
-from auditor.results import AttackLabel, Counts, Coverage, Measurement, Procedure, Statistic
-from auditor.rig import Camera, Lidar, Rig
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Presence, SensorState, Skipped, TopicBalance
+from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
+from auditor.model.rig import Camera, Lidar, Rig
+from auditor.model.verdict import AttackLabel
 from auditor.store.calibrations import make_calibration
 from auditor.store.pictures import Picture
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord

@@ -3,9 +3,10 @@ from dataclasses import replace
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.elements import rig_elements
 from auditor.errors import StoreError, ThresholdsError
-from auditor.results import Cause, Statistic
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import Cause
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
 from auditor.store.queries import run_query
 from auditor.store.schema import table_schema

@@ -4,8 +4,8 @@ import pytest
 
 from auditor.errors import QueryError
 from auditor.store.describing import describe, list_views
-from auditor.store.parameters import bind
 from auditor.store.queries import list_queries
+from auditor.store.sql_files import bind
 from tests.store.store_page import PAGE, written_anew
 
 NAMES = [*(query.name for query in list_queries()), *(view.name for view in list_views())]

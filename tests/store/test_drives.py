@@ -2,11 +2,11 @@
 
 import pytest
 
-from auditor.frames import TopicBalance
-from auditor.store.page_loading import load_page
+from auditor.model.frames import TopicBalance
+from auditor.reporting.incident.loading import load_page
+from auditor.reporting.incident.render import render
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import RecordingRecord
-from auditor.store.report import render
 from tests.store.making import add_frames, add_judgement, make_measurement, make_rig, new_store
 
 RIG, OTHER_RIG = make_rig(3), make_rig(4)

@@ -6,11 +6,11 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
 from auditor.evaluation import judge_cases
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
-from auditor.results import VerdictKind
+from auditor.identification.robust import System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.model.checks import rig_elements
+from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
 from tests.store.making import new_store
 from tests.store.test_evaluation_queries import RIG, case_of, make_evaluation, part, write

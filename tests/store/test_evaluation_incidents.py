@@ -8,14 +8,14 @@ from math import exp, factorial
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
 from auditor.evaluation import judge_cases
-from auditor.identification.accusing import System, accuse
-from auditor.identification.margins import margins, yardsticks
-from auditor.identification.robust import WINDOW_S
-from auditor.identification.windows import window_means
-from auditor.results import FINDINGS, Statistic
-from auditor.store.evaluations import INTERVAL_FRAMES
+from auditor.identification.robust import WINDOW_S, System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.identification.statistics import window_means
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import FINDINGS
+from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.queries import run_query, run_sql
 from tests.store.making import PERIOD_NS, new_store
 from tests.store.test_evaluation_queries import BLOCK as PAPER_BLOCK

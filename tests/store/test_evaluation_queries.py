@@ -9,14 +9,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
-from auditor.identification.algorithm2 import identify
-from auditor.identification.codewords import disagreements
+from auditor.identification.algorithm2 import disagreements, identify
 from auditor.identification.thresholds import resolvable, threshold
-from auditor.results import Counts, Statistic
-from auditor.rig import Triple
-from auditor.store.evaluations import EvaluationPart, MeasuredCase
-from auditor.store.parts import finished_part, part_writer
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Counts, Statistic
+from auditor.model.rig import Triple
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, finished_part, part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 

@@ -7,18 +7,16 @@ import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
-from auditor.elements import rig_elements
 from auditor.errors import StoreError
 from auditor.evaluation import judge_cases
-from auditor.evaluation.experiments import EXPERIMENTS, Dice
-from auditor.evaluation.intervals import INTERVALS
-from auditor.results import Counts
-from auditor.store.evaluation_loading import _how_seldom, load_evaluation
-from auditor.store.evaluation_page import Grid, Rate
-from auditor.store.evaluation_plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
-from auditor.store.evaluation_report import percent, render_evaluation, render_evaluation_report
-from auditor.store.evaluations import EvaluationPart, MeasuredCase
-from auditor.store.parts import part_writer
+from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS, Dice
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Counts
+from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
+from auditor.reporting.evaluation.page import Grid, Rate
+from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
+from auditor.reporting.evaluation.render import percent, render_evaluation, render_evaluation_report
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 from tests.store.test_report import HOSTILE, Page

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
 from auditor.evaluation import judge_cases
 from auditor.evaluation.verdicts import Case, judged
-from auditor.results import FINDINGS, Counts
-from auditor.store.evaluation_loading import load_evaluation
-from auditor.store.evaluations import EvaluationPart, MeasuredCase
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Counts
+from auditor.model.verdict import FINDINGS
+from auditor.reporting.evaluation.loading import load_evaluation
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase
 from auditor.store.queries import list_queries, run_query
 from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 from tests.store.test_evaluation_queries import write

@@ -6,11 +6,10 @@ from itertools import product
 
 import pytest
 
-from auditor.identification.algorithm2 import identify
-from auditor.identification.codewords import allowed_attack_sets, codeword, disagreements
-from auditor.identification.false_alarms import wilson
+from auditor.identification.algorithm2 import allowed_attack_sets, codeword, disagreements, identify
+from auditor.identification.cross_validation import wilson
 from auditor.identification.thresholds import resolvable, threshold
-from auditor.rig import triples_of
+from auditor.model.rig import triples_of
 from auditor.store.connection import connected
 
 TRIPLE = "STRUCT(i TINYINT, j TINYINT, k TINYINT)[]"

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from auditor.identification.thresholds import resolvable, threshold
-from auditor.rig import Triple
-from auditor.store.object_evaluations import ObjectCase, ObjectPart
-from auditor.store.parts import finished_part, part_writer
+from auditor.model.rig import Triple
+from auditor.store.evaluation_tables import ObjectCase, ObjectPart, finished_part, part_writer
 from auditor.store.queries import run_query
 from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from auditor.evaluation.experiments import EXPERIMENTS
-from auditor.store import published
-from auditor.store.evaluation_loading import load_evaluation
-from auditor.store.evaluation_page import Rate
-from auditor.store.evaluation_plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX
-from auditor.store.evaluation_report import render_evaluation
-from auditor.store.object_evaluations import ObjectCase, ObjectPart
+from auditor.reporting.evaluation import published
+from auditor.reporting.evaluation.loading import load_evaluation
+from auditor.reporting.evaluation.page import Rate
+from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX
+from auditor.reporting.evaluation.render import render_evaluation
+from auditor.store.evaluation_tables import ObjectCase, ObjectPart
 from auditor.store.queries import run_query
 from tests.store.making import make_rig, part_columns
 from tests.store.test_evaluation_report import evaluated

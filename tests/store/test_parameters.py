@@ -3,8 +3,7 @@ from decimal import Decimal
 import pytest
 
 from auditor.errors import QueryError, StoreError
-from auditor.store.parameters import bind
-from auditor.store.sql_files import read_sql_file
+from auditor.store.sql_files import bind, read_sql_file
 
 HEAD = """-- One question
 -- over two lines.

@@ -3,8 +3,8 @@ from itertools import pairwise
 
 import pytest
 
-from auditor.rig import Triple
-from auditor.store.plots import LEFT_PX, MOST_POINTS, RIGHT_PX, Row, Series, TimeAxis, draw, round_values
+from auditor.model.rig import Triple
+from auditor.reporting.plots import LEFT_PX, MOST_POINTS, RIGHT_PX, Row, Series, TimeAxis, draw, round_values
 
 S = 1_000_000_000
 TRIPLE = Triple(0, 1, 3)

@@ -3,7 +3,8 @@ from decimal import Decimal
 import pytest
 
 from auditor.errors import QueryError
-from auditor.results import AttackLabel, Statistic
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import AttackLabel
 from auditor.store.calibrations import make_calibration
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from tests.clean_frames import clean_frames

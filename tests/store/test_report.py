@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from auditor.errors import StoreError
-from auditor.regions import Region, Solid
-from auditor.results import Cause, Statistic, VerdictKind
+from auditor.model.measurement import Region, Solid, Statistic
+from auditor.model.verdict import Cause, VerdictKind
+from auditor.reporting.incident.loading import load_page
+from auditor.reporting.incident.render import render, render_incident_report
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration
-from auditor.store.page_loading import load_page
-from auditor.store.report import render, render_incident_report
 from auditor.store.tables import read_rows, write_rows
 from tests.clean_frames import clean_frames
 from tests.store import making

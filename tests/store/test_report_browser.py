@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from auditor.store.report import render_incident_report
+from auditor.reporting.incident.render import render_incident_report
 from tests.store.report_stores import add_recording, make_rig, new_store
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

@@ -6,15 +6,14 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.elements import rig_elements
-from auditor.identification.accusing import System
-from auditor.identification.margins import margins
-from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.results import Finding, VerdictKind
+from auditor.identification.robust import FrameSeries, System, judge_frames
+from auditor.identification.scores import margins
+from auditor.model.calibration import RobustThresholds, Yardstick
+from auditor.model.checks import rig_elements
+from auditor.model.verdict import Finding, VerdictKind
 from auditor.store.describing import describe
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord
-from auditor.thresholds import RobustThresholds, Yardstick
 from tests.store.making import NOON, add_judgement, add_measurement, make_measurement, make_rig, make_verdict, new_store
 
 RIG = make_rig(3)

@@ -13,10 +13,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.elements import rig_elements
 from auditor.errors import StoreError
-from auditor.frames import Presence, SensorState, TopicBalance
-from auditor.results import AttackLabel, Cells, Counts, Coverage, Measurement, Statistic, Verdict, VerdictKind
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Presence, SensorState, TopicBalance
+from auditor.model.measurement import Cells, Counts, Coverage, Measurement, Statistic
+from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
 from auditor.store import files
 from auditor.store.pictures import Picture
 from auditor.store.queries import run_query, run_sql

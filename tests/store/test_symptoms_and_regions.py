@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 
-from auditor.frames import Skipped
-from auditor.regions import Region, Solid
-from auditor.results import Cause, Coverage, Suspicion, Verdict, VerdictKind
+from auditor.model.checks import COLUMNS, Agreement, Contrast, PairSymptoms, Rows, Specks
+from auditor.model.frames import Skipped
+from auditor.model.measurement import Coverage, Region, Solid
+from auditor.model.verdict import Cause, Suspicion, Verdict, VerdictKind
 from auditor.store.queries import run_sql
 from auditor.store.records import JudgementRecord
-from auditor.symptoms import COLUMNS, Agreement, Contrast, PairSymptoms, Rows, Specks
 from tests.store.making import (
     NOON,
     add_judgement,

@@ -23,7 +23,7 @@ from auditor.recordings.decoding.interface import (
     TransformsDecoder,
 )
 from auditor.recordings.decoding.ros import RosTypes
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 
 __all__ = [
     "CameraInfo",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, read_header
 

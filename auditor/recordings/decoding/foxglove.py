@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
-from auditor.geometry import Matrix, motion, rotation_from_quaternion
+from auditor.model.frames import Message
+from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
-from auditor.recordings.decoding.foxglove_json import decode_json
 from auditor.recordings.decoding.foxglove_layouts import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
@@ -19,6 +18,7 @@ from auditor.recordings.decoding.foxglove_layouts import (
     FRAME_TRANSFORMS,
     POINT_CLOUD,
     RAW_IMAGE,
+    decode_json,
 )
 from auditor.recordings.decoding.geometry import ABSURD, checked_matrix
 from auditor.recordings.decoding.images import raw_pixels

@@ -4,8 +4,14 @@ Numbers and types of published protobuf fields never change: an embedded schema 
 under a known name. The JSON form has the same field names; only a timestamp is spelt otherwise in it.
 """
 
+import json
+from binascii import Error as Base64Error
+from binascii import a2b_base64
+from collections.abc import Collection
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from auditor.errors import DecodingError
 
 
 class Kind(IntEnum):
@@ -31,19 +37,44 @@ class Field(NamedTuple):
 
 
 TIMESTAMP = "google.protobuf.Timestamp"
+
+
 RAW_IMAGE = "foxglove.RawImage"
+
+
 COMPRESSED_IMAGE = "foxglove.CompressedImage"
+
+
 COMPRESSED_VIDEO = "foxglove.CompressedVideo"
+
+
 CAMERA_CALIBRATION = "foxglove.CameraCalibration"
+
+
 POINT_CLOUD = "foxglove.PointCloud"
+
+
 FRAME_TRANSFORM = "foxglove.FrameTransform"
+
+
 FRAME_TRANSFORMS = "foxglove.FrameTransforms"
 
+
 _STAMP = Field("timestamp", Kind.MESSAGE, TIMESTAMP)
+
+
 _FRAME_ID = Field("frame_id", Kind.STRING)
+
+
 _WIDTH = Field("width", Kind.FIXED32)
+
+
 _HEIGHT = Field("height", Kind.FIXED32)
+
+
 _DATA = Field("data", Kind.BYTES)
+
+
 _FORMAT = Field("format", Kind.STRING)
 
 
@@ -101,6 +132,7 @@ LAYOUTS: dict[str, dict[int, Field]] = {
     FRAME_TRANSFORMS: {1: Field("transforms", Kind.MESSAGE, FRAME_TRANSFORM, repeated=True)},
 }
 
+
 DESCRIPTORS: dict[str, dict[int, Field]] = {
     "FileDescriptorSet": {1: Field("file", Kind.MESSAGE, "FileDescriptorProto", repeated=True)},
     "FileDescriptorProto": {
@@ -120,3 +152,72 @@ DESCRIPTORS: dict[str, dict[int, Field]] = {
     },
 }
 """What of google.protobuf's descriptor.proto is needed to compare an embedded schema with LAYOUTS."""
+
+
+MAX_BYTES = 48 * 2**20
+
+
+MAX_PARTS = 100_000
+"""A parsed list or object takes 20 times its text: they are counted first. Pixels and points are one string of text."""
+
+
+_TIMES = {"seconds": "sec", "nanos": "nsec"}
+
+
+_NUMBERS = {Kind.INT64, Kind.INT32, Kind.FIXED32, Kind.ENUM}
+
+
+def decode_json(name: str, data: bytes, without: Collection[str] = ()) -> dict[str, Any]:
+    """The fields of a message by name, as `decode_protobuf` gives them, but for some left out. Raises DecodingError."""
+    if len(data) > MAX_BYTES or sum(data.count(mark) for mark in (b",", b"[", b"{")) > MAX_PARTS:
+        raise DecodingError("the JSON message is too large or has too many parts")
+    if not data.isascii() and len(data) > 2**20:
+        # One character beyond ASCII makes the whole text take up to four times its bytes.
+        raise DecodingError("the JSON message is large and not plain ASCII")
+    try:
+        parsed = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise DecodingError("the message is no JSON") from error
+    return _message(name, parsed, without)
+
+
+def _message(name: str, parsed: object, without: Collection[str] = ()) -> dict[str, Any]:
+    if not isinstance(parsed, dict):
+        raise DecodingError(f"the message holds no {name}")
+    values: dict[str, Any] = {}
+    for field in LAYOUTS[name].values():
+        if field.name in without:
+            continue
+        found = parsed.get(_TIMES[field.name] if name == TIMESTAMP else field.name)
+        if field.repeated:
+            if not isinstance(found, list | None):
+                raise DecodingError(f"the field {field.name!r} of {name} is no list")
+            values[field.name] = [_value(field, part) for part in found or ()]
+        else:
+            values[field.name] = _value(field, found)
+    return values
+
+
+def _value(field: Field, found: object) -> Any:  # noqa: ANN401  # what the field's kind holds
+    if field.kind is Kind.MESSAGE:
+        return None if found is None else _message(field.message, found)
+    if field.kind in {Kind.STRING, Kind.BYTES}:
+        if not isinstance(found, str | None):
+            raise DecodingError(f"the field {field.name!r} is no text")
+        return found or "" if field.kind is Kind.STRING else _bytes(found or "")
+    if not isinstance(found, int | float | None) or (field.kind in _NUMBERS and not isinstance(found, int | None)):
+        raise DecodingError(f"the field {field.name!r} is no number")
+    try:
+        number = float(found or 0) if field.kind is Kind.DOUBLE else int(found or 0)
+    except OverflowError as error:
+        raise DecodingError(f"the field {field.name!r} is too large") from error
+    if field.kind is Kind.FIXED32 and not 0 <= number < 2**32:
+        raise DecodingError(f"the field {field.name!r} is out of range")
+    return number
+
+
+def _bytes(text: str) -> memoryview:
+    try:
+        return memoryview(a2b_base64(text, strict_mode=True))
+    except (Base64Error, ValueError) as error:
+        raise DecodingError("its data are no base64") from error

@@ -3,7 +3,7 @@
 from typing import ClassVar, Literal
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.foxglove import FoxgloveMessages
 from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes

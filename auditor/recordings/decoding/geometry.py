@@ -6,8 +6,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
-from auditor.geometry import Matrix, motion, rotation_from_quaternion
+from auditor.model.frames import Message
+from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
 

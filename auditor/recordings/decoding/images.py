@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header, SizePx
 from auditor.recordings.decoding.pictures import check_size, decode_picture, look_at_picture
 from auditor.recordings.decoding.ros import RosTypes, read_header

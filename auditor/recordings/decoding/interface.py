@@ -6,8 +6,8 @@ from typing import ClassVar, Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.frames import Message
-from auditor.geometry import Matrix
+from auditor.model.frames import Message
+from auditor.model.geometry import Matrix
 
 SizePx = tuple[int, int]
 """Width and height."""

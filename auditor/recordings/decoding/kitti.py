@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite
 from auditor.recordings.decoding.interface import CameraInfo, Header, SizePx, Transform
 from auditor.recordings.decoding.pictures import decode_picture, look_at_picture

@@ -12,9 +12,9 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys.store import Typestore
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header
-from auditor.recordings.interface import Definition
+from auditor.recordings.recording import Definition
 
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
 _ROS1_HEAD = struct.Struct("<4xIII")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
-from auditor.frames import Message
+from auditor.model.frames import Message
 from auditor.recordings.decoding.h264 import Parameters, has_key_picture, parameter_sets, picture_number
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.pictures import check_size

@@ -16,16 +16,15 @@ from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
-from auditor.frames import Frame
-from auditor.geometry import Matrix, motion
+from auditor.model.frames import Frame
+from auditor.model.geometry import Matrix, motion
+from auditor.model.rig import Camera, Rig
+from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
-from auditor.recordings.interface import Definition, Topic
-from auditor.recordings.labels import METADATA_TOPIC, label_to_dict
+from auditor.recordings.recording import METADATA_TOPIC, Definition, Topic, label_to_dict
 from auditor.recordings.writers.atomic import whole_file, whole_folder
 from auditor.recordings.writers.mcap_file import Compression, mcap_file
 from auditor.recordings.writers.messages import Form, MessageMaker
-from auditor.results import AttackLabel
-from auditor.rig import Camera, Rig
 
 RIG_FRAME = "rig"
 TRANSFORMS_TOPIC = "/tf_static"

@@ -7,10 +7,16 @@ from typing import IO, Literal
 
 from mcap.writer import CompressionType, Writer
 
-from auditor.recordings.interface import Definition, Topic
-from auditor.recordings.labels import LABELS_MEDIA_TYPE, LABELS_NAME, METADATA_NAME, labels_to_json
+from auditor.model.verdict import AttackLabel
+from auditor.recordings.recording import (
+    LABELS_MEDIA_TYPE,
+    LABELS_NAME,
+    METADATA_NAME,
+    Definition,
+    Topic,
+    labels_to_json,
+)
 from auditor.recordings.writers.atomic import whole_file
-from auditor.results import AttackLabel
 
 Compression = Literal["zstd", "lz4", "none"]
 

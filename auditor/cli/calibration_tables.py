@@ -1,0 +1,155 @@
+"""What a calibration prints: its thresholds, and how they would have judged recordings that they have not seen."""
+
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auditor.cli.output import emit, print_rows, say
+
+if TYPE_CHECKING:
+    from auditor.identification.cross_validation import HeldOut
+    from auditor.identification.robust import System
+    from auditor.model.calibration import Calibration
+    from auditor.store import Store
+
+_MOST_ROWS = 20
+_MOST_NAMED = 5
+_ROBUST_COLUMNS = ("witness", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
+_PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
+_HELD_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
+
+
+def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
+    """The thresholds of the robust method at r, one row an element."""
+    from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
+
+    rows = list(_elements(calibration, system, r))
+    if form != "table":
+        emit(table_of(rows), form)
+        return
+    _head(calibration)
+    told = [{**row, "sensors": f"S_{row['i']} S_{row['k']}", "max": row["largest"]} for row in rows]
+    print_rows(told, _ROBUST_COLUMNS)
+
+
+def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str) -> None:
+    """The thresholds of the paper's method at r, one row a statistic and triple."""
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+
+    thresholds = run_query(store, "thresholds", {"calibration": calibration.calibration_id, "r": r})
+    if form != "table":
+        emit(thresholds, form)
+        return
+    _head(calibration)
+    rows = rows_of(thresholds)
+    told = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in rows]
+    print_rows(told, _PAPER_COLUMNS)
+
+
+def show_held_out(
+    calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
+) -> None:
+    """How often clean recordings are raised by thresholds of the others, by both methods; `names` are by recording."""
+    from auditor.identification.cross_validation import hold_out_paper, hold_out_robust  # noqa: PLC0415 - NumPy is heavy
+    from auditor.model.measurement import Statistic  # noqa: PLC0415
+
+    frames = sum(one.frames for one in calibration.clean)
+    if len(calibration.recordings) < 2:
+        say(f"one clean recording of {frames} frames: nothing can be held out to tell how often others would be raised")
+        return
+    robust = hold_out_robust(calibration, system, r)
+    paper = hold_out_paper(calibration, Statistic.GATED, r)
+    if form == "table":
+        _table(robust, paper, names)
+    hours = sum(one.hours for one in robust)
+    say(
+        f"held out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: {_share(robust)} "
+        f"and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
+    )
+    _warn_of_incidents(robust, names)
+    say(f"{frames} clean frames resolve r = 0 and r from {1 / frames:.2g} up")
+
+
+def _head(calibration: "Calibration") -> None:
+    click.echo(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
+    click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
+
+
+def _elements(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":
+    import numpy as np  # noqa: PLC0415 - keeps --help quick
+
+    from auditor.identification.scores import yardsticks  # noqa: PLC0415
+    from auditor.identification.thresholds import resolvable  # noqa: PLC0415
+
+    ratios = calibration.ratios_of(system.elements)
+    return [
+        {
+            "calibration_id": calibration.calibration_id,
+            "witness": element.witness.value,
+            "i": element.i,
+            "k": element.k,
+            "N": scale.samples,
+            "median": float(np.nanmedian(column)),
+            "largest": float(np.nanmax(column)),
+            "r": r,
+            "theta": scale.theta,
+            "scale": scale.scale,
+            "resolvable": resolvable(r, scale.samples),
+        }
+        for element, column, scale in zip(
+            system.elements, ratios.T, yardsticks(ratios, system.elements, r), strict=True
+        )
+        if scale is not None
+    ]
+
+
+def _table(robust: "Sequence[HeldOut]", paper: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
+    """The recordings that are raised most, and all together."""
+    rows: list[dict[str, Any]] = [
+        {
+            "recording": names.get(one.recording, one.recording),
+            "frames": one.frames,
+            "hours": one.hours,
+            "raised": one.raised,
+            "incidents": one.incidents,
+            "raised by paper": other.raised,
+        }
+        for one, other in zip(robust, paper, strict=True)
+    ]
+    worst = sorted(rows, key=lambda row: (-row["raised"], -row["raised by paper"]))[:_MOST_ROWS]
+    whole = {column: sum(row[column] for row in rows) for column in _HELD_OUT_COLUMNS[1:]}
+    title = "Held out: each recording judged by the others"
+    if len(rows) > len(worst):
+        title += f"; the {len(worst)} raised most of {len(rows)}"
+    print_rows([*worst, {"recording": "all together", **whole}], _HELD_OUT_COLUMNS, title=title)
+
+
+def _warn_of_incidents(results: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
+    """A recording in which the others find incidents may not be clean, or not like them."""
+    suspects = [
+        f"{names.get(one.recording, one.recording)} ({one.incidents})"
+        for one in sorted(results, key=lambda one: -one.incidents)
+        if one.incidents
+    ]
+    if suspects:
+        more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
+        say(
+            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: look at "
+            "them before you trust these thresholds, and leave out what is not clean: it hides attacks like its own"
+        )
+
+
+def _share(results: "Sequence[HeldOut]") -> str:
+    from auditor.identification.cross_validation import wilson  # noqa: PLC0415 - NumPy is heavy
+
+    raised, frames = sum(one.raised for one in results), sum(one.frames for one in results)
+    low, high = wilson(raised, frames)
+    share = raised / max(frames, 1)
+    return f"{raised} of {frames} frames raised ({share:.2%}, 95 % interval {low:.2%} to {high:.2%})"
+
+
+def _incidents(results: "Sequence[HeldOut]", hours: float) -> str:
+    count = sum(one.incidents for one in results)
+    return f"{count} incident{'' if count == 1 else 's'} in {hours:.2g} h"

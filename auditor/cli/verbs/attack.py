@@ -1,0 +1,161 @@
+"""`auditor attack`: a compromised copy of a recording, with its ground truth inside."""
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import options
+from auditor.errors import SettingError
+
+if TYPE_CHECKING:
+    from auditor.lab.attacks.schedule import Attacker
+    from auditor.model.verdict import AttackLabel
+
+_SECOND_NS = 10**9
+_KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
+_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
+_EITHER = ("delayed", "frozen")
+
+
+class _Sensor(click.ParamType[int]):
+    name = "S_k"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not found:
+            self.fail(f"{value!r} is no sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+        return int(found[1])
+
+
+@click.command("attack", short_help="A compromised copy with its ground truth.")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option(
+    "--on", "sensors", type=_Sensor(), multiple=True, required=True, help="Sensor to attack; may be repeated."
+)
+@click.option(
+    "--kind",
+    type=click.Choice((*_KINDS, *_LIDAR_KINDS, *_EITHER)),
+    help="What is done, in place of a facula on a camera and a wall in the LiDAR's cloud.",
+)
+@click.option(
+    "--size",
+    type=options.FiniteRange(min=0),
+    help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
+    "hidden sector or turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
+    "(blobs), share of light that dims.",
+)
+@click.option(
+    "--pattern",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="Picture of a laser pattern for --kind pattern.",
+)
+@click.option(
+    "--strength",
+    type=click.Choice(["mild", "strong", "opaque"]),
+    default="opaque",
+    show_default=True,
+    help="How bright a facula is: 255, 510 or 2000 grey levels at its centre.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Decides size and place.")
+@click.option("--moving", is_flag=True, help="Draw size and place anew for every frame.")
+@click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
+@click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
+@options.rig_option
+def command(
+    source: Path,
+    target: Path,
+    sensors: tuple[int, ...],
+    kind: str | None,
+    size: float | None,
+    pattern: Path | None,
+    strength: str,
+    seed: int,
+    from_s: float | None,
+    to_s: float | None,
+    rig: Path | None,
+    *,
+    moving: bool,
+) -> None:
+    """Write a compromised copy: a Gaussian facula on a camera, a bogus wall into the LiDAR's point cloud.
+
+    \b
+    auditor attack clean.mcap attacked.mcap --on S_2
+    auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
+    auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
+    auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
+
+    The ground truth travels inside the copy and comes into the store with it.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick
+    from auditor.lab.attacks.schedule import Attacker, AttackPlan  # noqa: PLC0415
+    from auditor.pipeline.measure import rigs_of  # noqa: PLC0415
+    from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
+
+    _check_span(from_s, to_s)
+    with open_recording(source) as recording:
+        surveyed = survey(recording)
+        known = rigs_of(surveyed, rig)[0]
+        start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
+        attackers = [
+            Attacker(
+                AttackPlan(
+                    sensor,
+                    strength,
+                    seed,
+                    moving,
+                    _at(start_ns, from_s),
+                    _at(start_ns, to_s),
+                    kind,
+                    size,
+                    read_patterns([pattern])[0] if pattern else None,
+                ),
+                known,
+            )
+            for sensor in dict.fromkeys(sensors)
+        ]
+        changes = {
+            known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
+            for attacker in attackers
+        }
+        rewrite(recording, target, changes, _labels(attackers, start_ns))
+    click.echo(target)
+
+
+def _at(start_ns: int, seconds: float | None) -> int | None:
+    return None if seconds is None else start_ns + round(seconds * _SECOND_NS)
+
+
+def _check_span(from_s: float | None, to_s: float | None) -> None:
+    first, last = from_s or 0.0, to_s
+    if math.isfinite(first) and (last is None or (math.isfinite(last) and first < last)):
+        return
+    raise SettingError(
+        f"an attack cannot go from {first:g} s to {'the end' if last is None else f'{last:g} s'}",
+        where="--from, --to",
+        remedy="give seconds after the recording's start, --from before --to",
+    )
+
+
+def _labels(attackers: "list[Attacker]", start_ns: int) -> "Iterator[AttackLabel]":
+    """What was done, known only once the recording has gone by. Raises SettingError for a sensor that was spared."""
+    for attacker in attackers:
+        if attacker.label is None:
+            raise _spared(attacker, start_ns)
+        yield attacker.label
+
+
+def _spared(attacker: "Attacker", start_ns: int) -> SettingError:
+    sensor = f"S_{attacker.plan.sensor}"
+    if attacker.newest_ns is None:
+        return SettingError(f"no data of {sensor} could be decoded, so nothing was attacked", where="--on")
+    long_s = (attacker.newest_ns - start_ns) / _SECOND_NS
+    return SettingError(
+        f"nothing was done to {sensor}, whose data ends {long_s:.1f} s after the recording's start",
+        where="--from, --to",
+        remedy="choose a time within that, and a delay that is shorter; nothing was written",
+    )

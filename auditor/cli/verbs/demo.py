@@ -1,0 +1,148 @@
+"""`auditor demo`: the first thing a newcomer runs."""
+
+import re
+import shutil
+from collections.abc import Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import Exit, options
+from auditor.cli.output import print_rows, progress, say
+
+if TYPE_CHECKING:
+    from auditor.pipeline.demo import Take
+    from auditor.store import Store
+
+_MARKER = ".auditor-demo"
+_MADE = re.compile(
+    r"""\.auditor-demo
+    | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
+    | audit/(
+        store\.json | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
+        | reports/(incident|evaluation)\.html
+    )
+    """,
+    re.VERBOSE,
+)
+"""What a demo makes beside its recordings: the store and its pages."""
+_MOST_NAMED = 3
+
+
+@click.command("demo", short_help="A whole audit on a small fleet made here.")
+@click.argument("folder", type=click.Path(path_type=Path), default=Path("auditor-demo"))
+@options.method_option
+@options.jobs_option
+def command(folder: Path, method: str, jobs: int) -> int:
+    """Make a small fleet, attack three of its drives, audit them all, and write the incident page.
+
+    \b
+    auditor demo
+    auditor demo /tmp/demo
+
+    Everything lands in the folder: the recordings, the store, the page. Exits with 0 when the audit names exactly the
+    sensors that were attacked.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.measuring import Measuring, measure_all  # noqa: PLC0415
+    from auditor.cli.summary import show_audit  # noqa: PLC0415
+    from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: PLC0415
+    from auditor.pipeline.demo import fleet  # noqa: PLC0415
+    from auditor.pipeline.judge import calibrate  # noqa: PLC0415
+    from auditor.pipeline.workers import Limits  # noqa: PLC0415
+    from auditor.recordings import Origin  # noqa: PLC0415
+    from auditor.reporting import render_incident_report  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    clean, suspected = fleet(folder)
+    _prepare(folder, (*clean, *suspected))
+    store = folder / "audit"
+    tally = Tally()
+    _record((*clean, *suspected), jobs)
+    measuring = Measuring("sgbm", MatcherOptions(), None, lambda _: Origin(), lambda _: Limits(), jobs)
+    learnt = measure_all([take.file for take in clean], store, tally, measuring)
+    kept = Store.open(store)
+    calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
+    kept.write_calibration(calibration)
+    audited = measure_all([take.file for take in suspected], store, tally, measuring)
+    judging = Judging(Decimal(0), calibration.calibration_id, method, strict=True, min_coverage=1)
+    judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
+    show_audit(kept, "table", {one.recording_id for one in audited})
+    exact = _compare(kept, suspected)
+    page = render_incident_report(kept, out=store / "reports" / "incident.html")
+    click.echo(f"The incident page: {page}")
+    click.echo(f"Ask further:       auditor query --store {store}")
+    return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
+
+
+def _prepare(folder: Path, takes: "Sequence[Take]") -> None:
+    """An empty folder; what an earlier demo left there is removed, if nothing else is among it."""
+    from auditor.errors import SettingError  # noqa: PLC0415
+
+    remedy = "name an empty or a new folder"
+    if folder.exists() and not folder.is_dir():
+        raise SettingError("it is a file", where=folder, remedy=remedy)
+    there = list(folder.iterdir()) if folder.exists() else []
+    if there and not (folder / _MARKER).exists():
+        raise SettingError("the folder is not empty", where=folder, remedy=remedy)
+    if strange := _strange(folder, [take.file.name for take in takes]):
+        named = ", ".join(strange[:_MOST_NAMED]) + (", ..." if len(strange) > _MOST_NAMED else "")
+        raise SettingError(
+            f"beside an earlier demo the folder holds {named}", where=folder, remedy=f"move that elsewhere, or {remedy}"
+        )
+    for path in there:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / _MARKER).touch()
+
+
+def _strange(folder: Path, names: Sequence[str]) -> list[str]:
+    """What no demo makes, by its place in the folder; recordings may be files or rosbag2 folders."""
+    recordings = {place for name in names for place in (name, f"{name}/metadata.yaml", f"{name}/{name}.db3")}
+    files = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    places = (path.relative_to(folder).as_posix() for path in files)
+    return sorted(place for place in places if place not in recordings and not _MADE.fullmatch(place))
+
+
+def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
+    from auditor.pipeline.demo import record  # noqa: PLC0415
+    from auditor.pipeline.workers import run_all  # noqa: PLC0415
+
+    say(f"making {len(takes)} drives of three vehicles (LiDAR and three cameras), three of them attacked")
+    with progress(len(takes), "rendering") as (advanced, finished):
+        for outcome in run_all(record, takes, jobs, advanced):
+            if outcome.error:
+                raise outcome.error
+            finished("")
+
+
+def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
+    """Print what was planted beside what was found; True where they are the same."""
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
+
+    summary = {row["name"]: row for row in rows_of(run_query(store, "summary", {}))}
+    incidents = rows_of(run_query(store, "incidents", {}))
+    rows = []
+    for take in takes:
+        found = summary[take.file.name]
+        planted = [] if take.attacked is None else [take.attacked]
+        rows.append(
+            {
+                "recording": take.file.name,
+                "vehicle": take.vehicle.name,
+                "planted": [f"S_{sensor}" for sensor in planted],
+                "found": [f"S_{sensor}" for sensor in found["attacked_sensors"]],
+                "frames attacked": len(take.attacked_frames),
+                "frames named": sum(
+                    row["frames"] for row in incidents if row["attacked"] and row["name"] == take.file.name
+                ),
+                "exact": found["attacked_sensors"] == planted,
+            }
+        )
+    print_rows(rows, tuple(rows[0]), title="Planted and found")
+    return all(row["exact"] for row in rows)

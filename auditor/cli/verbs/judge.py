@@ -1,0 +1,43 @@
+"""`auditor judge`: verdicts again, without the recordings."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from auditor.cli import options
+from auditor.cli.output import format_option
+
+
+@click.command("judge", short_help="Verdicts again, without recordings.")
+@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@options.recount_option
+@options.judging_options
+@format_option
+def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to Judging
+    """Judge everything in a store again: another r, other thresholds, no recordings needed.
+
+    \b
+    auditor judge -r 0
+    auditor judge night/audit -r 2% --statistic plain
+    auditor judge night/audit --recount
+
+    The new verdicts become the current ones; earlier ones stay in the store. What could not be judged now is not shown.
+
+    --recount is for measurements made by an auditor with other windows: what they keep in cells is counted in today's
+    windows before it is judged. What was measured stays as it is, and a judgement says that it was recounted. Its
+    thresholds must be made with today's windows, too (auditor calibrate --recount).
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import show_audit  # noqa: PLC0415
+    from auditor.errors import StoreError  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    ids = kept.ids("measurements")
+    if not ids:
+        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
+    tally = Tally()
+    judged = judge_all(kept, ids, Judging(**judging), tally)
+    show_audit(kept, form, judged=judged)
+    return tally.exit_code()

@@ -1,0 +1,40 @@
+"""`auditor report`: pages for people."""
+
+from pathlib import Path
+
+import click
+
+from auditor.cli import options
+
+_REPORTS = ("incident", "evaluation")
+
+
+@click.command("report", short_help="The incident page, the evaluation page.")
+@click.argument("name", type=click.Choice(_REPORTS), default="incident")
+@options.store_option
+@click.option("--recording", help="Only the recording of this name, or whose id begins so.")
+@click.option("--out", type=click.Path(path_type=Path), help="The file to write.  [default: STORE/reports/NAME.html]")
+def command(name: str, store: Path, recording: str | None, out: Path | None) -> None:
+    """Write a self-contained page from a store; the recordings are not needed.
+
+    \b
+    auditor report
+    auditor report incident --recording drive_0009.mcap --out incident.html
+    auditor report evaluation --out evaluation.html
+
+    The evaluation page shows everything that auditor evaluate has measured into the store.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.output_files import check_page  # noqa: PLC0415 - keeps --help quick
+    from auditor.reporting import render_evaluation_report, render_incident_report  # noqa: PLC0415 - heavy
+    from auditor.store import Store  # noqa: PLC0415 - heavy
+
+    if out:
+        check_page(out)
+    kept = Store.open(store)
+    target = out or store / "reports" / f"{name}.html"
+    if name == "evaluation":
+        if recording is not None:
+            raise click.UsageError("--recording is for the incident page; the evaluation page pools all recordings")
+        click.echo(render_evaluation_report(kept, out=target))
+    else:
+        click.echo(render_incident_report(kept, out=target, recording=recording))

@@ -1,0 +1,58 @@
+"""`auditor scan`: the main job."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auditor.cli import options
+from auditor.cli.output import format_option, say
+
+if TYPE_CHECKING:
+    from auditor.cli.measuring import Measuring
+
+
+@click.command("scan", short_help="Audit recordings: the main job.")
+@options.recordings_argument
+@options.store_option
+@options.judging_options
+@click.option("--measure-only", is_flag=True, help="Measure and keep; judge later with auditor judge.")
+@options.measuring_options
+@format_option
+def command(
+    recordings: tuple[Path, ...],
+    store: Path,
+    measuring: "Measuring",
+    *,
+    measure_only: bool,
+    form: str,
+    **judging: Any,  # noqa: ANN401 - handed on to Judging, which declares them
+) -> int:
+    """Audit recordings: measure every frame, judge it, and name the attacked sensors.
+
+    \b
+    auditor scan fleet_logs/*.mcap
+    auditor scan fleet_logs/ -r 0 --store night/audit
+
+    Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
+    these. What the store has measured already is not measured again.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.judging import Judging, Tally, judge_all, named_calibration  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.summary import show_audit  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+
+    how, tally, judged = Judging(**judging), Tally(), list[str]()
+    named_calibration(store, how.calibration)  # a wrong name is told before hours of measuring, not after
+    measured = measure_all(recordings, store, tally, measuring)
+    if not measured:
+        return tally.exit_code()
+    kept = Store.open(store)
+    ids = [known for one in measured for known in one.measurement_ids]
+    if measure_only:
+        say("measured only: no verdicts were reached; auditor judge reaches them")
+        tally.incomplete = True
+    else:
+        judged = judge_all(kept, ids, how, tally)
+    show_audit(kept, form, {one.recording_id for one in measured}, judged)
+    return tally.exit_code()

@@ -1,0 +1,180 @@
+"""`auditor train-matcher`: a stereo network of one's own, from clean recordings and synthetic streets."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auditor.cli import Exit, options
+from auditor.cli.output import print_rows, progress, say
+from auditor.errors import SettingError
+
+if TYPE_CHECKING:
+    from auditor.training import Made, Point, SampleSource, SampleTask
+
+_FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on
+_FIRST_HELD_OUT = 9000
+_HELD_OUT_SHARE = 8
+_STREET_SAMPLES = 8
+_COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
+
+
+@click.command("train-matcher", short_help="A stereo network from your own clean logs.")
+@click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
+@click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and train on them too.")
+@click.option(
+    "--validate",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A clean recording to try the network on, not to train on; may be given again.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("network"),
+    show_default=True,
+    help="Folder of the training: samples, checkpoint, curve, weights.",
+)
+@click.option(
+    "--frames",
+    type=click.IntRange(min=1),
+    default=500,
+    show_default=True,
+    help="Samples of each recording, at most, spread over it.",
+)
+@click.option(
+    "--width", type=int, default=8, show_default=True, help="Channels of the network; 32 in the published one."
+)
+@click.option(
+    "--max-disparity",
+    type=int,
+    default=128,
+    show_default=True,
+    help="Largest disparity that it looks for, in pixels of the image.",
+)
+@click.option("--full-resolution", is_flag=True, help="Match every pixel, not every second one each way.")
+@click.option(
+    "--crop",
+    type=(int, int),
+    default=(96, 256),
+    show_default=True,
+    metavar="ROWS COLUMNS",
+    help="Windows that it is trained on, in pixels that it sees.",
+)
+@click.option("--batch", type=int, default=4, show_default=True, help="Windows in one step.")
+@click.option("--steps", type=int, default=2000, show_default=True, help="Steps in all.")
+@click.option("--learning-rate", type=float, default=4e-3, show_default=True, help="The largest one of its schedule.")
+@click.option(
+    "--validate-every", type=int, default=100, show_default=True, help="Steps from one checkpoint to the next."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="What chance is drawn from.")
+@click.option("--device", default="cpu", show_default=True, help="Where it is trained: cpu, cuda or cuda:1.")
+@options.rig_option
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=lambda: len(os.sched_getaffinity(0)),
+    show_default="the number of cores",
+    help="Processes that make samples, and threads that train on the CPU.",
+)
+def command(
+    recordings: tuple[Path, ...],
+    synthetic: int | None,
+    validate: tuple[Path, ...],
+    out: Path,
+    frames: int,
+    rig: Path | None,
+    jobs: int,
+    *,
+    full_resolution: bool,
+    **settings: Any,  # noqa: ANN401 - handed on to TrainingSettings, which declares them
+) -> int:
+    """Train a PSMNet on the LiDAR of clean recordings and on synthetic streets, for `--matcher psmnet`.
+
+    \b
+    auditor train-matcher --synthetic 40 --out network
+    auditor train-matcher clean_logs/*.mcap --validate other_day.mcap --synthetic 40
+    auditor train-matcher clean_logs/*.mcap --synthetic 400 --full-resolution --width 32 --max-disparity 192
+        --crop 256 512 --steps 20000 --device cuda
+
+    It learns from a pair of cameras a frame, in grey. After interruptions the same command goes on where it was. The
+    curve tells the share of pixels over 3 px, on streets and recordings that were held out, beside that of sgbm.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - heavy
+    from auditor.recordings import find_recordings  # noqa: PLC0415
+    from auditor.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, lesson, teach  # noqa: PLC0415
+
+    if not recordings and synthetic is None:
+        raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
+    if not validate and synthetic is None:
+        raise SettingError(
+            "nothing to try the network on", where="train-matcher", remedy="give --validate, or --synthetic"
+        )
+    training = psmnet_module("psmnet", "auditor.training")
+    chosen = training.TrainingSettings(
+        **settings, step=1 if full_resolution else 2, precision=training.best_precision(settings["device"])
+    )
+    training.check_settings(chosen)  # before samples are made, which takes long
+    found = [find_recordings(paths) for paths in (recordings, validate)]
+    for error in (error for one in found for error in one.errors):
+        raise error
+    samples = out / "samples"
+
+    def tasks(paths: Sequence[Path], first_street: int, streets: int) -> "list[SampleTask]":
+        sources: list[SampleSource] = [Recorded(path, rig) for path in paths]
+        sources += [Street(first_street + number, _STREET_SAMPLES) for number in range(streets)]
+        return [SampleTask(source, samples, frames) for source in sources]
+
+    held_out_streets = -(-synthetic // _HELD_OUT_SHARE) if synthetic else 0
+    learnt = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
+    made = _make([*learnt, *tasks(found[1].recordings, _FIRST_HELD_OUT, held_out_streets)], jobs)
+    learning = lesson(made[: len(learnt)], made[len(learnt) :])
+    tried = ", ".join(f"{len(files)} of {kind}" for kind, files in learning.validation.items())
+    say(f"{len(learning.training)} samples to train on; tried on {tried}")
+
+    training.use_threads(jobs)
+    points: list[Point] = []
+    for some in teach(learning, replace(chosen, samples=learning.known), out):
+        points += some
+        for point in some:
+            say(_line(point))
+    print_rows([_row(point) for point in points], _COLUMNS)
+    say(f"the curve is in {out / CURVE}; use the network with")
+    click.echo(f"auditor scan RECORDING... --matcher psmnet --weights {out / WEIGHTS}")
+    return Exit.CLEAN
+
+
+def _make(tasks: "list[SampleTask]", jobs: int) -> "list[Made]":
+    """The samples of every source, in the order of the tasks; the first that cannot be made is an error."""
+    from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
+    from auditor.training import make_samples  # noqa: PLC0415
+
+    made = {}
+    with progress(len(tasks), "making samples") as (advanced, finished):
+        for outcome in run_all(make_samples, tasks, jobs, advanced):
+            if outcome.error is not None:
+                raise outcome.error
+            if outcome.result is not None:
+                made[outcome.item] = outcome.result
+                how = "made" if outcome.result.fresh else "made before"
+                finished(f"{outcome.item}: {len(outcome.result.files)} samples {how}")
+    return [made[task] for task in tasks]
+
+
+def _row(point: "Point") -> dict[str, object]:
+    return {
+        "step": point.step,
+        "loss": point.loss,
+        "samples": point.kind,
+        "mean_px": point.network.mean_px,
+        "over_3px": point.network.over_3px_share,
+        "sgbm_over_3px": point.sgbm.over_3px_share,
+    }
+
+
+def _line(point: "Point") -> str:
+    network, sgbm = point.network.over_3px_share or 0.0, point.sgbm.over_3px_share or 0.0
+    return f"step {point.step}: loss {point.loss:.3f}, {point.kind}: over 3 px {network:.1%} (sgbm {sgbm:.1%})"

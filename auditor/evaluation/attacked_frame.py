@@ -1,0 +1,272 @@
+"""One frame under many attacks: only what an attack changes is measured again."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Protocol, TypeVar, cast, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.identification.statistics import local_ratios
+from auditor.measurement.checks.collect import Testimony, testify
+from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
+from auditor.measurement.disparity.half_resolution import grey, halve
+from auditor.measurement.disparity.lidar import LidarView, lidar_view
+from auditor.measurement.disparity.matchers import Matcher
+from auditor.measurement.disparity.matchers.interface import PairMatcher
+from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
+from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
+from auditor.measurement.pairwise_views import OF_TWO, joined
+from auditor.measurement.shared_view import matched
+from auditor.model.checks import Pair, rig_elements
+from auditor.model.frames import CameraImage, Frame, PointCloud
+from auditor.model.measurement import Counts
+from auditor.model.rig import LIDAR, Rig, Triple
+
+Made = TypeVar("Made")
+
+
+@runtime_checkable
+class CameraAttack(Protocol):
+    """Changes the data of one camera. It is hashable, and equal attacks do the same."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - the kind of attack
+    @property
+    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
+    def apply(self, image: CameraImage) -> CameraImage: ...  # noqa: D102
+
+
+@runtime_checkable
+class LidarAttack(Protocol):
+    """Changes the data of the LiDAR. It is hashable, and equal attacks do the same."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - the kind of attack
+    @property
+    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud: ...  # noqa: D102
+
+
+Attack = CameraAttack | LidarAttack
+Attacks = Mapping[int, Attack]
+"""What is done to each attacked sensor."""
+
+
+class Bench:
+    """Measures one clean frame under one set of attacks after the other.
+
+    Counts and local ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
+    counts and ratios of sensors under the same attack (or none) are made once and used again until `forget_attacks`.
+    """
+
+    def __init__(self, frame: Frame, rig: Rig, matcher: Matcher) -> None:
+        self.frame = frame
+        self.rig = rig
+        self.elements = rig_elements(rig)
+        self._matcher = matcher
+        self._made: dict[tuple[object, ...], object] = {}
+        self._seen = self._rectification()
+        self._pairs = {pair: _PairBench(self, view) for pair, view in self._seen.pairs.items()}
+
+    @property
+    def sensors(self) -> tuple[int, ...]:
+        """The sensors whose data the frame holds."""
+        present = set(self.frame.images) | ({LIDAR} if self.frame.cloud is not None else set())
+        return tuple(sensor for sensor in self.rig.sensors if sensor in present)
+
+    @property
+    def view_rig(self) -> Rig:
+        """The rig that views and disparity maps are of: the ideal one."""
+        return self._seen.rig
+
+    def _rectification(self) -> Rectification:
+        return rectification(self.rig)
+
+    def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
+        """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not asked for."""
+        wanted = self._measurable(triples)
+        return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in self.rig.triples)
+
+    def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
+        """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
+        wanted = self._measurable(triples)
+        pairs = matched(wanted)
+        cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
+        heard = [self.testimony(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
+        cells = {element: of_it for one in heard for element, of_it in one.cells.items()}
+        shares = {element: share for one in heard for element, share in one.shares.items()}
+        return local_ratios(self.elements, cells, shares)
+
+    def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
+        """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
+        if not isinstance(self._matcher, PairMatcher):
+            return
+        pairs, cases = matched(self._measurable(triples)), list(cases)
+        if not self._pairs:
+            self.match_pairs(pairs, cases)
+            return
+        for pair in pairs:
+            self._pairs[pair].match_pairs([OF_TWO], [of_two(attacks, pair) for attacks in cases])
+
+    def match_pairs(self, pairs: Sequence[Pair], cases: Sequence[Attacks]) -> None:
+        """Make the maps of these pairs, which share a view, of all cases at once."""
+        wanted = {((i, attacks.get(i)), (k, attacks.get(k))): attacks for attacks in cases for i, k in pairs}
+        missing = {key: attacks for key, attacks in wanted.items() if _map_key(*key) not in self._made}
+        of_image = {image: attacks for key, attacks in missing.items() for image in key}
+        images = {image: self._matched(image[0], attacks) for image, attacks in of_image.items()}
+        texture = {image: self._texture(image[0], attacks) for image, attacks in of_image.items()}
+        for (witness, reference), found in stereo_maps(self._matcher, images, texture, missing).items():
+            self._made[_map_key(witness, reference)] = found
+
+    def forget_attacks(self) -> None:
+        """Keep only what was made of clean data."""
+        self._made = {key: made for key, made in self._made.items() if not any(key[2:])}
+        for pair in self._pairs.values():
+            pair.forget_attacks()
+
+    def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
+        """Those of the triples asked for whose sensors are all there."""
+        present = frozenset(self.sensors)
+        asked = self.rig.triples if triples is None else triples
+        return tuple(triple for triple in asked if present.issuperset(triple))
+
+    def _counts(self, triple: Triple, attacks: Attacks) -> Counts:
+        def count() -> Counts:
+            i, j, k = triple
+            rig = self._seen.rig
+            if i == LIDAR and self._pairs:
+                (counts,) = self._pairs[j, k].counts(of_two(attacks, (j, k)))
+                return cast(Counts, counts)
+            second = self.stereo_map(j, k, attacks)
+            if i == LIDAR:
+                return compare_with_lidar(self.lidar_view(k, attacks), second, j).counts
+            baselines = rig.baseline_m(i, k), rig.baseline_m(j, k)
+            return compare_cameras(self.stereo_map(i, k, attacks), second, *baselines).counts
+
+        return self.once("counts", triple, attacks, triple, count)
+
+    def testimony(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> Testimony:
+        """What the witnesses say of two cameras i < k under these attacks, and the LiDAR in k's view if it is there.
+
+        Without having `matched` them that is only what needs no disparities.
+        """
+
+        def hear() -> Testimony:
+            halves = {camera: self._half(camera, attacks) for camera in (i, k)}
+            maps = {(i, k): self.stereo_map(i, k, attacks)} if matched else {}
+            views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
+            if self._pairs:
+                told = {pair: self._pairs[pair].testimony(*OF_TWO, of_two(attacks, pair)) for pair in maps}
+                return joined(told, halves, views, self._seen.rig)
+            return testify(halves, maps, views, self._seen.rig)
+
+        return self.once("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), hear)
+
+    def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
+        """DM_{i,k} under these attacks, in the common view."""
+
+        def match() -> StereoMap:
+            if self._pairs:
+                own = self._pairs[i, k].stereo_map(*OF_TWO, of_two(attacks, (i, k)))
+                return self._seen.pairs[i, k].back.stereo(own)
+            reference, witness = self._matched(k, attacks), self._matched(i, attacks)
+            return stereo_map(self._matcher, reference, witness, self._texture(k, attacks), self._texture(i, attacks))
+
+        return self.once("map", (i, k), attacks, (i, k), match)
+
+    def lidar_view(self, k: int, attacks: Attacks) -> LidarView:
+        """The LiDAR's points in the view of camera k under these attacks."""
+        return self.once("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self._seen.rig, k))
+
+    def cloud(self, attacks: Attacks) -> PointCloud:
+        """The data of the LiDAR under these attacks."""
+
+        def change() -> PointCloud:
+            cloud, attack = self.frame.cloud, attacks.get(LIDAR)
+            assert cloud is not None
+            return cloud if attack is None else cast(LidarAttack, attack).apply(cloud, self.rig)
+
+        return self.once("cloud", LIDAR, attacks, (LIDAR,), change)
+
+    def _texture(self, camera: int, attacks: Attacks) -> NDArray[np.bool_]:
+        return self.once("texture", camera, attacks, (camera,), lambda: textured(self._half(camera, attacks)))
+
+    def _half(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        return self.once("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
+
+    def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The rectified image as the matcher wants it."""
+
+        def change() -> NDArray[np.uint8]:
+            pixels = self.rectified(camera, attacks)
+            return pixels if self._matcher.colour else grey(pixels)
+
+        return self.once("matched", camera, attacks, (camera,), change)
+
+    def rectified(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The rectified image of a camera under these attacks, (H, W) or (H, W, 3)."""
+
+        def change() -> NDArray[np.uint8]:
+            image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
+            return self._seen.image(image).pixels
+
+        return self.once("rectified", camera, attacks, (camera,), change)
+
+    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """The image of a camera under these attacks, (H, W) or (H, W, 3) as the frame holds it."""
+
+        def change() -> NDArray[np.uint8]:
+            image, attack = self.frame.images[camera], attacks.get(camera)
+            return image.pixels if attack is None else cast(CameraAttack, attack).apply(image).pixels
+
+        return self.once("pixels", camera, attacks, (camera,), change)
+
+    def once(
+        self, what: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
+    ) -> Made:
+        """What depends on the data of these sensors only, made once for each attack on them."""
+        key = (what, which, *(attacks.get(sensor) for sensor in sensors))
+        if key not in self._made:
+            self._made[key] = make()
+        return cast(Made, self._made[key])
+
+
+class _PairBench(Bench):
+    """The bench of a pair with a view of its own: a rig of two, whose attacked data is the whole bench's."""
+
+    def __init__(self, whole: Bench, view: PairView) -> None:
+        self._whole, self._view = whole, view
+        super().__init__(view.recorded(whole.frame), whole.rig.pair(*view.cameras), whole._matcher)
+
+    def _rectification(self) -> Rectification:
+        return self._view.seen
+
+    def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
+        """DM_{1,2}, where both see."""
+        found, sights = super().stereo_map(i, k, attacks), self._view.sights
+        return self.once("seen map", (i, k), attacks, (i, k), lambda: within(found, sights[k], sights[i]))
+
+    def cloud(self, attacks: Attacks) -> PointCloud:
+        """That of the whole bench."""
+        return self._whole.cloud(attacks)
+
+    def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
+        """That of the whole bench."""
+        number, attack = self._view.cameras[camera - 1], attacks.get(camera)
+        return self._whole.pixels(number, {} if attack is None else {number: attack})
+
+
+def of_two(attacks: Attacks, pair: Pair) -> Attacks:
+    """The attacks on the LiDAR and on a pair's cameras, under the numbers that these have in a rig of two."""
+    return {number: attacks[sensor] for number, sensor in enumerate((LIDAR, *pair)) if sensor in attacks}
+
+
+AttackedCamera = tuple[int, Attack | None]
+
+
+def _map_key(witness: AttackedCamera, reference: AttackedCamera) -> tuple[object, ...]:
+    """The key of `once` for a disparity map."""
+    (i, on_i), (k, on_k) = witness, reference
+    return ("map", (i, k), on_i, on_k)

@@ -1,0 +1,107 @@
+"""What a detector of objects is, and what it finds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.geometry import Matrix
+
+
+@dataclass(frozen=True)
+class ImageBox:
+    """An upright rectangle in an image, in pixels."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    @property
+    def area(self) -> float:
+        """Square pixels; 0 where it is turned inside out."""
+        return max(self.right - self.left, 0.0) * max(self.bottom - self.top, 0.0)
+
+
+@dataclass(frozen=True)
+class SolidBox:
+    """A box that stands on the ground, in the rig frame (x right, y down, z forward) as KITTI's labels give it.
+
+    `x_m`, `y_m`, `z_m` are the centre of its underside; `yaw_rad` turns its length from the x axis towards -z.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    length_m: float
+    width_m: float
+    height_m: float
+    yaw_rad: float
+
+    @property
+    def footprint_m(self) -> Matrix:
+        """(4, 2) corners (x, z) seen from above, in order around the box."""
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        along = np.array([1, 1, -1, -1]) * self.length_m / 2
+        across = np.array([1, -1, -1, 1]) * self.width_m / 2
+        return np.stack([self.x_m + cos * along + sin * across, self.z_m - sin * along + cos * across], axis=1)
+
+    @property
+    def corners_m(self) -> Matrix:
+        """(8, 3) corners."""
+        ground = self.footprint_m
+        return np.concatenate(
+            [np.insert(ground, 1, y, axis=1) for y in (self.y_m, self.y_m - self.height_m)], dtype=np.float64
+        )
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One object: where it is, how sure its detector is, and what it is; `label` is None where nobody says."""
+
+    box: ImageBox
+    score: float = 1.0
+    label: str | None = None
+
+
+@dataclass(frozen=True)
+class SolidDetection:
+    """One object in space: where it is, how sure its detector is, and what it is."""
+
+    box: SolidBox
+    score: float
+    label: str
+
+
+class Detector(Protocol):
+    """`name` and `settings` (canonical JSON of all that can change a box) say which one it is.
+
+    `labels` are the kinds of object that it can name, `libraries` the versions of what runs it, by name.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - the class docstring says it
+    @property
+    def settings(self) -> str: ...  # noqa: D102
+    @property
+    def labels(self) -> frozenset[str]: ...  # noqa: D102
+    @property
+    def libraries(self) -> Mapping[str, str]: ...  # noqa: D102
+
+
+class CameraDetector(Detector, Protocol):
+    """Finds objects in one camera's image."""
+
+    def detect(self, pixels: NDArray[np.uint8]) -> tuple[Detection, ...]:
+        """The objects in an (H, W) grey or (H, W, 3) BGR image, in its pixels."""
+        ...
+
+
+class CloudDetector(Detector, Protocol):
+    """Finds objects in a point cloud."""
+
+    def detect(self, xyz_m: NDArray[np.float32], rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
+        """The objects among (N, 3) points in the LiDAR frame, as boxes in the rig frame."""
+        ...

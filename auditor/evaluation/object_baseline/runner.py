@@ -1,0 +1,131 @@
+"""The object-level baseline on one recording: its frames times the cases that compare with the method's."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass
+from pathlib import Path
+
+from auditor.errors import SettingError
+from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.experiments import EXPERIMENTS, Case, Experiment
+from auditor.evaluation.object_baseline.agreement import ObjectBench, in_view, scenarios
+from auditor.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
+from auditor.evaluation.object_baseline.detectors import Detectors, find_detectors
+from auditor.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
+from auditor.evaluation.runner import Evaluated, Progress, Run, Task
+from auditor.evaluation.sources import CleanDrive
+from auditor.measurement import use_one_thread
+from auditor.measurement.disparity.matchers import Matcher, find_matcher
+from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.store import Store
+from auditor.store.evaluation_tables import ObjectCase, ObjectPart
+
+_SENSITIVITY = "sensitivity"
+
+
+@dataclass(frozen=True)
+class ObjectTask(Task):
+    """Compare objects; `detectors` are names, `labels` a folder of KITTI's."""
+
+    _: KW_ONLY
+    detectors: tuple[str, ...]
+    labels: Path | None = None
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}, objects"
+
+
+def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
+    """Raises SettingError where a detector cannot be used, or labels have nobody whom they could score."""
+    found = find_detectors(detectors)
+    if labels is not None and found.camera is None and found.cloud is None:
+        raise SettingError(
+            "labels need a detector whose objects have kinds", where="--labels", remedy="add --detector onnx:FILE"
+        )
+
+
+def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
+    """Compare the sensors' objects in every case; what is finished already is not looked at again.
+
+    Raises RecordingError, RigError, SettingError and StoreError.
+    """
+    use_one_thread()
+    matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
+    store = Store.open(task.store, create=True)
+    with task.source.open(colour=matcher.colour or detectors.camera is not None) as drive:
+        labels = read_object_labels(task.labels, drive.name) if task.labels else None
+        return _Run(task, drive, matcher, store, detectors, labels).go(progress)
+
+
+class _Run(Run):
+    def __init__(
+        self,
+        task: ObjectTask,
+        drive: CleanDrive,
+        matcher: Matcher,
+        store: Store,
+        detectors: Detectors,
+        labels: LabelledDrive | None,
+    ) -> None:
+        known = labels is not None and (detectors.camera is not None or detectors.cloud is not None)
+        experiments = [one for one in EXPERIMENTS if known or one.name != _SENSITIVITY]
+        super().__init__(task, drive, matcher, store, experiments)
+        self._detectors = detectors
+        self._labels = labels
+
+    def part(self, experiment: Experiment, stretch: int) -> ObjectPart:
+        return ObjectPart(
+            **self.shared_columns(experiment, stretch),
+            detector=self._detectors.name,
+            detector_settings=self._detectors.settings,
+            labels=self._labels.content if self._labels else None,
+        )
+
+    def versions(self) -> Mapping[str, str]:
+        return {**super().versions(), **self._detectors.libraries}
+
+    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
+        frame, objects = bench.frame, ObjectBench(bench, self._detectors)
+        if self._detectors.camera is None and experiment.name != _SENSITIVITY:
+            compared = (case.attacks for case in cases if self._triples(bench, case, experiment))
+            bench.match_together(compared, scenarios(bench.rig))
+        for case in cases:
+            overlaps = self._overlaps(objects, bench, case, experiment)
+            scored = self._scored(objects, bench, case)
+            if scored or any(one is not None for one in overlaps):
+                rows = [asdict(one) for one in scored]
+                varied = case.strength, case.size, case.visible_share
+                yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows)
+
+    def _overlaps(
+        self, objects: ObjectBench, bench: Bench, case: Case, experiment: Experiment
+    ) -> list[tuple[float, ...] | None]:
+        """By triple; None for those that are not compared."""
+        compared = self._triples(bench, case, experiment)
+        return [objects.agreement(triple, case.attacks) if triple in compared else None for triple in bench.rig.triples]
+
+    @staticmethod
+    def _triples(bench: Bench, case: Case, experiment: Experiment) -> list[Triple]:
+        """Those whose sensors are all there, and hold all that are attacked."""
+        asked = scenarios(bench.rig) if experiment.name != _SENSITIVITY else ()
+        return [triple for triple in asked if set(bench.sensors) >= set(triple) >= set(case.attacked)]
+
+    def _scored(self, objects: ObjectBench, bench: Bench, case: Case) -> list[Scored]:
+        """What the detectors found against the labels: of clean data, and of what a sensitivity case varies."""
+        labels = self._labels.frames.get(bench.frame.number) if self._labels else None
+        if labels is None or (case.attacked and case.size is None):
+            return []
+        return list(_score(objects, bench, case, labels, self._detectors))
+
+
+def _score(
+    objects: ObjectBench, bench: Bench, case: Case, labels: Sequence[ObjectLabel], detectors: Detectors
+) -> Iterator[Scored]:
+    rig: Rig = bench.view_rig
+    looked_at = set(case.attacked or rig.sensors) & set(bench.sensors)
+    if detectors.camera is not None and rig.n in looked_at:
+        yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)
+    if detectors.cloud is not None and LIDAR in looked_at:
+        found = objects.in_cloud(case.attacks)
+        yield from score_on_ground(
+            LIDAR, found, labels, detectors.cloud.labels, lambda box: in_view(box, rig.camera(rig.n))
+        )

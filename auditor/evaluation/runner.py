@@ -1,0 +1,299 @@
+"""One recording evaluated: its frames times the cases of some experiments, kept chunk by chunk."""
+
+import hashlib
+import itertools
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import KW_ONLY, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from auditor import __version__
+from auditor.errors import RigError
+from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.experiments import (
+    DELAYS,
+    EXPERIMENTS,
+    FURTHER,
+    INTERVALS,
+    Case,
+    Dice,
+    Experiment,
+    all_triples,
+    pattern_cases,
+    read_patterns,
+)
+from auditor.evaluation.sources import CleanDrive, Source
+from auditor.measurement import use_one_thread
+from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
+from auditor.model.frames import Frame, Skipped
+from auditor.model.measurement import Procedure
+from auditor.model.rig import Rig
+from auditor.store import Store
+from auditor.store.evaluation_tables import Case as KeptCase
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
+from auditor.store.records import content_id
+
+STRETCH_FRAMES = 20
+"""Frames that are finished together: a killed evaluation loses no more than these."""
+
+
+class Stretches:
+    """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
+
+    def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
+        self._frames = frames
+        self._next = next(frames, None)
+        self.past: deque[Frame] = deque(maxlen=max(DELAYS))
+
+    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
+        for stretch in itertools.count():
+            end = (stretch + 1) * STRETCH_FRAMES
+            yield stretch, self._below(end)
+            for _ in self._below(end):  # what the caller left unread
+                pass
+            if self.ended:
+                return
+
+    @property
+    def ended(self) -> bool:
+        """True once the last frame has been read."""
+        return self._next is None
+
+    def _below(self, end: int) -> Iterator[Frame | Skipped]:
+        while self._next is not None and self._next.number < end:
+            frame, self._next = self._next, next(self._frames, None)
+            yield frame
+            if isinstance(frame, Frame):
+                self.past.append(frame)
+
+
+def all_finished(parts: Callable[[int], Sequence[bool | None]], *, share: int, of: int) -> bool:
+    """True where every stretch of a share, each `of`-th, is there, and the last one is known.
+
+    `parts` are those of a stretch: None where one is not finished, else whether the recording ends in it.
+    """
+    for stretch in itertools.count():
+        found = parts(stretch)
+        if (stretch % of == share and None in found) or all(part is None for part in found):
+            return False
+        if any(found):
+            return True
+    raise AssertionError  # counting has no end
+
+
+_VERSIONED = ("numpy", "opencv-python-headless")
+
+
+Progress = Callable[[str, int], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks.
+
+    All frames are measured clean, each `attack_every`-th attacked as well, by their numbers.
+    """
+
+    source: Source
+    store: Path
+    _: KW_ONLY
+    matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
+    seed: int = 0
+    draws: int = 1
+    attack_every: int = 1
+    share: int = 0
+    of: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.source}" + (f" ({self.share + 1}/{self.of})" if self.of > 1 else "")
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What was done for a task: frames and cases measured just now, and whether anything had to be."""
+
+    frames: int
+    cases: int
+
+    @property
+    def fresh(self) -> bool:
+        """True where something was measured."""
+        return self.cases > 0
+
+
+class Run(ABC):
+    """Looks at every frame of a drive for every experiment; what is finished already is not looked at again."""
+
+    def __init__(
+        self, task: Task, drive: CleanDrive, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
+    ) -> None:
+        self._task = task
+        self._drive = drive
+        self._matcher = matcher
+        self._store = store
+        self._experiments = experiments
+        self._frames = 0
+        self._cases = 0
+
+    @abstractmethod
+    def part(self, experiment: Experiment, stretch: int) -> Part:
+        """What the store knows an experiment on a stretch by."""
+
+    @abstractmethod
+    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
+        """What there is to keep of these cases of one frame."""
+
+    def versions(self) -> Mapping[str, str]:
+        """Of auditor and of the libraries that matter."""
+        named = {name: version(name) for name in _VERSIONED}
+        return {"auditor": __version__} | named | dict(libraries(self._matcher))
+
+    def go(self, progress: Progress) -> Evaluated:
+        """Look at what is not finished. Raises RecordingError, RigError and StoreError."""
+        _check(self._drive.rig, self._task.source)
+        if self._finished():
+            return Evaluated(0, 0)
+        self._store.write_rig(self._drive.rig)
+        stretches = Stretches(self._drive.frames)
+        for stretch, frames in stretches:
+            if stretch % self._task.of == self._task.share:
+                self._go_along(stretch, frames, stretches, progress)
+        return Evaluated(self._frames, self._cases)
+
+    def shared_columns(self, experiment: Experiment, stretch: int) -> dict[str, Any]:
+        """What all parts are known by."""
+        task, drive = self._task, self._drive
+        return {
+            "recording_id": drive.recording_id,
+            "name": drive.name,
+            "synthetic": drive.synthetic,
+            "rig_id": drive.rig.rig_id,
+            "procedure": Procedure(self._matcher.name, self._matcher.settings),
+            "experiment": experiment.name,
+            "seed": task.seed if experiment.drawn else None,
+            "draws": task.draws if experiment.drawn else None,
+            "stretch": stretch,
+            "attack_every": task.attack_every if experiment.attacks else None,
+        }
+
+    def _finished(self) -> bool:
+        """True where every stretch of this share is there, and the last one is known."""
+        return all_finished(
+            lambda stretch: [finished_part(self._store, self.part(one, stretch)) for one in self._experiments],
+            share=self._task.share,
+            of=self._task.of,
+        )
+
+    def _go_along(
+        self, stretch: int, frames: Iterator[Frame | Skipped], stretches: Stretches, progress: Progress
+    ) -> None:
+        todo = [e for e in self._experiments if finished_part(self._store, self.part(e, stretch)) is None]
+        if not todo:
+            return
+        with ExitStack() as stack:
+            writers = [stack.enter_context(part_writer(self._store, self.part(e, stretch))) for e in todo]
+            seconds, counts = [0.0] * len(todo), [0] * len(todo)
+            skipped = 0
+            for frame in frames:
+                if isinstance(frame, Skipped):
+                    skipped += 1
+                    continue
+                bench = Bench(frame, self._drive.rig, self._matcher)
+                for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
+                    if experiment.takes(frame.number, self._task.attack_every):
+                        started = perf_counter()
+                        self._look(bench, tuple(stretches.past), experiment, writer)
+                        seconds[at] += perf_counter() - started
+                        counts[at] += 1
+                self._frames += 1
+                progress(self._drive.name, self._frames)
+            for writer, count, spent in zip(writers, counts, seconds, strict=True):
+                writer.commit(
+                    frames=count,
+                    skipped=skipped,
+                    last=stretches.ended,
+                    seconds=spent,
+                    versions=self.versions(),
+                    evaluated_at=datetime.now(UTC),
+                )
+
+    def _look(self, bench: Bench, past: Sequence[Frame], experiment: Experiment, writer: PartWriter) -> None:
+        present = set(bench.sensors)
+        for draw in range(self._task.draws if experiment.drawn else 1):
+            dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), bench.frame.number, draw)
+            cases = [case for case in experiment.cases(bench.rig, dice, past) if present.issuperset(case.attacked)]
+            for kept in self.look(bench, experiment, draw, cases):
+                writer.add(kept)
+                self._cases += 1
+            bench.forget_attacks()
+
+
+def _check(rig: Rig, where: Source) -> None:
+    """Raises RigError where a rig has no three sensors to compare."""
+    if not rig.triples:
+        cameras = f"{rig.n} camera{'s' * (rig.n != 1)}"
+        raise RigError(
+            f"no triple possible: the rig has {cameras} and {'a' if rig.lidar else 'no'} LiDAR",
+            where=where,
+            remedy="evaluate on recordings of two cameras side by side and a LiDAR, or of three cameras",
+        )
+
+
+@dataclass(frozen=True)
+class EvaluateTask(Task):
+    """Measure all experiments; `patterns` are picture files of laser patterns to lay over the images."""
+
+    _: KW_ONLY
+    patterns: tuple[Path, ...] = ()
+
+
+def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
+    """Measure every case of every clean frame; what is finished already is not measured again.
+
+    Raises RecordingError, RigError, SettingError and StoreError.
+    """
+    use_one_thread()
+    matcher = find_matcher(task.matcher, task.network)
+    store = Store.open(task.store, create=True)
+    with task.source.open(colour=matcher.colour) as drive:
+        return _Run(task, drive, matcher, store, experiments_of(task.patterns)).go(progress)
+
+
+class _Run(Run):
+    def part(self, experiment: Experiment, stretch: int) -> EvaluationPart:
+        return EvaluationPart(**self.shared_columns(experiment, stretch), inputs=experiment.inputs)
+
+    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
+        triples = experiment.triples(bench.rig)
+        bench.match_together((case.attacks for case in cases), triples)
+        for case in cases:
+            yield MeasuredCase(
+                frame=bench.frame.number,
+                stamp_ns=bench.frame.stamp_ns,
+                draw=draw,
+                attacked=case.attacked,
+                attack=case.attack,
+                strength=case.strength,
+                size=case.size,
+                visible_share=case.visible_share,
+                parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
+                counts=bench.counts(case.attacks, triples),
+                ratios=bench.ratios(case.attacks, triples),
+            )
+
+
+def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
+    """All experiments, those with the user's laser patterns last. Raises SettingError where one cannot be read."""
+    if not patterns:
+        return (*EXPERIMENTS, FURTHER, INTERVALS)
+    read = read_patterns(patterns)
+    inputs = content_id("patterns", *((one.title, hashlib.sha256(one.pixels.tobytes()).hexdigest()) for one in read))
+    on_each = Experiment("patterns", all_triples, pattern_cases(read), drawn=False, inputs=inputs)
+    return (*EXPERIMENTS, FURTHER, INTERVALS, on_each)

@@ -1,0 +1,185 @@
+"""Verdicts: what is said of a frame, given its e vector."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import ThresholdsError
+from auditor.identification.algorithm2 import (
+    ABOVE,
+    FEWEST_SENSORS,
+    NOT_ABOVE,
+    NOT_MEASURED,
+    Identification,
+    disagreements,
+    identify,
+    without,
+)
+from auditor.identification.parameters import EXPLANATION
+from auditor.model.calibration import Thresholds
+from auditor.model.rig import Triple
+from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
+
+_ALTERNATIVES = EXPLANATION.alternatives
+
+
+def judge(
+    e: str,
+    triples: Sequence[Triple],
+    sensors: Sequence[int],
+    missing: frozenset[int] = frozenset(),
+    margin: float | None = None,
+) -> Verdict:
+    """The verdict on one frame of a rig with these triples and sensors, some of which may be missing.
+
+    The system judged is made of the sensors that are there and belong to at least one measured triple; the others are
+    `out_of_system`. An attack is attributed only where Algorithm 2 determines every sensor, and the attack it names, on
+    at most N - 3 of them, explains every measured element over all references (Eq. 7).
+    """
+    e = without(e, triples, missing)
+    system = {sensor for triple, state in zip(triples, e, strict=True) if state != NOT_MEASURED for sensor in triple}
+    outside = tuple(sensor for sensor in sensors if sensor not in system)
+    verdict = Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, margin=margin)
+    if not system:
+        return replace(verdict, reason=_why_nothing_was_measured(sensors, missing))
+    N = len(system)
+    found = identify(e, triples, system) if N >= FEWEST_SENSORS else None
+    verdict = replace(
+        verdict,
+        named=None if found is None or found.undetermined else found.attacked,
+        alternatives=_alternatives(found, e, triples, system),
+    )
+    without_them = f"judged without {_names(outside)}" if outside else ""
+    if ABOVE not in e:
+        return replace(verdict, kind=VerdictKind.CLEAN, reason=without_them)
+    doubt = _doubt(found, e, triples, N)
+    if found is None or doubt:
+        return replace(verdict, kind=VerdictKind.UNIDENTIFIED, reason=_join(doubt, without_them))
+    return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, reason=without_them)
+
+
+def judge_frames(
+    errors: NDArray[np.float64],
+    thresholds: Thresholds,
+    triples: Sequence[Triple],
+    sensors: Sequence[int],
+    missing: Sequence[frozenset[int]],
+) -> list[Verdict]:
+    """The verdicts on F frames: `errors` is (F, T) disparity errors E by triple, NaN where not measured.
+
+    `missing` holds, for each frame, the sensors that were missing or damaged. Frames that share their e vector and
+    their missing sensors are judged once. Raises ThresholdsError where no triple of the rig has a theta.
+    """
+    theta = np.array([thresholds.theta.get(triple, np.nan) for triple in triples], dtype=np.float64)
+    if len(triples) and np.isnan(theta).all():
+        raise ThresholdsError(
+            "it has no theta for any triple of this rig",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy="calibrate on clean recordings of this rig kind",
+        )
+    distances = _mask(errors, triples, missing) - theta
+    judged = cache(lambda e, absent: judge(e, triples, sensors, absent))
+    evidence = [partial(Evidence, thresholds.statistic.value, *triple) for triple in triples]
+    return [
+        # Made in full, not by replace(): a night's frames are judged in one go.
+        Verdict(
+            v.kind,
+            v.e,
+            v.attacked,
+            v.named,
+            v.out_of_system,
+            margin,
+            v.reason,
+            _evidence(row, evidence) if ABOVE in v.e else (),
+            v.alternatives,
+        )
+        for e, absent, margin, row in zip(
+            _state_vectors(distances), missing, _margins(distances), distances, strict=True
+        )
+        for v in (judged(e, absent),)
+    ]
+
+
+def _mask(
+    errors: NDArray[np.float64], triples: Sequence[Triple], missing: Sequence[frozenset[int]]
+) -> NDArray[np.float64]:
+    """A copy of the disparity errors without those that a missing sensor belongs to."""
+    masked = np.array(errors, dtype=np.float64).reshape(len(missing), len(triples))
+    touched = {absent: [not absent.isdisjoint(triple) for triple in triples] for absent in set(missing) if absent}
+    for frame, absent in enumerate(missing):
+        if absent:
+            masked[frame, touched[absent]] = np.nan
+    return masked
+
+
+def _state_vectors(distances: NDArray[np.float64]) -> list[str]:
+    """The e vector of each row of E - theta, (F, T)."""
+    if distances.shape[1] == 0:
+        return [""] * len(distances)
+    states = np.where(np.isnan(distances), ord(NOT_MEASURED), np.where(distances > 0, ord(ABOVE), ord(NOT_ABOVE)))
+    rows = np.ascontiguousarray(states.astype(np.uint8)).view(f"S{distances.shape[1]}")
+    return [row.decode() for row in rows.ravel().tolist()]
+
+
+def _margins(distances: NDArray[np.float64]) -> list[float | None]:
+    """The smallest measured |E - theta| of each row, None where nothing was measured."""
+    smallest = np.where(np.isnan(distances), np.inf, np.abs(distances)).min(axis=1, initial=np.inf)
+    return [margin if margin < np.inf else None for margin in smallest.tolist()]
+
+
+def _evidence(row: NDArray[np.float64], of: Sequence[Callable[[float], Evidence]]) -> tuple[Evidence, ...]:
+    """The raised disparity errors of a frame from its E - theta, the furthest above first."""
+    above = sorted(np.flatnonzero(row > 0).tolist(), key=lambda place: -row[place])
+    return tuple(of[place](float(row[place])) for place in above)
+
+
+def _alternatives(
+    found: Identification | None, e: str, triples: Sequence[Triple], system: Collection[int]
+) -> tuple[Alternative, ...]:
+    """Of the attacks with one sensor more, less or another than Algorithm 2's, those nearest to e."""
+    if found is None:
+        return ()
+    accused = frozenset(found.attacked)
+    changes = [
+        {a, b}
+        for a, b in combinations_with_replacement(sorted(system), 2)
+        if a == b or (a in accused) != (b in accused)
+    ]
+    others = [tuple(sorted(accused ^ change)) for change in changes]
+    allowed = [attacked for attacked in others if len(attacked) <= len(system) - 3]
+    least = disagreements(e, found.attacked, triples)
+    distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
+    nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
+    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[:_ALTERNATIVES])
+
+
+def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:
+    """Why Algorithm 2's answer cannot be the verdict; empty where it can."""
+    if found is None:
+        return f"an attack on one of {N} sensors cannot be attributed"
+    if found.undetermined:
+        return f"unmeasured disparity errors leave {_names(found.undetermined)} undetermined"
+    if disagreements(e, found.attacked, triples):
+        return f"no attack on at most {N - 3} of {N} sensors explains the disparity error states"
+    return ""
+
+
+def _why_nothing_was_measured(sensors: Sequence[int], missing: frozenset[int]) -> str:
+    if len(sensors) < 3:
+        return f"three overlapping sensors are needed, and the rig has {len(sensors)}"
+    absent = tuple(sensor for sensor in sensors if sensor in missing)
+    if absent:
+        return f"{_names(absent)} missing, and no triple of the other sensors was measured"
+    return "no triple with a threshold has enough valid pixels"
+
+
+def _names(sensors: Sequence[int]) -> str:
+    return ", ".join(f"S_{sensor}" for sensor in sensors)
+
+
+def _join(*parts: str) -> str:
+    return "; ".join(part for part in parts if part)

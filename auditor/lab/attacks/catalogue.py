@@ -1,0 +1,116 @@
+"""The kinds of attacks and faults that can be put on a sensor, each with the one size that matters most."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auditor.errors import SettingError
+from auditor.lab.attacks.faults import (
+    DelayedCamera,
+    DelayedLidar,
+    DimmedCamera,
+    HiddenSector,
+    ScatteredPoints,
+    ShiftedCamera,
+    SoiledLens,
+    TurnedLidar,
+)
+from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
+from auditor.lab.attacks.paper import BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.rain import Rain
+from auditor.model.frames import CameraImage, PointCloud
+from auditor.model.rig import Camera
+
+OnCamera = Facula | LaserPattern | Stripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
+OnLidar = BogusWall | HiddenSector | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
+
+_PAPER_WIDTH_PX = 1242
+_STRIPES_PX = 40.0
+_AZIMUTHS_DEG = (-25.0, 25.0)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What an attack is drawn with: chance, a facula's strength, and the kind's size."""
+
+    rng: np.random.Generator
+    strength: str
+    size: float | None
+
+    def sized(self, usual: float) -> float:
+        """The size asked for, or the usual one."""
+        return usual if self.size is None else self.size
+
+    @property
+    def seed(self) -> int:
+        """A seed for attacks that draw for themselves."""
+        return int(self.rng.integers(1 << 31))
+
+
+def _facula(draw: Drawing, camera: Camera) -> Facula:
+    drawn = draw_facula(draw.rng, camera.width_px, camera.height_px, draw.strength)
+    return drawn if draw.size is None else replace(drawn, radius_px=draw.size * camera.width_px / _PAPER_WIDTH_PX)
+
+
+def _wall(draw: Drawing) -> BogusWall:
+    drawn = draw_wall(draw.rng)
+    return replace(drawn, width_m=draw.sized(drawn.width_m))
+
+
+ON_CAMERA: Mapping[str, Callable[[Drawing, Camera], OnCamera]] = {
+    "facula": _facula,
+    "stripes": lambda draw, _: Stripes(draw.sized(120), _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX))),
+    "dimmed": lambda draw, _: DimmedCamera(draw.sized(0.2)),
+    "soiled": lambda draw, _: SoiledLens(round(draw.sized(4)), draw.seed),
+    "shifted": lambda draw, _: ShiftedCamera(round(draw.sized(4))),
+}
+"""By name: radius in px of an image 1242 px wide, grey levels, share of light, blobs, rows."""
+
+ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
+    "wall": _wall,
+    "hidden": lambda draw: HiddenSector(draw.sized(20), float(draw.rng.uniform(*_AZIMUTHS_DEG))),
+    "scattered": lambda draw: ScatteredPoints(round(draw.sized(2000)), draw.seed),
+    "turned": lambda draw: TurnedLidar(draw.sized(1)),
+    "rain": lambda draw: Rain(draw.sized(25), draw.seed),
+}
+"""By name: width in m, degrees, points, degrees of yaw, mm/h."""
+
+PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
+"""Kinds that need more than chance: a picture file, the data of some frames ago, the data when it began."""
+
+KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)
+
+
+def check_kind(kind: str, *, lidar: bool) -> None:
+    """Raise SettingError where a kind cannot be put on this sort of sensor."""
+    if kind in (DELAYED, FROZEN) or kind in (ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)):
+        return
+    known = [*(ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)), DELAYED, FROZEN]
+    sensor = "the LiDAR" if lidar else "a camera"
+    raise SettingError(f"{kind} is nothing to do to {sensor}", where="--kind", remedy=f"use {', '.join(known)}")
+
+
+class Memory:
+    """The past of one sensor, for what shows it again: `frames` ago, or for good since it began (None)."""
+
+    def __init__(self, frames: int | None) -> None:
+        self._frames = frames
+        self._past: list[CameraImage | PointCloud] = []
+
+    def note(self, data: CameraImage | PointCloud, *, on: bool) -> None:
+        """Take the sensor's next data, and whether the attack is on."""
+        if self._frames is not None:
+            self._past = [*self._past[-self._frames :], data]
+        elif on and not self._past:
+            self._past = [data]
+
+    def attack(self) -> DelayedCamera | DelayedLidar | None:
+        """What shows the past now; None where there is not enough of it yet."""
+        if len(self._past) < (self._frames or 0) + 1:
+            return None
+        earlier = self._past[0]
+        frames = self._frames or 0
+        if isinstance(earlier, CameraImage):
+            return DelayedCamera(frames, earlier)
+        return DelayedLidar(frames, earlier)

@@ -1,0 +1,211 @@
+"""Casting rays at a scene: which piece each ray meets first, where on it, and how far."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.simulation.surfaces import Surfaces
+from auditor.lab.simulation.textures import Atlas, level_of
+from auditor.model.geometry import Matrix
+
+_NEAR_M = 0.2
+_FAR_M = 180.0
+_CAMERA_MARGIN = 2
+_LIDAR_MARGIN = 24  # columns: its beams do not start from one place
+_THERE = 0.5  # of a mask
+_GLASS = 0.11
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """A grid of H x W rays in the rig frame.
+
+    `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
+    the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
+    depths, and `principal_px` is where it looks straight ahead. Without one it is a LiDAR's: columns are evenly spaced
+    azimuths from `first_azimuth` on. A camera whose rays are bent has x and y for each pixel and no `principal_px`.
+    """
+
+    shape: tuple[int, int]
+    x: Floats
+    y: Floats
+    z: Floats
+    origin: tuple[Floats, Floats, Floats]
+    pixel: float
+    principal_px: tuple[float, float] | None = None
+    focal_px: float | None = None
+    first_azimuth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """What H x W rays met: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
+
+    piece: NDArray[np.int32]
+    s: Floats
+    t: Floats
+    distance: Floats
+
+
+def placed(surfaces: Surfaces, rig_SE3_world: Matrix, time_s: float) -> Surfaces:
+    """The pieces in the rig frame at a time."""
+    R, translation = rig_SE3_world[:3, :3].astype(np.float32), rig_SE3_world[:3, 3].astype(np.float32)
+    moved = surfaces.corner.copy()
+    moved[:, 2] += surfaces.speed * np.float32(time_s)
+    return replace(surfaces, corner=moved @ R.T + translation, across=surfaces.across @ R.T, up=surfaces.up @ R.T)
+
+
+def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator | None = None) -> Hits:
+    """Meet rays with pieces that are in the rig frame.
+
+    With `rng` see-through pieces let their share of the rays pass (a LiDAR); without one they are there for all.
+    """
+    hits = Hits(
+        piece=np.full(rays.shape, -1, dtype=np.int32),
+        s=np.zeros(rays.shape, dtype=np.float32),
+        t=np.zeros(rays.shape, dtype=np.float32),
+        distance=np.full(rays.shape, np.inf, dtype=np.float32),
+    )
+    nearest, boxes = _boxes(rays, surfaces)
+    planes = _planes(surfaces)
+    seen = (boxes[:, 0] < boxes[:, 1]) & (boxes[:, 2] < boxes[:, 3]) & (nearest < _FAR_M)
+    order = np.flatnonzero(seen)
+    for piece in order[np.argsort(nearest[order])].tolist():
+        top, bottom, left, right = boxes[piece].tolist()
+        window = (slice(top, bottom), slice(left, right))
+        # A ray is at least as long as the depth that it reaches.
+        if hits.distance[window].max() > nearest[piece]:
+            _meet(rays, surfaces, planes[piece], atlas, piece, window, hits, rng)
+    return hits
+
+
+def _planes(surfaces: Surfaces) -> Floats:
+    """(N, 4, 3): corners, normals of any length, and what a step of s and t is in the scene's axes."""
+    across, up = surfaces.across, surfaces.up
+    along = [axis / np.sum(axis * axis, axis=1, keepdims=True) for axis in (across, up)]
+    return np.stack([surfaces.corner, np.cross(across, up), *along], axis=1)
+
+
+def _meet(
+    rays: Rays,
+    surfaces: Surfaces,
+    plane: Floats,
+    atlas: Atlas,
+    piece: int,
+    window: tuple[slice, slice],
+    hits: Hits,
+    rng: np.random.Generator | None,
+) -> None:
+    """Enter one piece into the hits of one window."""
+    x, y, z = (_part(axis, window) for axis in (rays.x, rays.y, rays.z))
+    corner, normal, across, up = plane
+    fx, fy, fz = (_part(start, window) - at for start, at in zip(rays.origin, corner, strict=True))
+    slope = normal[0] * x + normal[1] * y + normal[2] * z
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        distance = -(normal[0] * fx + normal[1] * fy + normal[2] * fz) / slope
+        s = (across[0] * x + across[1] * y + across[2] * z) * distance
+        s += across[0] * fx + across[1] * fy + across[2] * fz
+        t = (up[0] * x + up[1] * y + up[2] * z) * distance
+        t += up[0] * fx + up[1] * fy + up[2] * fz
+        met = (distance > 0) & (distance < hits.distance[window]) & (t >= 0) & (t <= 1)
+        if surfaces.oval[piece]:
+            met &= (s - 0.5) ** 2 + (t - 0.5) ** 2 <= 0.25
+        elif surfaces.taper[piece]:
+            met &= np.abs(s - 0.5) <= 0.5 - surfaces.taper[piece] * t
+        else:
+            met &= (s >= 0) & (s <= 1)
+    if surfaces.cut[piece]:
+        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
+        met.ravel()[at] = mask > _THERE
+    elif rng is not None and surfaces.see_through[piece]:
+        at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
+        passed = rng.random(at.size, dtype=np.float32) < surfaces.see_through[piece]
+        met.ravel()[at] = (mask < _GLASS) | ~passed
+    for grid, new in ((hits.distance, distance), (hits.s, s), (hits.t, t), (hits.piece, np.int32(piece))):
+        np.copyto(grid[window], new, where=met)
+
+
+def _masks(
+    rays: Rays,
+    surfaces: Surfaces,
+    atlas: Atlas,
+    piece: int,
+    met: NDArray[np.bool_],
+    place: tuple[Floats, Floats, Floats],
+) -> tuple[NDArray[np.intp], Floats]:
+    """The (flat) indices of `met` and what a piece's mask says there."""
+    at = np.flatnonzero(met)
+    s, t, distance = (values.ravel()[at] for values in place)
+    repeats, shift = surfaces.repeats[piece], surfaces.shift[piece]
+    width_m = float(np.linalg.norm(surfaces.across[piece])) / float(repeats[0])
+    level = level_of(distance * np.float32(rays.pixel / width_m))
+    return at, atlas.masks(int(surfaces.tile[piece]), s * repeats[0] + shift[0], t * repeats[1] + shift[1], level)
+
+
+def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
+    """The window of an array that broadcasts to the grid."""
+    if values.ndim == 0:
+        return values
+    rows = window[0] if values.shape[0] > 1 else slice(None)
+    columns = window[1] if values.shape[1] > 1 else slice(None)
+    return values[rows, columns]
+
+
+def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
+    """How near each piece comes, (N,) metres of depth, and where in the grid it may lie.
+
+    The latter is (N, 4): first row, one past the last, first column, one past the last.
+    """
+    start = np.array([float(np.mean(axis)) for axis in rays.origin], dtype=np.float32)
+    a = surfaces.corner - start
+    b, c = a + surfaces.across, a + surfaces.up
+    corners = np.stack([a, b, b + surfaces.up, c], axis=1)
+    following = np.roll(corners, -1, axis=1)
+    # Where an edge passes through the plane just ahead of the sensor, that point bounds what can be seen of the piece.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (_NEAR_M - corners[:, :, 2]) / (following[:, :, 2] - corners[:, :, 2])
+    crosses = (share > 0) & (share < 1)
+    crossing = corners + np.where(crosses, share, 0)[:, :, None] * (following - corners)
+    crossing[:, :, 2] = np.where(crosses, _NEAR_M, -1)
+    points = np.concatenate([corners, crossing], axis=1)
+    ahead = points[:, :, 2] >= _NEAR_M
+    nearest = np.where(ahead, points[:, :, 2], np.inf).min(axis=1)
+    depth = np.where(ahead, points[:, :, 2], 1)
+    x, y = points[:, :, 0], points[:, :, 1]
+    if rays.focal_px is None:
+        azimuth = np.arctan2(x, depth)
+        left, right = _range((azimuth - rays.first_azimuth) / rays.pixel, ahead, _LIDAR_MARGIN, rays.shape[1])
+        # The edges of a piece are bent in elevation: all rows are tried.
+        return nearest, np.stack([np.zeros_like(left), np.full_like(left, rays.shape[0]), left, right], axis=1)
+    if rays.principal_px is None:
+        columns = _bent_range(x / depth, ahead, rays.x.min(axis=0), rays.x.max(axis=0))
+        rows = _bent_range(y / depth, ahead, rays.y.min(axis=1), rays.y.max(axis=1))
+        return nearest, np.stack([*rows, *columns], axis=1)
+    u0, v0 = rays.principal_px
+    left, right = _range(x / depth * rays.focal_px + u0, ahead, _CAMERA_MARGIN, rays.shape[1])
+    top, bottom = _range(y / depth * rays.focal_px + v0, ahead, _CAMERA_MARGIN, rays.shape[0])
+    return nearest, np.stack([top, bottom, left, right], axis=1)
+
+
+def _bent_range(
+    places: NDArray[np.floating], ahead: NDArray[np.bool_], least: Floats, most: Floats
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """As `_range`, for columns (or rows) whose rays reach from `least` to `most`, both rising but for their noise."""
+    low, high = np.where(ahead, places, np.inf).min(axis=1), np.where(ahead, places, -np.inf).max(axis=1)
+    first = np.searchsorted(np.maximum.accumulate(most), low)
+    last = np.searchsorted(np.minimum.accumulate(least[::-1])[::-1], high, side="right")
+    return first.astype(np.int32), np.maximum(first, last).astype(np.int32)
+
+
+def _range(
+    places: NDArray[np.floating], ahead: NDArray[np.bool_], margin: int, size: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """First and one past the last row (or column) that lies within the grid."""
+    low = np.where(ahead, places, np.inf).min(axis=1)
+    high = np.where(ahead, places, -np.inf).max(axis=1)
+    first = np.clip(np.nan_to_num(np.floor(low)) - margin, 0, size)
+    last = np.clip(np.nan_to_num(np.ceil(high)) + margin + 1, 0, size)
+    return first.astype(np.int32), last.astype(np.int32)

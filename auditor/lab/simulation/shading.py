@@ -1,0 +1,152 @@
+"""What a camera's ray brings back: light from textured, shaded, shadowed and glossy pieces, or from the sky."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.simulation.raycasting import Hits, Rays
+from auditor.lab.simulation.surfaces import Surfaces
+from auditor.lab.simulation.textures import Atlas, Tile, level_of
+from auditor.model.geometry import Matrix
+
+_PART = 1 << 15  # rays at a time: what they need stays in the processor's cache
+_STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
+_HAZE_M = np.float32(400.0)
+_HAZE = np.float32(0.7)
+_GRAZING = np.float32(0.2)
+_DULL = np.float32(0.02)
+_HALF = np.float32(0.5)
+
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Light:
+    """`sun` is the unit direction to the sun in the world frame; strengths are radiances of a white surface.
+
+    `shade` is the share of the sun's light kept out where trees stand; `shade_m` the size of a shadow's tile.
+    """
+
+    sun: tuple[float, float, float]
+    direct: float = 1.1
+    ambient: float = 0.35
+    sky: float = 1.3
+    shade: float = 0.8
+    shade_m: float = 18.0
+
+
+class _Met(NamedTuple):
+    """Rays that met a piece, (N,) each: direction (its z is 1), depth, piece, place on it, and n . direction."""
+
+    x: Floats
+    y: Floats
+    depth: Floats
+    piece: Ints
+    s: Floats
+    t: Floats
+    facing: Floats
+
+    def chosen(self, rows: NDArray[np.intp]) -> "_Met":
+        """Some of the rays."""
+        x, y, depth, s, t, facing = (v.take(rows) for v in (self.x, self.y, self.depth, self.s, self.t, self.facing))
+        return _Met(x, y, depth, self.piece.take(rows), s, t, facing)
+
+
+def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats:
+    """(H, W) radiances that a camera sees; `surfaces` are those that were cast at, in the rig frame."""
+    result = _sky(rays, light)
+    scene = _Scene(rays, surfaces, atlas, light, world_SE3_rig)
+    at = np.flatnonzero(hits.piece >= 0)
+    for first in range(0, at.size, _PART):
+        part = at[first : first + _PART]
+        piece = hits.piece.take(part)
+        depth, s, t = (grid.take(part) for grid in (hits.distance, hits.s, hits.t))
+        if rays.principal_px is None:
+            x, y = rays.x.take(part), rays.y.take(part)
+        else:
+            row, column = np.divmod(part, rays.shape[1])
+            x, y = rays.x.take(column), rays.y.take(row)
+        nx, ny, nz = (axis.take(piece) for axis in scene.normal)
+        result.ravel()[part] = scene.light_from(_Met(x, y, depth, piece, s, t, nx * x + ny * y + nz))
+    return result
+
+
+class _Scene:
+    """The columns of a table of pieces as shading needs them, one after the other in memory."""
+
+    def __init__(self, rays: Rays, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> None:
+        self._atlas = atlas
+        self._light = light
+        self._surfaces = surfaces
+        self.normal = np.ascontiguousarray(surfaces.normal.T)
+        R = world_SE3_rig[:3, :3]
+        start = R @ np.array([float(axis) for axis in rays.origin]) + world_SE3_rig[:3, 3]
+        self._R, self._start = R.astype(np.float32), start.astype(np.float32)
+        sun = (R.T @ np.array(light.sun) * light.direct).astype(np.float32)
+        self._to_sun = sun @ self.normal
+        self._ambient = surfaces.ambient * np.float32(light.ambient)
+        width_m = np.linalg.norm(surfaces.across, axis=1) / surfaces.repeats[:, 0]
+        self._footprint = (rays.pixel / width_m).astype(np.float32)
+        self._repeats = np.ascontiguousarray(surfaces.repeats.T)
+        self._shift = np.ascontiguousarray(surfaces.shift.T)
+
+    def light_from(self, met: _Met) -> Floats:
+        """(N,) radiances."""
+        length = np.sqrt(met.x * met.x + met.y * met.y + 1)
+        slant = np.maximum(np.abs(met.facing) / length, _DULL)
+        value, mask = self._texture(met, slant)
+        bright = self._surfaces.albedo.take(met.piece) * value
+        bright *= self._ambient.take(met.piece) + self._sun(met)
+        gloss = self._surfaces.gloss.take(met.piece) * mask
+        glossy = np.flatnonzero(gloss > _DULL)
+        if glossy.size:
+            mirrored = self._mirrored(met.chosen(glossy))
+            # After Schlick: a surface mirrors more the flatter it is looked at.
+            share = gloss.take(glossy) + _GRAZING * (1 - slant.take(glossy)) ** 5
+            bright[glossy] += share * (mirrored - bright.take(glossy))
+        bright += (1 - np.exp(met.depth / -_HAZE_M)) * (_HAZE - bright)
+        return np.asarray(bright)
+
+    def _texture(self, met: _Met, slant: Floats) -> tuple[Floats, Floats]:
+        """(N,) texture values, stains included, and masks."""
+        level = level_of(met.depth * self._footprint.take(met.piece) / np.sqrt(slant))
+        tile = self._surfaces.tile.take(met.piece)
+        across = met.s * self._repeats[0].take(met.piece) + self._shift[0].take(met.piece)
+        up = met.t * self._repeats[1].take(met.piece) + self._shift[1].take(met.piece)
+        value = 1 + self._surfaces.contrast.take(met.piece) * (self._atlas.bilinear(tile, across, up, level) - 1)
+        coarse = np.maximum(level - 2, 0)
+        stain = self._atlas.bilinear(Tile.STAINS, across * _STAIN_SHARE, up * _STAIN_SHARE, coarse)
+        value *= 1 + self._surfaces.stains.take(met.piece) * (stain - 1)
+        return np.maximum(value, _DULL), self._atlas.masks(tile, across, up, level)
+
+    def _sun(self, met: _Met) -> Floats:
+        """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
+        R, start = self._R, self._start
+        x, y, z = (start[row] + (R[row, 0] * met.x + R[row, 1] * met.y + R[row, 2]) * met.depth for row in range(3))
+        sx, sy, sz = (np.float32(axis) for axis in self._light.sun)
+        scale = np.float32(1 / self._light.shade_m)
+        across, along = (x - y * (sx / sy)) * scale, (z - y * (sz / sy)) * (scale * np.float32(0.7))
+        open_ = self._atlas.bilinear(Tile.SHADE, across, along, 0)
+        to_sun = self._to_sun.take(met.piece)
+        sun = np.where(self._surfaces.cut.take(met.piece), np.abs(to_sun), to_sun * -np.sign(met.facing))
+        return np.asarray(np.maximum(sun, 0) * (1 - np.float32(self._light.shade) * (1 - open_)))
+
+    def _mirrored(self, met: _Met) -> Floats:
+        """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
+        nx, ny, nz = (axis.take(met.piece) for axis in self.normal)
+        double = 2 * met.facing
+        x, y, z = met.x - double * nx, met.y - double * ny, 1 - double * nz
+        bulge = self._surfaces.bulge.take(met.piece)
+        azimuth = np.asarray(np.arctan2(x, z), dtype=np.float32) + 2 * bulge * (met.s - _HALF)
+        elevation = np.asarray(np.arctan2(-y, np.hypot(x, z)), dtype=np.float32) + bulge * (met.t - np.float32(0.3))
+        row = np.clip(_HALF + elevation / np.float32(np.pi), np.float32(0.02), np.float32(0.98))
+        return self._atlas.bilinear(Tile.SURROUNDINGS, azimuth / np.float32(2 * np.pi), row, 0)
+
+
+def _sky(rays: Rays, light: Light) -> Floats:
+    """(H, W) sky, brightest near the horizon."""
+    up = np.broadcast_to(-rays.y, rays.shape)
+    return np.asarray(np.float32(light.sky) * (1 - np.float32(0.8) * np.clip(up, 0, 1)), dtype=np.float32)

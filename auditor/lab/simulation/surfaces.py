@@ -1,0 +1,119 @@
+"""What a scene is made of: flat pieces with textures, as columns of one table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.simulation.textures import Tile
+
+Floats = NDArray[np.float32]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A rectangle, or a trapezoid, in the world frame: x right, y down (the road at 0), z along the road; metres.
+
+    It spans `corner` + s `across` + t `up`, s and t in 0..1, the two at right angles; at t = 1 it is narrower by
+    `taper` of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask
+    that mirrors; with `cut` the mask says instead where the piece is there at all. An `oval` piece ends at its ellipse.
+    Of a LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed`
+    moves the piece along the road, in m/s.
+    """
+
+    corner: Vector
+    across: Vector
+    up: Vector
+    tile: Tile
+    tile_m: tuple[float, float] = (2.0, 2.0)
+    albedo: float = 0.4
+    contrast: float = 1.0
+    stains: float = 0.1
+    gloss: float = 0.0
+    bulge: float = 0.0
+    taper: float = 0.0
+    cut: bool = False
+    oval: bool = False
+    see_through: float = 0.0
+    lost: float = 0.0
+    speed: float = 0.0
+    ambient: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """N pieces as arrays; see Piece. `shift` (N, 2) sets where in its tile each piece begins."""
+
+    corner: Floats
+    across: Floats
+    up: Floats
+    tile: NDArray[np.int32]
+    repeats: Floats  # (N, 2): tiles to the whole piece
+    shift: Floats
+    albedo: Floats
+    contrast: Floats
+    stains: Floats
+    gloss: Floats
+    bulge: Floats
+    taper: Floats
+    cut: NDArray[np.bool_]
+    oval: NDArray[np.bool_]
+    see_through: Floats
+    lost: Floats
+    speed: Floats
+    ambient: Floats
+
+    def __len__(self) -> int:
+        return len(self.tile)
+
+    @property
+    def normal(self) -> Floats:
+        """(N, 3) unit normals; which of the two directions is not defined."""
+        normal = np.cross(self.across, self.up)
+        return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), dtype=np.float32)
+
+    def chosen(self, rows: NDArray[np.intp]) -> "Surfaces":
+        """Some of the pieces, in the given order."""
+        return Surfaces(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+
+def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
+    """Make the table; every piece begins at a place of its own in its tile."""
+
+    def column(name: str) -> Floats:
+        return np.array([getattr(piece, name) for piece in pieces], dtype=np.float32)
+
+    across, up = column("across"), column("up")
+    size = np.stack([np.linalg.norm(across, axis=1), np.linalg.norm(up, axis=1)], axis=1)
+    return Surfaces(
+        corner=column("corner"),
+        across=across,
+        up=up,
+        tile=np.array([piece.tile for piece in pieces], dtype=np.int32),
+        repeats=np.asarray(size / column("tile_m"), dtype=np.float32),
+        shift=_shifts(pieces, rng),
+        albedo=column("albedo"),
+        contrast=column("contrast"),
+        stains=column("stains"),
+        gloss=column("gloss"),
+        bulge=column("bulge"),
+        taper=column("taper"),
+        cut=column("cut").astype(bool),
+        oval=column("oval").astype(bool),
+        see_through=column("see_through"),
+        lost=column("lost"),
+        speed=column("speed"),
+        ambient=column("ambient"),
+    )
+
+
+_WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
+"""Tiles that begin where their piece begins."""
+
+
+def _shifts(pieces: Sequence[Piece], rng: np.random.Generator) -> Floats:
+    shift = rng.random((len(pieces), 2), dtype=np.float32)
+    shift[[piece.tile in _WHOLE for piece in pieces]] = 0
+    return shift

@@ -1,0 +1,29 @@
+"""SEE: a frame becomes disparity maps, and those become counts of inconsistent pixels."""
+
+import cv2
+
+from auditor.measurement.fault_features.calibration_check import Fitting
+from auditor.measurement.fault_features.collect import Watch
+from auditor.measurement.frame import measure, measure_stream
+from auditor.measurement.localisation.regions import localise
+from auditor.measurement.shared_view import Evidence
+from auditor.measurement.thumbnails import Picture, PictureBook, draw
+
+
+def use_one_thread() -> None:
+    """Keep OpenCV to one thread: SGBM gains nothing from more, and recordings are measured side by side."""
+    cv2.setNumThreads(1)
+
+
+__all__ = [
+    "Evidence",
+    "Fitting",
+    "Picture",
+    "PictureBook",
+    "Watch",
+    "draw",
+    "localise",
+    "measure",
+    "measure_stream",
+    "use_one_thread",
+]

@@ -1,0 +1,46 @@
+"""Counts on a coarse grid: enough to judge every portion of an image again without the image."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.checks.lidar_conflict import Adjudication
+from auditor.measurement.checks.photometric_consistency import Likeness
+from auditor.measurement.parameters import COUNT_GRID
+from auditor.model.measurement import Cells
+
+CELL_PX = COUNT_GRID.cell_px
+"""Width and height of a cell in full-resolution pixels."""
+
+_HALF_SIDE = CELL_PX // 2
+
+
+def cells_of_points(adjudication: Adjudication, height_px: int, width_px: int) -> Cells:
+    """Count LiDAR points, valid and contradicted, in an image of that size."""
+    rows, columns = -(-height_px // CELL_PX), -(-width_px // CELL_PX)
+    cell = adjudication.row // CELL_PX * columns + adjudication.column // CELL_PX
+    valid, against = (
+        np.bincount(cell[mask], minlength=rows * columns).astype(np.uint8).reshape(rows, columns)
+        for mask in (adjudication.valid, adjudication.contradicted)
+    )
+    return Cells(valid, against)
+
+
+def cells_of_likeness(pair: Likeness, near: NDArray[np.bool_] | None = None) -> Cells:
+    """Count half-resolution pixels, comparable and unlike: at most 16 a cell.
+
+    Those of `near` (h, w) are left out: there something is too near for the matcher, or hides what the reference sees
+    (`visibility.too_near`).
+    """
+    if near is None:
+        return Cells(_count(pair.comparable), _count(pair.unlike))
+    return Cells(_count(pair.comparable & ~near), _count(pair.unlike & ~near))
+
+
+def _count(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """How many of each 4 x 4 pixels are set; beyond the right and lower edge none is."""
+    height, width = mask.shape
+    below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE
+    padded = cv2.copyMakeBorder(mask.view(np.uint8), 0, below, 0, beside, cv2.BORDER_CONSTANT, value=(0,))
+    sums = cv2.boxFilter(padded, cv2.CV_8U, (_HALF_SIDE, _HALF_SIDE), anchor=(0, 0), normalize=False)
+    return np.ascontiguousarray(sums[::_HALF_SIDE, ::_HALF_SIDE], dtype=np.uint8)

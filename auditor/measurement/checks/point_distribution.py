@@ -1,0 +1,78 @@
+"""How the LiDAR's points are spread: points that stand alone, and strips of a view without any.
+
+An object, real or bogus, returns many points at like range. Drops of rain return one each, all around the sensor and
+near it: their light fades with the fourth power of range. Points spoofed at chance ranges stand alone far away, too.
+An attack that removes points leaves a strip without any.
+"""
+
+from math import isnan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.parameters import ISOLATED_POINTS, POINT_DROPOUT
+from auditor.model.checks import Specks
+
+_NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
+
+
+_ACROSS = ISOLATED_POINTS.parts_across
+
+
+Mask = NDArray[np.bool_]
+
+
+def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
+    """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
+    if view.row.size < ISOLATED_POINTS.fewest:
+        return Specks()
+    distance = np.linalg.norm(view.point_m, axis=1)
+    near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
+    part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
+    count = np.bincount(part, minlength=2 * _ACROSS)
+    shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
+    return Specks(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))
+
+
+def scatter(found: Specks) -> float | None:
+    """How many points stand alone 8 to 40 m away, from 0 to 1; half a per cent of the view's are a half.
+
+    Drops of rain do so nearby many times as often: half of what stands alone there is taken off. None where too few
+    points are in view.
+    """
+    if isnan(found.specks_beyond):
+        return None
+    more = max(found.specks_beyond - ISOLATED_POINTS.near_weight * found.specks_near, 0.0)
+    return more / (more + ISOLATED_POINTS.half_share)
+
+
+def isolated(view: LidarView, focal_px: float) -> Mask:
+    """(M,) mask of the points with at most one other in the 3 x 3 x 3 cells of row, column and range around theirs."""
+    if not view.row.size:
+        return np.zeros(0, dtype=np.bool_)
+    side = max(ISOLATED_POINTS.cell * focal_px, 1.0)
+    step = np.log(np.clip(np.linalg.norm(view.point_m, axis=1), *ISOLATED_POINTS.ranges_m)) / ISOLATED_POINTS.range_step
+    # A cell more on every side, so that all have neighbours.
+    cell = np.stack([view.row / side, view.column / side, step]).astype(np.intp) + 1
+    shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
+    place = np.ravel_multi_index(tuple(cell), shape)
+    counts = np.bincount(place, minlength=int(np.prod(shape)))
+    alone: Mask = counts[place] <= ISOLATED_POINTS.most_together
+    around = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - np.ravel_multi_index((1, 1, 1), shape)
+    alone[alone] = counts[place[alone][:, None] + around].sum(axis=1) <= ISOLATED_POINTS.most_together
+    return alone
+
+
+_STEP_PX = POINT_DROPOUT.step_px
+
+
+def emptiness(view: LidarView, width_px: int) -> float:
+    """The share of its usual points that the emptiest upright strip of the view lacks, 0 to 1.
+
+    Strips are 104 px wide, every 8 px one; usual is the median strip's number of points. 1 where the view is empty.
+    """
+    steps = np.bincount(view.column // _STEP_PX, minlength=-(-width_px // _STEP_PX))[: width_px // _STEP_PX]
+    strips = np.convolve(steps, np.ones(min(POINT_DROPOUT.strip_steps, steps.size)), mode="valid")
+    usual = float(np.median(strips))
+    return max(1.0 - float(strips.min()) / usual, 0.0) if usual > 0 else 1.0

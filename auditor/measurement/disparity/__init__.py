@@ -1,0 +1,1 @@
+"""Disparity maps of every pair of sensors in the view of a reference camera."""

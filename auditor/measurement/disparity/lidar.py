@@ -1,0 +1,138 @@
+"""The LiDAR in a camera's view: Eq. 1 through full projection matrices, and what a source camera can see too."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
+from auditor.model.frames import PointCloud
+from auditor.model.geometry import Matrix
+from auditor.model.rig import Camera, Rig
+
+
+@dataclass(frozen=True, eq=False)
+class LidarView:
+    """The LiDAR's points as reference camera k sees them, one a pixel, hidden ones dropped.
+
+    `column` and `row` are (M,) integer pixels; `u_px` the (M,) exact column; `point_m` the (M, 3) points in the LiDAR
+    frame; `returns` counts the points in view before any was dropped; `rig` is what they were projected by.
+    """
+
+    reference: int
+    column: NDArray[np.int32]
+    row: NDArray[np.int32]
+    u_px: NDArray[np.float32]
+    point_m: NDArray[np.float32]
+    returns: int
+    rig: Rig
+    _disparities: dict[int, NDArray[np.float32]] = field(default_factory=dict, init=False, repr=False)
+
+    def disparity_px(self, source: int) -> NDArray[np.float32]:
+        """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
+
+        Both columns come from full projection matrices: f b / z is off by up to a pixel where the cameras' optical
+        centres differ in z. Every check of a frame asks for them, so they are kept.
+        """
+        if source not in self._disparities:
+            u_source, _, _ = _project(_projection(self.rig, self.rig.camera(source)), self.point_m)
+            self._disparities[source] = self.u_px - u_source
+            self._disparities[source].setflags(write=False)
+        return self._disparities[source]
+
+
+def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
+    """Project a cloud into camera `reference`, keep the nearest point of each pixel, drop what nearer ones hide."""
+    camera = rig.camera(reference)
+    P = _projection(rig, camera)
+    points = cloud.xyz_m
+    depth = points @ P[2, :3] + P[2, 3]
+    points = points[depth > LIDAR_PROJECTION.nearest_m]
+    u, v, depth = _project(P, points)
+    column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
+    in_view = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
+    inside = np.flatnonzero(in_view)
+    inside = inside[np.argsort(-depth[inside])]  # far to near: of several points in a pixel the last, nearest stays
+    owner = np.full((camera.height_px, camera.width_px), -1, dtype=np.int32)
+    owner[row[inside], column[inside]] = inside
+    kept = owner[owner >= 0]
+    kept = kept[_unhidden(camera, column[kept], row[kept], depth[kept])]
+    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig)
+
+
+def _unhidden(
+    camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(M,) mask of the points with no much nearer neighbour: the LiDAR sits above and looks over near edges."""
+    disparity = np.float32(camera.focal_px * LIDAR_PROJECTION.baseline_m) / depth
+    dense = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
+    dense[row, column] = disparity
+    nearest = cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8))
+    return np.asarray(nearest[row, column] - disparity <= LIDAR_PROJECTION.nearer_by_px)
+
+
+def _projection(rig: Rig, camera: Camera) -> NDArray[np.float32]:
+    assert rig.lidar is not None
+    P: Matrix = camera.projection @ rig.lidar.rig_SE3_lidar
+    return P.astype(np.float32)
+
+
+def _project(
+    P: NDArray[np.float32], points: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Columns and rows in pixels, and depths in metres, of (N, 3) points."""
+    u, v, depth = P[:, :3] @ points.T + P[:, 3:]
+    return u / depth, v / depth, depth
+
+
+def visible_to_witness(view: LidarView, rig: Rig, witness: int, d0_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(M,) mask of the points of a view that no much nearer point hides from the witness's camera.
+
+    `d0_px` is DM_{0,k} at that witness. A point is hidden where another, within 7 x 3 half-resolution pixels of the
+    witness's image, is nearer by more than 3 px at a baseline of 0.6 m. Points outside its image are not visible.
+    """
+    # The z-buffer of the source camera is kept at half resolution.
+    camera = rig.camera(witness)
+    scale = np.float32(LIDAR_PROJECTION.baseline_m / rig.baseline_m(witness, view.reference))
+    height, width = -(-camera.height_px // HALF), -(-camera.width_px // HALF)
+    # Rectified images share their rows, so the point's row in the reference is its row in the witness as well.
+    row = np.minimum(view.row // HALF, height - 1)
+    column = np.rint((view.u_px - d0_px) / HALF).astype(np.intp)
+    inside = (column >= 0) & (column < width)
+    column = np.clip(column, 0, width - 1)
+    nearness = np.where(inside, d0_px * scale, 0).astype(np.float32)
+    nearest = np.zeros((height, width), dtype=np.float32)
+    np.maximum.at(nearest, (row, column), nearness)
+    nearest = np.asarray(
+        cv2.dilate(nearest, np.ones(LIDAR_PROJECTION.source_window_px, dtype=np.uint8)), dtype=np.float32
+    )
+    return np.asarray(inside & (nearest[row, column] - nearness <= LIDAR_PROJECTION.nearer_by_px))
+
+
+class Reach(NamedTuple):
+    """What is nearer than a disparity of `limit_px` is too near, and hides what lies up to `hides_px` left of it."""
+
+    limit_px: float
+    hides_px: int
+
+
+def too_near(
+    view: LidarView, alone: NDArray[np.bool_], witness: int, reach: Reach, shape: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """(h, w) half-resolution mask of where the LiDAR sees something too near to be compared.
+
+    16 px around it are masked, and what it can hide from the witness. Points that stand `alone` (M,) hide nothing: in
+    light rain a few dozen drops would keep most of the view from the cameras' witnesses.
+    """
+    near = view.disparity_px(witness) > reach.limit_px
+    near &= ~alone
+    mask = np.zeros(shape, dtype=np.uint8)
+    if near.any():
+        row, column = view.row[near] // HALF, view.column[near] // HALF
+        mask[row, column] = 1
+        mask = np.asarray(cv2.dilate(mask, np.ones(MATCHER_RANGE.around_px, dtype=np.uint8)), dtype=np.uint8)
+        leftward = np.ones((1, reach.hides_px // HALF), dtype=np.uint8)
+        mask = np.asarray(cv2.dilate(mask, leftward, anchor=(0, 0)), dtype=np.uint8)
+    return mask.astype(np.bool_)

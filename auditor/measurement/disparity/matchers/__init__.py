@@ -1,0 +1,123 @@
+"""Stereo matchers: two rectified images become a disparity map."""
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+from auditor.errors import SettingError
+from auditor.measurement.disparity.matchers.interface import Matcher, libraries
+from auditor.measurement.disparity.matchers.options import MatcherOptions
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.frames import Frame
+from auditor.model.rig import Rig
+
+NO_NETWORK = MatcherOptions()
+"""Of matchers that are no networks."""
+
+
+def find_matcher(name: str, options: MatcherOptions = NO_NETWORK) -> Matcher:
+    """The matcher of that name: a built-in one, a model's file, else one of the entry points `auditor.matchers`.
+
+    Raises SettingError that lists the known names, for an option that the matcher does not take, for a package that
+    it needs and that is not installed, and as the matchers themselves do.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name](options)
+    kind, _, file = name.partition(":")
+    if kind in MODEL_FILES and file:
+        return MODEL_FILES[kind](Path(file), options)
+    plugins = {point.name: point for point in entry_points(group="auditor.matchers")}
+    if name in plugins:
+        options.only(name)
+        factory: Callable[[], Matcher] = plugins[name].load()
+        return factory()
+    known = ", ".join([*BUILT_IN, *(f"{kind}:FILE" for kind in MODEL_FILES), *plugins])
+    raise SettingError(f"no matcher is called {name!r}", where="--matcher", remedy=f"use one of: {known}")
+
+
+def _sgbm(options: MatcherOptions) -> Matcher:
+    options.only("sgbm")
+    return SgbmMatcher()
+
+
+def _sgbm_full(options: MatcherOptions) -> Matcher:
+    options.only("sgbm-full")
+    return SgbmMatcher(step=1)
+
+
+def _psmnet(options: MatcherOptions) -> Matcher:
+    if options.weights is None:
+        raise SettingError(
+            "psmnet needs weights", where="--weights", remedy="name a checkpoint, or train one on clean recordings"
+        )
+    try:
+        from auditor.measurement.disparity.matchers.psmnet import open_psmnet  # noqa: PLC0415 - torch takes seconds to import
+    except ModuleNotFoundError as error:
+        raise _not_installed("psmnet", "psmnet", error) from error
+    return open_psmnet(options)
+
+
+def _onnx(path: Path, options: MatcherOptions) -> Matcher:
+    options.only("onnx", "device")
+    try:
+        from auditor.measurement.disparity.matchers.onnx import open_onnx  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise _not_installed("onnx", "onnx", error) from error
+    return open_onnx(path, device=options.device, threads=options.threads)
+
+
+def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
+    options.only("torchscript", "device")
+    try:
+        from auditor.measurement.disparity.matchers.torchscript import open_torchscript  # noqa: PLC0415 - torch takes seconds
+    except ModuleNotFoundError as error:
+        raise _not_installed("torchscript", "psmnet", error) from error
+    return open_torchscript(path, device=options.device, threads=options.threads)
+
+
+def foretell(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
+    """What a network says before it measures `count` frames, from the first of them: its cost, and what looks wrong.
+
+    Matchers that are no networks of this package say nothing.
+    """
+    if matcher.name != "psmnet":
+        return ()
+    return tuple(psmnet_module("preflight").foretell(matcher, rig, first, count))
+
+
+def psmnet_module(name: str, package: str = "auditor.measurement.disparity.matchers.psmnet") -> ModuleType:
+    """A module that needs PSMNet's packages, such as `weights`. Raises SettingError where they are missing."""
+    try:
+        return import_module(f"{package}.{name}")
+    except ModuleNotFoundError as error:
+        raise _not_installed("psmnet", "psmnet", error) from error
+
+
+def _not_installed(matcher: str, extra: str, error: ModuleNotFoundError) -> SettingError:
+    return SettingError(
+        f"{matcher} needs the package {error.name}", where="--matcher", remedy=f"pip install 'auditor[{extra}]'"
+    )
+
+
+BUILT_IN: Mapping[str, Callable[[MatcherOptions], Matcher]] = {
+    "sgbm": _sgbm,
+    "sgbm-full": _sgbm_full,
+    "psmnet": _psmnet,
+}
+MODEL_FILES: Mapping[str, Callable[[Path, MatcherOptions], Matcher]] = {"onnx": _onnx, "torchscript": _torchscript}
+"""Matchers that are files of the user's: `onnx:model.onnx`."""
+
+__all__ = [
+    "BUILT_IN",
+    "MODEL_FILES",
+    "NO_NETWORK",
+    "Matcher",
+    "MatcherOptions",
+    "SgbmMatcher",
+    "find_matcher",
+    "foretell",
+    "libraries",
+    "psmnet_module",
+]

@@ -1,0 +1,62 @@
+"""Semi-global matching with OpenCV: dense, since pixels without a match are where an attack hides."""
+
+import json
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.parameters import SGBM
+
+_BLOCK = SGBM.block_px
+_SIXTEENTHS = 16  # OpenCV's disparities are whole numbers of them
+
+
+@dataclass(frozen=True)
+class SgbmMatcher:
+    """SGBM_3WAY without any filter that would leave pixels out (uniqueness, left-right check, speckles).
+
+    At half resolution (step 2) a pair takes a tenth of the time of full-resolution SGBM and detects no worse.
+    """
+
+    step: int = 2
+    range_px: int = SGBM.range_px
+    colour: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name on the command line and in the store."""
+        return "sgbm" if self.step == 2 else "sgbm-full"
+
+    @property
+    def settings(self) -> str:
+        """Canonical JSON of everything that changes a disparity."""
+        values = {"block": _BLOCK, "mode": "3way", "range_px": self.range_px, "step": self.step}
+        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+
+    def match(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Disparities (ceil(H / step), ceil(W / step)) of two (H, W) grey images, in full-resolution pixels."""
+        if self.step == 2:
+            left, right = halve(left), halve(right)
+        # Without the border SGBM gives no disparity in the leftmost `reach` columns of the left image.
+        reach = self.range_px // self.step
+        matcher = cv2.StereoSGBM.create(
+            minDisparity=0,
+            numDisparities=reach,
+            blockSize=_BLOCK,
+            P1=SGBM.smoothness_1 * _BLOCK * _BLOCK,
+            P2=SGBM.smoothness_2 * _BLOCK * _BLOCK,
+            disp12MaxDiff=SGBM.left_right_difference,
+            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+        )
+        # Negative where there is no match.
+        fixed = matcher.compute(_bordered(left, reach), _bordered(right, reach))[:, reach:]
+        disparity = fixed.astype(np.float32) * np.float32(self.step / _SIXTEENTHS)
+        disparity[fixed < 0] = np.nan
+        return disparity
+
+
+def _bordered(image: NDArray[np.uint8], reach: int) -> cv2.typing.MatLike:
+    return cv2.copyMakeBorder(image, 0, 0, reach, 0, cv2.BORDER_REPLICATE)

@@ -1,0 +1,143 @@
+"""Recorded pictures -> those that the ideal cameras of the rig's common view would have taken.
+
+What follows never knows that a rig was not rectified: it gets one picture a camera, one rig, one depth a disparity.
+Cameras that do not stand on one line have no rows in common. Two of them always do: each pair is a rig of two with a
+view of its own, and what is seen there is brought back to the common view. Turned into their rows, pictures are no
+upright rectangles any more: a pair's view is wide enough for all that both see, and masks say what that is.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.disparity.warping import WayBack
+from auditor.measurement.parameters import RECTIFICATION
+from auditor.model.checks import Pair
+from auditor.model.common_view import CommonView, common_view, recorded_pixels, sees
+from auditor.model.frames import CameraImage, Frame, Skipped
+from auditor.model.rig import LIDAR, Camera, Rig
+
+_BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class _Remap:
+    """How one camera's picture becomes rectified: shrunk by `scale` first, then looked up in the maps.
+
+    `seen` (H, W) are the pixels that lie well inside it.
+    """
+
+    scale: float
+    maps: tuple[cv2.typing.MatLike, cv2.typing.MatLike]
+    seen: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Rectification:
+    """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
+
+    Where they are so already it is the rig itself, there are no remaps, and frames stay what they are. Where cameras do
+    not stand on one line, and there alone, the `pairs` (i, k) that are matched have views of their own: the ideal rig's
+    pictures are then for looking at and for bringing back to.
+    """
+
+    rig: Rig
+    remaps: Mapping[int, _Remap]
+    pairs: Mapping[Pair, "PairView"] = field(default_factory=dict)
+
+    def frames(self, frames: Iterable[Frame | Skipped]) -> Iterator[Frame | Skipped]:
+        """Frames as `frame` gives them, and those that were skipped."""
+        return (self.frame(item) if isinstance(item, Frame) else item for item in frames)
+
+    def frame(self, frame: Frame) -> Frame:
+        """The frame as the ideal rig would have recorded it; nothing but pixels changes."""
+        if not self.remaps:
+            return frame
+        return replace(frame, images={number: self.image(image) for number, image in frame.images.items()})
+
+    def image(self, image: CameraImage) -> CameraImage:
+        """One picture, (H, W) or (H, W, 3) of its camera's size, as its ideal camera would have taken it."""
+        if not self.remaps:
+            return image
+        remap = self.remaps[image.sensor]
+        pixels: cv2.typing.MatLike = image.pixels
+        if remap.scale < 1:
+            # Looking up every second pixel would turn fine texture into false one.
+            pixels = cv2.resize(pixels, None, fx=remap.scale, fy=remap.scale, interpolation=cv2.INTER_AREA)
+        # The maps stay inside the picture up to rounding; at its very border the last pixel stands for the next.
+        pixels = cv2.remap(pixels, *remap.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return replace(image, pixels=np.asarray(pixels, dtype=np.uint8))
+
+
+@dataclass(frozen=True, eq=False)
+class PairView:
+    """The own view of cameras i < k: `seen` rectifies the rig of these two, in which they are S_1 and S_2."""
+
+    cameras: Pair
+    seen: Rectification
+    back: WayBack
+
+    @property
+    def sights(self) -> dict[int, Mask]:
+        """(H, W) by camera of the pair what it sees of the view, well inside its picture."""
+        return {number: remap.seen for number, remap in self.seen.remaps.items()}
+
+    def frame(self, frame: Frame) -> Frame:
+        """What the pair's rig recorded of a frame, rectified; cameras that are missing there are here."""
+        return self.seen.frame(self.recorded(frame))
+
+    def recorded(self, frame: Frame) -> Frame:
+        """What the pair's rig recorded of a frame."""
+        sensors = dict(enumerate((LIDAR, *self.cameras)))
+        images = {
+            number: replace(frame.images[sensor], sensor=number)
+            for number, sensor in sensors.items()
+            if sensor in frame.images
+        }
+        presence = {n: frame.presence[sensor] for n, sensor in sensors.items() if sensor in frame.presence}
+        return replace(frame, images=images, presence=presence)
+
+
+@lru_cache(maxsize=8)
+def rectification(rig: Rig) -> Rectification:
+    """What it takes to rectify a rig's frames, worked out once a rig.
+
+    Raises RigError where the cameras, or two of them that have to be matched in a view of their own, see nothing in
+    common.
+    """
+    if rig.is_rectified:
+        return Rectification(rig, {})
+    view = common_view(rig)
+    pairs = {} if rig.shares_view else {pair: _pair_view(rig, pair, view) for pair in rig.pairs}
+    return Rectification(view.rig, _remaps(rig, view), pairs)
+
+
+def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:
+    of_two = rig.pair(*pair)
+    view = common_view(of_two, widest=True)
+    back = WayBack(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
+    return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), back)
+
+
+def _remaps(rig: Rig, view: CommonView) -> dict[int, _Remap]:
+    return {camera.number: _remap(camera, view) for camera in rig.cameras}
+
+
+def _remap(camera: Camera, view: CommonView) -> _Remap:
+    scale = (
+        view.focal_px / camera.focal_px if camera.focal_px > RECTIFICATION.shrunk_first_from * view.focal_px else 1.0
+    )
+    pixels = recorded_pixels(camera, view.view_SO3_rig, view.x, view.y)
+    inside = sees(pixels, camera, 1).astype(np.uint8)
+    seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)
+    # A picture at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
+    # What lies behind the lens is not seen, and may show anything.
+    u, v = (np.nan_to_num((place + 0.5) * scale - 0.5, nan=-1.0) for place in pixels)
+    maps = cv2.convertMaps(u.astype(np.float32), v.astype(np.float32), cv2.CV_16SC2)
+    return _Remap(scale, maps, seen)

@@ -1,0 +1,116 @@
+"""DM_{i,k}: the disparity map that a source camera gives in a reference camera's view, and its texture."""
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.disparity.matchers.interface import Matcher, match_pairs
+from auditor.measurement.parameters import HALF, TEXTURE
+
+_SOBEL_PX, _SOBEL_GAIN = 3, 8
+"""The smallest Sobel kernel, and the sum of its weights' sizes."""
+
+
+def textured(half: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(h, w) mask of the pixels of a half-resolution (h, w) grey image whose surroundings have texture.
+
+    Texture is the root mean square of the horizontal Sobel gradient, in grey levels a pixel.
+    """
+    gradient = cv2.Sobel(half, cv2.CV_32F, 1, 0, ksize=_SOBEL_PX, scale=1 / _SOBEL_GAIN)
+    power = cv2.boxFilter(gradient * gradient, cv2.CV_32F, TEXTURE.window_px)
+    return np.asarray(power > TEXTURE.fewest_levels * TEXTURE.fewest_levels)
+
+
+Mask = NDArray[np.bool_]
+
+
+Key = TypeVar("Key", bound=Hashable)
+
+
+@dataclass(frozen=True, eq=False)
+class StereoMap:
+    """DM_{i,k}, dense, one value a pixel of the matcher's grid.
+
+    `disparity_px` (h, w) in full-resolution pixels at baseline b_{i,k}, NaN unknown. `valid` (h, w): a disparity was
+    found and its match lies inside the witness's image. `textured` (h, w): the reference has texture there, or the
+    witness does at the match. Grid pixels are `step` full-resolution ones wide; disparities end at `range_px`.
+    """
+
+    disparity_px: NDArray[np.float32]
+    valid: Mask
+    textured: Mask
+    step: int
+    range_px: int
+
+
+def stereo_map(
+    matcher: Matcher,
+    reference: NDArray[np.uint8],
+    witness: NDArray[np.uint8],
+    reference_texture: Mask,
+    witness_texture: Mask,
+) -> StereoMap:
+    """Match two images, (H, W) grey or (H, W, 3) BGR; their texture masks are at half resolution."""
+    return _stereo_map(matcher, matcher.match(reference, witness), reference_texture, witness_texture)
+
+
+def stereo_maps(
+    matcher: Matcher,
+    images: Mapping[Key, NDArray[np.uint8]],
+    texture: Mapping[Key, Mask],
+    pairs: Iterable[tuple[Key, Key]],
+) -> dict[tuple[Key, Key], StereoMap]:
+    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them; the matcher sees all pairs at once.
+
+    Keys are whatever names an image: a camera, or a frame and a camera.
+    """
+    pairs, cameras = list(pairs), list(images)
+    places = [(cameras.index(k), cameras.index(i)) for i, k in pairs]
+    disparities = match_pairs(matcher, list(images.values()), places)
+    return {
+        (i, k): _stereo_map(matcher, disparity, texture[k], texture[i])
+        for (i, k), disparity in zip(pairs, disparities, strict=True)
+    }
+
+
+def within(stereo: StereoMap, reference_sees: Mask, witness_sees: Mask) -> StereoMap:
+    """The map, valid only where the reference sees and the witness does at the match; (H, W) full-resolution masks."""
+    seen = seen_by_both(stereo.disparity_px, stereo.step, reference_sees, witness_sees)
+    return replace(stereo, valid=stereo.valid & seen)
+
+
+def seen_by_both(
+    disparity_px: NDArray[np.float32], step: int, reference_sees: Mask, witness_sees: Mask
+) -> NDArray[np.bool_]:
+    """(h, w) mask of the disparities whose pixel the reference sees and whose match the witness does."""
+    width = disparity_px.shape[1]
+    match = np.nan_to_num(np.rint(np.arange(width) - disparity_px / step))
+    column = np.clip(match, 0, width - 1).astype(np.intp)
+    there = np.take_along_axis(witness_sees[::step, ::step], column, axis=1)
+    return np.asarray(there & reference_sees[::step, ::step])
+
+
+def _stereo_map(
+    matcher: Matcher, disparity: NDArray[np.float32], reference_texture: Mask, witness_texture: Mask
+) -> StereoMap:
+    height, width = disparity.shape
+    step = matcher.step
+    u = np.arange(width, dtype=np.float32)
+    match = u - disparity / np.float32(step)
+    valid = match >= 0  # False where the disparity is NaN
+    column = np.where(valid, match, 0).astype(np.intp)
+    texture = np.take_along_axis(_on_grid(witness_texture, step, height, width), column, axis=1)
+    texture |= _on_grid(reference_texture, step, height, width)
+    return StereoMap(disparity, valid, texture, step, matcher.range_px)
+
+
+def _on_grid(texture: Mask, step: int, height: int, width: int) -> Mask:
+    """A half-resolution mask on the matcher's (height, width) grid."""
+    repeat = HALF // step
+    if repeat > 1:
+        texture = texture.repeat(repeat, axis=0).repeat(repeat, axis=1)
+    return texture[:height, :width]

@@ -1,0 +1,1 @@
+"""Fault features: what tells a sensor's fault from an attack."""

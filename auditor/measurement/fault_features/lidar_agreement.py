@@ -1,0 +1,107 @@
+"""How well the LiDAR agrees with stereo over the whole picture: as it is, moved as one, biased, or a frame late.
+
+An attack changes a portion of the view, a fault all of it: where one constant makes most points agree that did not, a
+sensor has turned; where stereo of the frame before does, the LiDAR lags. Only those disparities are asked at which the
+two pictures are alike.
+"""
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.checks.photometric_consistency import Likeness
+from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.model.checks import Agreement
+
+Floats = NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What the LiDAR and a camera pair saw of the same view at one moment, as far as it can be compared.
+
+    `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's pictures are not
+    alike. `row`, `column` and `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
+    """
+
+    sure_px: Floats
+    row: Indices
+    column: Indices
+    d0_px: Floats
+
+    @classmethod
+    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, witness: int) -> "Moment":
+        """Keep what the pictures confirm, and points within the matcher's range."""
+        step = HALF // stereo.step
+        sure = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
+        every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
+        d0 = view.disparity_px(witness)[every]
+        near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
+        return cls(
+            np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),
+            view.row[every][near],
+            view.column[every][near],
+            d0[near],
+        )
+
+
+def agreement(now: Moment, before: Moment | None) -> Agreement:
+    """Compare the LiDAR's points with stereo, of this frame and of the one before; all NaN where too few can be."""
+    difference = _differences(now, now.sure_px)
+    asked = np.count_nonzero(~np.isnan(difference))
+    if asked < LIDAR_AGREEMENT.fewest:
+        return Agreement()
+    bias, biased = _bias(difference)
+    moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
+    moved |= {(0, s): _differences(now, now.sure_px, down=s) for s in LIDAR_AGREEMENT.shifts_px}
+    (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
+    earlier = None if before is None else _differences(now, before.sure_px)
+    return Agreement(
+        compared=float(asked),
+        agreeing=_agreeing(difference),
+        bias_px=bias,
+        biased=biased,
+        right_px=float(right),
+        down_px=float(down),
+        turned=_agreeing(most),
+        turned_only=_only(most, difference),
+        unturned_only=_only(difference, most),
+        before_only=nan if earlier is None else _only(earlier, difference),
+        now_only=nan if earlier is None else _only(difference, earlier),
+    )
+
+
+def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
+    """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
+    height, width = sure_px.shape
+    row, column = (points.row + down) // HALF, (points.column + right) // HALF
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    ds = sure_px[np.where(inside, row, 0), np.where(inside, column, 0)]
+    return np.asarray(np.where(inside, ds - points.d0_px, np.nan), dtype=np.float32)
+
+
+def _agreeing(difference: Floats) -> float:
+    """The share of those asked that agree; 0 where too few were."""
+    asked = int(np.count_nonzero(~np.isnan(difference)))
+    agreeing = float(np.count_nonzero(np.abs(difference) <= LIDAR_AGREEMENT.agree_px))
+    return agreeing / asked if asked >= LIDAR_AGREEMENT.fewest else 0.0
+
+
+def _only(these: Floats, others: Floats) -> float:
+    """How many points agree by these differences and are far off by the others, where both can be asked."""
+    agree, differ = np.abs(these) <= LIDAR_AGREEMENT.agree_px, np.abs(others) > LIDAR_AGREEMENT.differ_px
+    return float(np.count_nonzero(agree & differ))
+
+
+def _bias(difference: Floats) -> tuple[float, float]:
+    """The constant with which most points agree, in whole pixels, and their share."""
+    largest, window = LIDAR_AGREEMENT.largest_bias_px, LIDAR_AGREEMENT.bias_window_px
+    near = difference[np.abs(difference) < largest]
+    counts = np.bincount(np.rint(near).astype(np.intp) + largest, minlength=window)
+    bias = int(np.argmax(np.convolve(counts, np.ones(window), mode="same"))) - largest
+    return float(bias), _agreeing(difference - np.float32(bias))

@@ -1,0 +1,113 @@
+"""Whether the points of one picture lie on the same rows of another, now or a frame ago.
+
+Rectified cameras that see one moment see every point on one row. A camera that has tilted moves all rows by a
+constant; one that lags moves them as the scene has moved since: points are followed to the other camera and to the
+frame before (pyramidal Lucas-Kanade), and each hypothesis is scored by the share of points that it puts on one row.
+"""
+
+from collections.abc import Mapping
+from math import nan
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
+from auditor.model.checks import Pair, Rows
+
+_ROWS, _COLUMNS = ROW_ALIGNMENT.blocks
+_AROUND = np.ones(ROW_ALIGNMENT.border_px, dtype=np.uint8)
+_ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROW_ALIGNMENT.iterations, ROW_ALIGNMENT.accuracy_px)
+
+Image = NDArray[np.uint8]
+Points = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+def corners(half: Image, sees: Mask | None = None) -> Points:
+    """(P, 2) columns and rows of the strongest corner of each of 6 x 20 blocks, without the weakest three in ten.
+
+    Of a view that the camera does not see whole, only what it `sees`: (H, W) at full resolution.
+    """
+    strength = cv2.cornerMinEigenVal(half, ROW_ALIGNMENT.corner_px)
+    if sees is not None:
+        inner = cv2.erode(sees[::HALF, ::HALF].astype(np.uint8), _AROUND)
+        strength[inner == 0] = 0
+    height, width = (size // count for size, count in zip(half.shape, (_ROWS, _COLUMNS), strict=True))
+    if height == 0 or width == 0:
+        return np.zeros((0, 2), dtype=np.float32)
+    cut = strength[: height * _ROWS, : width * _COLUMNS].reshape(_ROWS, height, _COLUMNS, width)
+    blocks = cut.transpose(0, 2, 1, 3).reshape(_ROWS, _COLUMNS, height * width)
+    place = blocks.argmax(axis=2)
+    row = np.arange(_ROWS)[:, None] * height + place // width
+    column = np.arange(_COLUMNS) * width + place % width
+    strongest = blocks.max(axis=2)
+    found = strongest if sees is None else strongest[strongest > 0]
+    weakest = np.quantile(found, 1 - ROW_ALIGNMENT.kept_share) if found.size else 0.0
+    kept = (strongest >= weakest) & (strongest > 0)
+    return np.stack([column[kept], row[kept]], axis=1).astype(np.float32)
+
+
+def register(
+    points: Mapping[int, Points],
+    now: Mapping[int, Image],
+    before: Mapping[int, Image],
+    disparities_px: Mapping[Pair, NDArray[np.float32]],
+) -> dict[Pair, Rows]:
+    """Follow the points (P, 2) of each reference k to each of its witnesses, and both to the frame before.
+
+    `now` and `before` are half-resolution grey images. `disparities_px` holds DM_{i,k} at the points, (P,)
+    half-resolution pixels, where to look first. A pair of which fewer than 15 points can be followed is left out;
+    cameras that `before` lacks are not asked whether they lag.
+    """
+    flows = {k: _follow(now[k], before[k], points[k], points[k]) for k in points if k in before}
+    found = {}
+    for (i, k), disparity in disparities_px.items():
+        start = points[k].copy()
+        start[:, 0] -= np.nan_to_num(disparity)
+        match, tracked = _follow(now[k], now[i], points[k], start)
+        back_k = flows.get(k)
+        back_i = _follow(now[i], before[i], match, match) if i in before else None
+        for back in (back_i, back_k):
+            tracked = tracked & back[1] if back else tracked
+        if np.count_nonzero(tracked) >= ROW_ALIGNMENT.fewest:
+            apart = match[:, 1] - points[k][:, 1]
+            # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
+            late_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
+            late_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
+            found[i, k] = _symptoms(apart, tracked, late_i, late_k)
+    return found
+
+
+def _symptoms(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Rows:
+    offset = np.median(apart[tracked])
+    return Rows(
+        tracked=float(np.count_nonzero(tracked)),
+        in_step=_share(apart, tracked),
+        offset_px=float(HALF * offset),
+        offset_share=_share(apart - offset, tracked),
+        late_i=late_i,
+        late_k=late_k,
+    )
+
+
+def _share(residual: Points, among: Mask) -> float:
+    return float(np.mean(np.abs(residual[among]) <= ROW_ALIGNMENT.same_row_px))
+
+
+def _follow(source: Image, target: Image, points: Points, start: Points) -> tuple[Points, Mask]:
+    """Where (P, 2) points of one picture lie in another, and which of them were found again."""
+    if len(points) == 0:
+        return points, np.zeros(0, dtype=np.bool_)
+    moved, found, residue = cv2.calcOpticalFlowPyrLK(
+        source,
+        target,
+        points[:, None],
+        start[:, None].copy(),
+        winSize=ROW_ALIGNMENT.window_px,
+        maxLevel=ROW_ALIGNMENT.levels,
+        criteria=_ACCURACY,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    good = (found[:, 0] > 0) & (residue[:, 0] < ROW_ALIGNMENT.largest_residue)
+    return np.asarray(moved[:, 0], dtype=np.float32), np.asarray(good)

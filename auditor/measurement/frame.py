@@ -1,0 +1,211 @@
+"""A frame becomes counts of inconsistent pixels for every triple, and the statistics of the checks on every pair."""
+
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from itertools import islice
+from queue import Full, Queue
+from threading import Event, Thread
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
+from auditor.measurement.disparity.rectification import PairView, rectification
+from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
+from auditor.measurement.fault_features.frozen_data import fingerprints
+from auditor.measurement.pairwise_views import OF_TWO, join
+from auditor.measurement.parameters import COVERAGE
+from auditor.measurement.shared_view import Evidence, Looked, Maps, compare, look, matched, present
+from auditor.model.checks import Pair
+from auditor.model.frames import Frame, Skipped
+from auditor.model.measurement import Coverage, Measurement
+from auditor.model.rig import LIDAR, Rig
+
+Item = TypeVar("Item")
+
+
+_POLL_S = 0.05
+
+
+def ahead(items: Iterable[Item], count: int = 1) -> Generator[Item]:
+    """The items in their order, made in a thread that is at most `count` of them ahead.
+
+    An error of theirs is raised where its item would have come. Closed early, or left by an error, it ends the thread.
+    """
+    maker = _Maker(items, count)
+    maker.thread.start()
+    try:
+        while (made := maker.made.get()) is not None:
+            yield made[0]
+        if maker.error is not None:
+            raise maker.error
+    finally:
+        maker.left.set()
+        maker.thread.join()
+
+
+class _Maker(Generic[Item]):
+    """Puts each item into a queue, in a tuple of its own, then None."""
+
+    def __init__(self, items: Iterable[Item], count: int) -> None:
+        self.items = items
+        self.made: Queue[tuple[Item] | None] = Queue(count)
+        self.left = Event()
+        self.error: BaseException | None = None
+        self.thread = Thread(target=self._run, daemon=True)
+
+    def _run(self) -> None:
+        try:
+            for item in self.items:
+                self._put((item,))
+                if self.left.is_set():
+                    break
+        except BaseException as error:  # noqa: BLE001 - it is raised again where the items are used
+            self.error = error
+        if isinstance(self.items, Generator):
+            self.items.close()  # here, where it runs
+        self._put(None)
+
+    def _put(self, made: tuple[Item] | None) -> None:
+        while not self.left.is_set():
+            try:
+                self.made.put(made, timeout=_POLL_S)
+            except Full:
+                continue
+            return
+
+
+Measured = tuple[Measurement, Evidence]
+
+
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """A frame as it is looked at: whole, and where `views` says that pairs have views of their own in `parts`, too."""
+
+    whole: Looked
+    parts: Mapping[Pair, Looked]
+    views: Mapping[Pair, PairView]
+
+    @property
+    def matched(self) -> list[Looked]:
+        """What the matcher sees."""
+        return list(self.parts.values()) if self.views else [self.whole]
+
+
+def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
+    """Compare all disparity maps of a frame: each pair of cameras is matched once, the LiDAR projected once a view.
+
+    Images are (H, W) or (H, W, 3) uint8 of the rig's sizes; cameras that are not rectified are so first. A triple with
+    an absent sensor has no counts. Raises RigError where the cameras have no view in common.
+    """
+    looked = _look(frame, rig, matcher)
+    return _compare(looked, _match([looked], matcher)[0])
+
+
+def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
+    """What `measure` gives for each frame, in their order; skipped ones pass through.
+
+    For a matcher that takes many pairs at once, frames go to it in groups: while it matches one, the next is decoded
+    in a thread, and the last is compared in the thread that asks. Others get frame after frame, and no thread.
+    """
+    at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
+    if pairs_at_once(matcher) == 1:
+        yield from (item if isinstance(item, Skipped) else measure(item, rig, matcher) for item in frames)
+        return
+    groups = ahead(_grouped(frames, rig, matcher, max(1, at_once)))
+    with closing(ahead(_matched(groups, matcher))) as done:
+        for group, maps in done:
+            of_frames = iter(maps)
+            for item in group:
+                yield item if isinstance(item, Skipped) else _compare(item, next(of_frames))
+
+
+def _grouped(
+    frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher, size: int
+) -> Iterator[list[_Looked | Skipped]]:
+    items = (item if isinstance(item, Skipped) else _look(item, rig, matcher) for item in frames)
+    while group := list(islice(items, size)):
+        yield group
+
+
+def _matched(
+    groups: Generator[list[_Looked | Skipped]], matcher: Matcher
+) -> Iterator[tuple[list[_Looked | Skipped], list[list[Maps]]]]:
+    with closing(groups):
+        for group in groups:
+            yield group, _match([item for item in group if isinstance(item, _Looked)], matcher)
+
+
+def _look(frame: Frame, rig: Rig, matcher: Matcher) -> _Looked:
+    seen = rectification(rig)
+    rectified = seen.frame(frame)
+    triples = present(seen.rig.triples, rectified)
+    pairs = matched(triples)
+    whole = look(rectified, seen.rig, triples, pairs, colour=matcher.colour)
+    parts = {pair: _look_at_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}
+    return _Looked(whole, parts, seen.pairs)
+
+
+def _look_at_pair(view: PairView, frame: Frame, matcher: Matcher) -> Looked:
+    of_two, rig = view.frame(frame), view.seen.rig
+    looked = look(of_two, rig, present(rig.triples, of_two), [OF_TWO], colour=matcher.colour)
+    return replace(looked, sights=view.sights)
+
+
+def _match(looked: Sequence[_Looked], matcher: Matcher) -> list[list[Maps]]:
+    """The maps of everything that is matched of each frame; the matcher sees the pairs of all frames at once."""
+    every = [one for frame in looked for one in frame.matched]
+    images = {(at, number): pixels for at, one in enumerate(every) for number, pixels in one.inputs.items()}
+    texture = {(at, number): mask for at, one in enumerate(every) for number, mask in one.texture.items()}
+    pairs = [((at, i), (at, k)) for at, one in enumerate(every) for i, k in one.pairs]
+    found: list[dict[Pair, StereoMap]] = [{} for _ in every]
+    for ((at, i), (_, k)), stereo in stereo_maps(matcher, images, texture, pairs).items():
+        found[at][i, k] = stereo
+    of_frames = iter(found)
+    return [list(islice(of_frames, len(frame.matched))) for frame in looked]
+
+
+def _compare(looked: _Looked, maps: Sequence[Maps]) -> Measured:
+    if looked.views:
+        parts = {pair: compare(part, its) for (pair, part), its in zip(looked.parts.items(), maps, strict=True)}
+        evidence = join(looked.whole, parts, looked.views)
+    else:
+        evidence = compare(looked.whole, maps[0])
+    frame, comparisons = looked.whole.frame, evidence.comparisons
+    measurement = Measurement(
+        number=frame.number,
+        stamp_ns=frame.stamp_ns,
+        presence=frame.presence,
+        counts=tuple(comparisons[t].counts if t in comparisons else None for t in evidence.rig.triples),
+        coverage=_coverage(looked.whole, evidence),
+        cells=evidence.testimony.cells,
+        shares=evidence.testimony.shares,
+        fingerprints=fingerprints(frame),
+    )
+    return measurement, evidence
+
+
+def _coverage(looked: Looked, evidence: Evidence) -> dict[int, Coverage]:
+    own = {pair: part.own.maps[OF_TWO] for pair, part in evidence.pairs.items()}
+    maps: Maps = own or evidence.maps
+    coverage = {
+        number: Coverage(
+            saturated_share=float(np.mean(pixels >= COVERAGE.saturated)),
+            textureless_share=1.0 - float(np.mean(looked.texture[number])),
+            unmatched_share=_unmatched_share(number, maps),
+            level=float(np.mean(pixels)),
+        )
+        for number, pixels in looked.greys.items()
+    }
+    if looked.frame.cloud is not None:
+        leftmost = max(evidence.lidar, default=None)
+        coverage[LIDAR] = Coverage(returns=evidence.lidar[leftmost].returns if leftmost is not None else None)
+    return coverage
+
+
+def _unmatched_share(witness: int, maps: Maps) -> float | None:
+    references = [k for i, k in maps if i == witness]
+    if not references:
+        return None
+    return float(np.mean(np.isnan(maps[witness, max(references)].disparity_px)))

@@ -1,0 +1,1 @@
+"""The damaged portion of an attacked sensor."""

@@ -1,0 +1,106 @@
+"""Which LiDAR points are invented: those that two cameras deny, and their neighbours on the same surface."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.checks.count_grid import CELL_PX
+from auditor.measurement.checks.lidar_conflict import Adjudication
+from auditor.measurement.disparity.lidar import LidarView
+from auditor.measurement.parameters import DAMAGED_POINTS
+from auditor.model.measurement import Solid
+from auditor.model.rig import Rig
+
+Mask = NDArray[np.bool_]
+Points = NDArray[np.float32]
+
+
+def damaged_points(view: LidarView, adjudications: Sequence[Adjudication], rig: Rig) -> Mask:
+    """(M,) mask of the view's points, from what its pairs say of them.
+
+    Where denied points are dense they are taken apart into layers of equal depth, and each layer grows over its
+    connected points: a wall has parts in front of which the pictures have no texture, and nothing to deny it by.
+    """
+    camera = rig.camera(view.reference)
+    shape = -(-camera.height_px // CELL_PX), -(-camera.width_px // CELL_PX)
+    row, column = view.row // CELL_PX, view.column // CELL_PX
+    denied, asked = (
+        np.logical_or.reduce([getattr(a, name) for a in adjudications]) for name in ("contradicted", "valid")
+    )
+    against, valid = (_window_sums(row[mask], column[mask], shape) for mask in (denied, asked))
+    dense = (valid >= DAMAGED_POINTS.window_fewest) & (against >= DAMAGED_POINTS.window_share * valid)
+    left = denied & dense[row, column]
+    damaged = np.zeros(left.size, dtype=np.bool_)
+    depth = _depth(view.point_m, rig)
+    fewest = max(DAMAGED_POINTS.fewest, DAMAGED_POINTS.layer_share * np.count_nonzero(left))
+    for _ in range(DAMAGED_POINTS.layers):
+        if np.count_nonzero(left) < fewest:
+            break
+        middle, reach = _densest_layer(depth[left])
+        layer = np.abs(depth - middle) <= reach
+        seeds = left & layer
+        if np.count_nonzero(seeds) < fewest:
+            break
+        damaged |= _connected(layer, seeds, row, column, shape)
+        left &= ~layer
+    return damaged
+
+
+def among(points: Points, others: Points) -> Mask:
+    """(N,) mask of the (N, 3) points that are one of the (M, 3) others, to the last bit."""
+    known = {point.tobytes() for point in others}
+    return np.array([point.tobytes() in known for point in points], dtype=np.bool_)
+
+
+def solid_around(points: Points, rig: Rig) -> Solid:
+    """The smallest upright box around (N, 3) points of the LiDAR frame, N at least 1."""
+    assert rig.lidar is not None
+    rotation = rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32)
+    right, down, forward = (points @ rotation.T).T
+    (middle_right, middle_forward), (across, along), degrees = cv2.minAreaRect(np.stack([right, forward], axis=1))
+    # Of the two ways to name the sides the one whose width faces the sensor most.
+    if abs(degrees) > 45:
+        across, along, degrees = along, across, degrees - 90
+    centre = np.array([middle_right, (down.min() + down.max()) / 2, middle_forward]) @ rotation
+    size = float(across), float(down.max() - down.min()), float(along)
+    yaw_deg = (90 - degrees) % 180 - 90  # a box looks the same from behind
+    return Solid((float(centre[0]), float(centre[1]), float(centre[2])), size, float(yaw_deg))
+
+
+def _depth(points: Points, rig: Rig) -> Points:
+    """(N,) metres straight ahead of the LiDAR."""
+    assert rig.lidar is not None
+    return np.asarray(points @ rig.lidar.rig_SE3_lidar[2, :3].astype(np.float32))
+
+
+def _window_sums(row: NDArray[np.int32], column: NDArray[np.int32], shape: tuple[int, int]) -> cv2.typing.MatLike:
+    """How many points lie in the window around each cell."""
+    counts = np.bincount(row * shape[1] + column, minlength=shape[0] * shape[1]).reshape(shape)
+    return cv2.boxFilter(
+        counts.astype(np.float32), cv2.CV_32F, DAMAGED_POINTS.window, normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+
+
+def _densest_layer(depth: Points) -> tuple[float, float]:
+    """The middle of the depth at which most points lie, and how far from it they still belong to one surface."""
+    ascending = np.sort(depth)
+    ends = np.searchsorted(ascending, ascending + np.float32(2 * DAMAGED_POINTS.thickest_m), side="right")
+    first = int(np.argmax(ends - np.arange(ascending.size)))
+    inside = ascending[first : ends[first]]
+    middle = float(np.median(inside))
+    spread = DAMAGED_POINTS.deviations * float(np.median(np.abs(inside - middle)))
+    return middle, min(max(spread, DAMAGED_POINTS.thinnest_m), DAMAGED_POINTS.thickest_m)
+
+
+def _connected(
+    layer: Mask, seeds: Mask, row: NDArray[np.int32], column: NDArray[np.int32], shape: tuple[int, int]
+) -> Mask:
+    """The points of a layer in those connected parts of it that hold most of the seeds."""
+    grid = np.zeros(shape, dtype=np.uint8)
+    grid[row[layer], column[layer]] = 1
+    _, part = cv2.connectedComponents(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, np.ones(DAMAGED_POINTS.gap, np.uint8)))
+    counts = np.bincount(part[row[seeds], column[seeds]])
+    kept = np.flatnonzero(counts >= DAMAGED_POINTS.part_share * counts.max())
+    return np.asarray(layer & np.isin(part[row, column], kept))

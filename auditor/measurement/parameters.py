@@ -1,0 +1,399 @@
+"""Every number that can change a count or a measured statistic, and those that decide warnings beside them.
+
+A changed value of MEASURING asks for a new COUNTING_VERSION. Images are compared at half resolution: "half px" are
+pixels of it, px those of the full image.
+"""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
+from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY
+
+_CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
+_FEATURES = "stands in docs/causes.md; no experiment recorded"
+_BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"
+_WARNINGS = "docs/decisions.md, a rig that does not fit: between clean frames and false geometry (benchmark fitting)"
+_DECISIONS = "docs/decisions.md"
+
+
+@dataclass(frozen=True)
+class HalfResolution:
+    """The grid on which images are compared."""
+
+    step_px: int = parameter(2, unit="px a half px", source="means of 2 x 2 px: docs/decisions.md, half resolution")
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Where an image has enough texture to be matched."""
+
+    fewest_levels: float = parameter(
+        2.0,
+        unit="grey levels a half px, root mean square",
+        source="docs/decisions.md, the texture gate: 1.5, 2.0 and 2.5 tried on drives 0009 and 0001",
+    )
+    window_px: tuple[int, int] = parameter((5, 5), unit="half px", source="docs/decisions.md, the texture gate")
+
+
+@dataclass(frozen=True)
+class Sgbm:
+    """Semi-global matching; in pixels of the grid that it matches on, the range apart."""
+
+    range_px: int = parameter(128, unit="px of disparity", source=BY_HAND)
+    block_px: int = parameter(5, unit="grid px", source=BY_HAND)
+    smoothness_1: int = parameter(8, unit="P1 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
+    smoothness_2: int = parameter(32, unit="P2 a pixel of the block", source="OpenCV's recommendation for StereoSGBM")
+    left_right_difference: int = parameter(
+        1 << 20,
+        unit="grid px; so large that nothing is left out",
+        source="docs/decisions.md, dense matching without the left-right check: tried on drive 0009",
+    )
+
+
+@dataclass(frozen=True)
+class PsmnetInput:
+    """What PSMNet takes where its weights do not say otherwise."""
+
+    range_px: int = parameter(192, unit="px of disparity", source="Chang and Chen, PSMNet, CVPR 2018: published code")
+    mean: tuple[float, ...] = parameter(
+        (0.485, 0.456, 0.406), unit="share of 255, RGB", source="ImageNet's mean, as the published code"
+    )
+    deviation: tuple[float, ...] = parameter(
+        (0.229, 0.224, 0.225), unit="share of 255, RGB", source="ImageNet's deviation, as the published code"
+    )
+
+
+@dataclass(frozen=True)
+class MatcherRange:
+    """What is too near for a matcher: towards the end of its range its disparities are wrong already."""
+
+    margin_px: float = parameter(3.0, unit="px of disparity below the range", source=BY_HAND)
+    comparable_share: float = parameter(0.9, unit="share of the range", source=_CHECKS)
+    around_px: tuple[int, int] = parameter((17, 17), unit="half px masked around what is too near", source=_CHECKS)
+
+
+@dataclass(frozen=True)
+class Rectification:
+    """How recorded images become rectified ones."""
+
+    shrunk_first_from: float = parameter(1.5, unit="recorded px a rectified px", source=BY_HAND)
+    border_px: tuple[int, int] = parameter(
+        (17, 17), unit="px, window", source="as far as a matcher's windows reach; no experiment recorded"
+    )
+
+
+@dataclass(frozen=True)
+class LidarProjection:
+    """Which LiDAR points a camera sees: much nearer points beside one occlude it."""
+
+    nearest_m: float = parameter(1.0, unit="m of depth", source=BY_HAND)
+    baseline_m: float = parameter(0.6, unit="m, at which nearer_by_px is meant", source=BY_HAND)
+    nearer_by_px: float = parameter(3.0, unit="px of disparity", source=BY_HAND)
+    reference_window_px: tuple[int, int] = parameter((15, 9), unit="px, rows and columns", source=BY_HAND)
+    source_window_px: tuple[int, int] = parameter((7, 3), unit="half px, rows and columns", source=_CHECKS)
+
+
+@dataclass(frozen=True)
+class DisparityError:
+    """Eq. 2: when two disparities disagree."""
+
+    absolute_px: float = parameter(3.0, unit="px of disparity", source="paper, Eq. 2, after the KITTI stereo benchmark")
+    relative: float = parameter(0.05, unit="share of the smaller one", source="paper, Eq. 2, after the same benchmark")
+
+
+@dataclass(frozen=True)
+class PatchCorrelation:
+    """Zero-mean normalised cross-correlation (NCC) of two images' patches."""
+
+    radius_px: int = parameter(3, unit="half px: patches of 7 x 7", source=_CHECKS)
+    norm_floor: float = parameter(9.0, unit="grey levels added to a patch's norm", source=_CHECKS)
+    consistent: float = parameter(0.7, unit="NCC above which two patches show the same", source=_CHECKS)
+    oversampling: int = parameter(2, unit="steps a half px where disparities are given", source=_CHECKS)
+    steps_beside: int = parameter(1, unit="oversampled steps either way", source=_CHECKS)
+
+
+@dataclass(frozen=True)
+class PhotometricConsistency:
+    """Where two cameras do not see the same thing, whatever stereo chose."""
+
+    textured_norm: float = parameter(40.0, unit="grey levels, norm of a patch: 5.7 a half px", source=_CHECKS)
+    inconsistent: float = parameter(0.2, unit="NCC below which no patch nearby shows the same", source=_CHECKS)
+    differs_by: float = parameter(40.0, unit="grey levels, either way", source=_CHECKS)
+    nearby_px: tuple[int, int] = parameter((5, 5), unit="half px", source=_CHECKS)
+    lands_left_px: float = parameter(2.0, unit="half px from which on a pixel is occluded", source=_CHECKS)
+    around_occluded_px: tuple[int, int] = parameter((3, 3), unit="half px", source=_CHECKS)
+    beside_invalid_px: int = parameter(25, unit="half px, window", source=_CHECKS)
+    gain_step: int = parameter(4, unit="half px between those that gain is fitted to", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class GainFit:
+    """Gain and offset between two cameras: repeated least squares over those that fit best."""
+
+    saturated: float = parameter(250.0, unit="grey levels from which on a brightness says nothing", source=_CHECKS)
+    rounds: int = parameter(6, unit="rounds", source=BY_HAND)
+    kept_share: float = parameter(0.6, unit="share of the pixels", source=BY_HAND)
+    fewest: int = parameter(100, unit="pixels or cells", source=BY_HAND)
+    gains: tuple[float, float] = parameter((0.5, 2.0), unit="smallest and largest gain", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class BrightnessDifference:
+    """Light in one camera that another does not see, on a coarse grid of cells."""
+
+    rows: int = parameter(24, unit="cells", source=_BRIGHTNESS)
+    columns: int = parameter(78, unit="cells", source=_BRIGHTNESS)
+    brighter_by: float = parameter(75.0, unit="grey levels", source=f"{_BRIGHTNESS}; 45 of the whole image failed")
+    darker_by: float = parameter(
+        40.0, unit="grey levels", source=f"{_DECISIONS}, light: 25 raised clean frames of 0009"
+    )
+    window: tuple[int, int] = parameter((6, 6), unit="cells, about 96 px", source=_BRIGHTNESS)
+    rows_searched: int = parameter(3, unit="cells", source=_BRIGHTNESS)
+    columns_searched: int = parameter(
+        6, unit="cells", source=f"{_DECISIONS}, light is looked for both ways: 8 finds less"
+    )
+    columns_searched_near: int = parameter(16, unit="cells, of what is nearer", source=_BRIGHTNESS)
+    usual_shift: int = parameter(2, unit="cells", source="docs/method.md, tried without success: a fit at 6 cells")
+
+
+@dataclass(frozen=True)
+class LidarConflict:
+    """Where two cameras agree with each other and not with the LiDAR."""
+
+    clearly_less: float = parameter(0.3, unit="NCC at stereo's less that at the LiDAR's disparity", source=_CHECKS)
+    passes_over_px: float = parameter(3.0, unit="px of disparity by which a beam passes over", source=_CHECKS)
+    most_verified: int = parameter(
+        1000, unit="inconsistent points a pair", source="bounds the work; no experiment recorded"
+    )
+    smallest_px: float = parameter(
+        1e-3, unit="px of disparity that is divided by", source="guards against division by zero"
+    )
+
+
+@dataclass(frozen=True)
+class PointDropout:
+    """Upright strips of the LiDAR's view without points."""
+
+    step_px: int = parameter(8, unit="px", source=_CHECKS)
+    strip_steps: int = parameter(13, unit="steps: 104 px", source=_CHECKS)
+
+
+@dataclass(frozen=True)
+class IsolatedPoints:
+    """LiDAR points without neighbours at like range."""
+
+    cell: float = parameter(
+        0.011, unit="focal lengths: 0.6 degrees", source="one or two beams of 64; no experiment recorded"
+    )
+    range_step: float = parameter(0.08, unit="of the natural logarithm of the range", source=_FEATURES)
+    ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest told apart", source=BY_HAND)
+    most_together: int = parameter(2, unit="points in 3 x 3 x 3 cells", source=_FEATURES)
+    near_m: float = parameter(8.0, unit="m", source="docs/causes.md, rain: drops lie 1.5 to 6 m away")
+    far_m: float = parameter(40.0, unit="m", source=_FEATURES)
+    parts_across: int = parameter(8, unit="parts of the view, each with two halves", source=_FEATURES)
+    fewest: int = parameter(200, unit="points in view", source=BY_HAND)
+    near_quantile: float = parameter(0.25, unit="quantile of the parts' shares", source=_FEATURES)
+    near_weight: float = parameter(
+        0.5, unit="of the near share, taken off", source=f"{_DECISIONS}, scattered points: rain"
+    )
+    half_share: float = parameter(
+        0.005,
+        unit="share of the view's points at which the statistic is a half",
+        source=f"{_DECISIONS}, scattered points",
+    )
+
+
+@dataclass(frozen=True)
+class CountGrid:
+    """The grid whose counts are stored."""
+
+    cell_px: int = parameter(
+        8, unit="px, width and height", source="docs/decisions.md, what the witnesses count is stored as grids of bytes"
+    )
+
+
+@dataclass(frozen=True)
+class RowAlignment:
+    """Corners followed to the other camera and to the frame before."""
+
+    blocks: tuple[int, int] = parameter((6, 20), unit="rows and columns, one corner each", source=_FEATURES)
+    kept_share: float = parameter(0.7, unit="share of the corners, the strongest", source=_FEATURES)
+    corner_px: int = parameter(7, unit="half px, block", source=BY_HAND)
+    window_px: tuple[int, int] = parameter((13, 13), unit="half px, of Lucas and Kanade", source=BY_HAND)
+    border_px: tuple[int, int] = parameter((25, 25), unit="half px: a window of the second level", source=BY_HAND)
+    levels: int = parameter(3, unit="levels of the pyramid", source=BY_HAND)
+    iterations: int = parameter(10, unit="iterations at most", source=BY_HAND)
+    accuracy_px: float = parameter(0.05, unit="half px", source=BY_HAND)
+    largest_residue: float = parameter(30.0, unit="grey levels a half px", source=BY_HAND)
+    same_row_px: float = parameter(0.5, unit="half px", source=_FEATURES)
+    fewest: int = parameter(15, unit="points followed", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class LidarAgreement:
+    """LiDAR points against stereo over the whole view."""
+
+    points: int = parameter(2500, unit="points, about", source=_FEATURES)
+    fewest: int = parameter(200, unit="points compared", source=BY_HAND)
+    agree_px: int = parameter(1, unit="px of disparity", source=_FEATURES)
+    differ_px: int = parameter(2, unit="px of disparity", source=_FEATURES)
+    largest_bias_px: int = parameter(24, unit="px of disparity", source=BY_HAND)
+    bias_window_px: int = parameter(3, unit="px of disparity: a whole one and its neighbours", source=BY_HAND)
+    shifts_px: tuple[int, ...] = parameter(
+        (-16, -12, -8, 8, 12, 16),
+        unit="px right or down",
+        source="half a degree at least, as LiDARs lie up to a quarter beside their calibration; no experiment recorded",
+    )
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Which of two images is darker where they differ."""
+
+    window_px: tuple[int, int] = parameter((7, 7), unit="half px", source=BY_HAND)
+    most: int = parameter(2000, unit="half px compared, about", source="bounds the work; no experiment recorded")
+    fewest: int = parameter(50, unit="half px", source=BY_HAND)
+    least_share: float = parameter(0.1, unit="share of the comparable px that are consistent", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What is said of how much of a sensor could be used."""
+
+    saturated: int = parameter(254, unit="grey levels from which on a pixel is reported as saturated", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class DamagedPixels:
+    """The damaged portion of an image; "mask px" are those of a region's mask."""
+
+    consistent: float = parameter(0.8, unit="NCC above which stereo's depth is used", source="stands in docs/causes.md")
+    differs_by: float = parameter(35.0, unit="grey levels", source="stands in docs/causes.md; no experiment recorded")
+    blur_px: tuple[int, int] = parameter((3, 3), unit="mask px", source=BY_HAND)
+    opened_px: tuple[int, int] = parameter((5, 5), unit="mask px", source="stands in docs/causes.md")
+    closed_px: tuple[int, int] = parameter((9, 9), unit="mask px", source="stands in docs/causes.md")
+    smallest: int = parameter(30, unit="mask px of a part", source=BY_HAND)
+    part_share: float = parameter(0.1, unit="share of the largest part", source=BY_HAND)
+    median_px: int = parameter(5, unit="mask px, of the depths", source=BY_HAND)
+    gain_rounds: int = parameter(3, unit="rounds", source=BY_HAND)
+    gain_kept_share: float = parameter(0.7, unit="share of the pixels", source=BY_HAND)
+    gain_fewest: int = parameter(200, unit="mask px", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class DamagedPoints:
+    """The invented part of a point cloud."""
+
+    window: tuple[int, int] = parameter((7, 7), unit="cells", source="stands in docs/causes.md")
+    window_fewest: int = parameter(30, unit="points", source=BY_HAND)
+    window_share: float = parameter(
+        0.4, unit="share of a window's points in conflict", source="stands in docs/causes.md"
+    )
+    fewest: int = parameter(15, unit="points of a layer", source=BY_HAND)
+    layers: int = parameter(3, unit="layers at most", source=BY_HAND)
+    layer_share: float = parameter(0.15, unit="share of the points in conflict: fewer are no surface", source=BY_HAND)
+    thinnest_m: float = parameter(0.08, unit="m either way", source=BY_HAND)
+    thickest_m: float = parameter(0.25, unit="m either way", source=f"{_DECISIONS}, regions: a wall stands on a road")
+    deviations: int = parameter(4, unit="median absolute deviations either way", source=BY_HAND)
+    gap: tuple[int, int] = parameter((3, 3), unit="cells closed", source=BY_HAND)
+    part_share: float = parameter(0.2, unit="share of the part with most points in conflict", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class CalibrationCheck:
+    """Warnings where a rig does not fit its recording: no count follows from them."""
+
+    every: int = parameter(5, unit="frames, of which one is looked at", source=BY_HAND)
+    most_frames: int = parameter(200, unit="frames looked at", source="bounds the work; no experiment recorded")
+    least_aligned: float = parameter(0.45, unit="share of points on one row", source=_WARNINGS)
+    least_agreeing: float = parameter(0.5, unit="share of LiDAR points", source=_WARNINGS)
+    least_lead: float = parameter(0.3, unit="lead of the points that agree once moved", source=_WARNINGS)
+    clear_offset_px: float = parameter(1.5, unit="px", source=BY_HAND)
+    wrong_scale: float = parameter(0.05, unit="share", source=BY_HAND)
+    fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
+    smallest_px: float = parameter(8.0, unit="px of disparity that tell a scale", source=BY_HAND)
+    frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
+
+
+@dataclass(frozen=True)
+class PsmnetPreflight:
+    """Warnings before PSMNet measures: no count follows from them."""
+
+    fewest_px: int = parameter(500, unit="px", source=BY_HAND)
+    nearest_trust_px: float = parameter(4.0, unit="px, where 1 px of misalignment is a quarter", source=BY_HAND)
+    ratio_off_by: float = parameter(0.03, unit="share", source=BY_HAND)
+    better_by_px: float = parameter(0.25, unit="px of disparity", source=BY_HAND)
+    precision_px: float = parameter(0.1, unit="px of disparity, mean", source=BY_HAND)
+
+
+HALF_RESOLUTION = HalfResolution()
+TEXTURE = Texture()
+SGBM = Sgbm()
+PSMNET_INPUT = PsmnetInput()
+MATCHER_RANGE = MatcherRange()
+RECTIFICATION = Rectification()
+LIDAR_PROJECTION = LidarProjection()
+DISPARITY_ERROR = DisparityError()
+PATCH_CORRELATION = PatchCorrelation()
+PHOTOMETRIC_CONSISTENCY = PhotometricConsistency()
+GAIN_FIT = GainFit()
+BRIGHTNESS_DIFFERENCE = BrightnessDifference()
+LIDAR_CONFLICT = LidarConflict()
+POINT_DROPOUT = PointDropout()
+ISOLATED_POINTS = IsolatedPoints()
+COUNT_GRID = CountGrid()
+ROW_ALIGNMENT = RowAlignment()
+LIDAR_AGREEMENT = LidarAgreement()
+CONTRAST = Contrast()
+COVERAGE = Coverage()
+DAMAGED_PIXELS = DamagedPixels()
+DAMAGED_POINTS = DamagedPoints()
+CALIBRATION_CHECK = CalibrationCheck()
+PSMNET_PREFLIGHT = PsmnetPreflight()
+
+HALF = HALF_RESOLUTION.step_px
+"""Pixels of the full image that a half px is wide."""
+
+MEASURING = (
+    RIG_GEOMETRY,
+    PAIR_DEPTH,
+    COMMON_VIEW,
+    LENS_REACH,
+    HALF_RESOLUTION,
+    TEXTURE,
+    SGBM,
+    PSMNET_INPUT,
+    MATCHER_RANGE,
+    RECTIFICATION,
+    LIDAR_PROJECTION,
+    DISPARITY_ERROR,
+    PATCH_CORRELATION,
+    PHOTOMETRIC_CONSISTENCY,
+    GAIN_FIT,
+    BRIGHTNESS_DIFFERENCE,
+    LIDAR_CONFLICT,
+    POINT_DROPOUT,
+    ISOLATED_POINTS,
+    COUNT_GRID,
+    ROW_ALIGNMENT,
+    LIDAR_AGREEMENT,
+    CONTRAST,
+    COVERAGE,
+    DAMAGED_PIXELS,
+    DAMAGED_POINTS,
+    REGION_MASK,
+)
+"""All that can change a count or a measured statistic."""
+
+WARNING = (CALIBRATION_CHECK, PSMNET_PREFLIGHT)
+"""What decides warnings, and no count."""
+
+
+def measuring_settings() -> str:
+    """The values of MEASURING as canonical JSON."""
+    return canonical_json(*MEASURING)
+
+
+def measuring_digest() -> str:
+    """The digest of MEASURING: equal digests measure a frame alike, given the same matcher."""
+    return digest(*MEASURING)

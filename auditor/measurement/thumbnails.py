@@ -1,0 +1,117 @@
+"""Small pictures of one frame, so that a report needs no recording."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.parameters import HALF
+from auditor.measurement.shared_view import Evidence
+from auditor.model.measurement import Measurement, Statistic
+from auditor.model.rig import LIDAR, Triple
+
+_JPEG_QUALITY = 80
+_LIDAR_COLOUR = (255, 200, 0, 255)  # BGRA: light blue, drawn as dots over the cameras' areas
+_CAMERA_COLOUR = (0, 110, 255, 150)  # orange, half transparent
+_DOT_PX = 3
+
+_SECOND_NS = 10**9
+_MOST_PICTURES = 60
+
+
+@dataclass(frozen=True)
+class Picture:
+    """`views`: the half-resolution grey image of each camera as JPEG.
+
+    `mask`: the inconsistent pixels of the leftmost reference camera's triples as a transparent PNG of the same size.
+    """
+
+    reference: int
+    views: Mapping[int, bytes]
+    mask: bytes
+
+
+def draw(evidence: Evidence) -> Picture | None:
+    """Encode the views and the inconsistent pixels of a frame; None where no triple was measured."""
+    if not evidence.comparisons:
+        return None
+    reference = max(triple.k for triple in evidence.comparisons)
+    views = {
+        number: _encoded(".jpg", half, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        for number, half in evidence.views.items()
+    }
+    mask = np.zeros((*evidence.views[reference].shape, 4), dtype=np.uint8)
+    triples = [triple for triple in evidence.comparisons if triple.k == reference]
+    _paint(mask, evidence, [triple for triple in triples if triple.i != LIDAR], _CAMERA_COLOUR, size=1)
+    _paint(mask, evidence, [triple for triple in triples if triple.i == LIDAR], _LIDAR_COLOUR, size=_DOT_PX)
+    return Picture(reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 6]))
+
+
+def _paint(
+    mask: NDArray[np.uint8], evidence: Evidence, triples: list[Triple], colour: tuple[int, ...], size: int
+) -> None:
+    marked = np.zeros(mask.shape[:2], dtype=np.uint8)
+    for triple in triples:
+        comparison = evidence.comparisons[triple]
+        row, column = (index * comparison.step // HALF for index in (comparison.row, comparison.column))
+        marked[row, column] = 1
+    mask[cv2.dilate(marked, np.ones((size, size), np.uint8)) > 0] = colour
+
+
+def _encoded(form: str, pixels: NDArray[np.uint8], options: list[int]) -> bytes:
+    _, data = cv2.imencode(form, pixels, options)
+    return data.tobytes()
+
+
+class PictureBook:
+    """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all.
+
+    Only the strongest frame of a second is drawn, once the second is over: encoding costs as much as matching.
+    """
+
+    def __init__(self) -> None:
+        self._candidate: _Candidate | None = None
+        self._kept: list[tuple[float, int, Picture]] = []
+
+    def offer(self, measurement: Measurement, evidence: Evidence) -> None:
+        """Consider a frame; frames come in the order of their stamps."""
+        errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
+        strength = sum(E for E in errors if E is not None)
+        second = measurement.stamp_ns // _SECOND_NS
+        if self._candidate is None or self._candidate.second != second:
+            self._settle()
+        elif self._candidate.strength >= strength:
+            return
+        self._candidate = _Candidate(second, strength, measurement.number, evidence)
+
+    def pages(self) -> Iterator[tuple[int, Picture]]:
+        """The frame numbers and pictures kept, in the order of the frames."""
+        self._settle()
+        for _, number, picture in sorted(self._kept, key=lambda kept: kept[1]):
+            yield number, picture
+
+    def _settle(self) -> None:
+        """Draw the candidate if it is among the strongest so far."""
+        candidate, self._candidate = self._candidate, None
+        if candidate is None:
+            return
+        if len(self._kept) >= _MOST_PICTURES:
+            weakest = min(self._kept, key=lambda kept: kept[0])
+            if weakest[0] >= candidate.strength:
+                return
+            self._kept.remove(weakest)
+        picture = draw(candidate.evidence)
+        if picture is not None:
+            self._kept.append((candidate.strength, candidate.number, picture))
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """The strongest frame of the second that is going by."""
+
+    second: int
+    strength: float
+    number: int
+    evidence: Evidence

@@ -1,0 +1,1 @@
+"""The words that all rooms share: frozen types of rigs, frames, measurements, verdicts and calibrations."""

@@ -1,0 +1,140 @@
+"""What clean recordings taught, and the thresholds that follow from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from decimal import Decimal
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.checks import Element
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.parameters import SCORE_LIMITS
+from auditor.model.rig import RigKind, Triple
+from auditor.model.verdict import CauseIn
+
+LOWEST_MARGIN, HIGHEST_MARGIN = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
+"""Margins z of the robust method are kept between these: no single element decides alone."""
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class CleanFrames:
+    """The F frames of one clean recording, in the order of its measurement: all that thresholds come from.
+
+    `errors` holds the disparity errors E by statistic and triple, `ratios` the local ratios by element, `strengths` how
+    strongly symptoms speak for each cause that is not an attack; each is (F,), NaN where it was not measured. `missing`
+    and `frozen` are (F,) flags of the sensors that were not there, or stood still while others went on, in some frame.
+    """
+
+    recording_id: str
+    stamps_ns: NDArray[np.int64]
+    errors: Mapping[tuple[Statistic, Triple], Floats]
+    ratios: Mapping[Element, Floats]
+    strengths: Mapping[CauseIn, Floats]
+    missing: Mapping[int, Flags] = field(default_factory=dict)
+    frozen: Mapping[int, Flags] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        """F."""
+        return len(self.stamps_ns)
+
+    def ratios_of(self, elements: Sequence[Element]) -> Floats:
+        """(F, M) local ratios in the order of `elements`, NaN for those that are not known here."""
+        unknown = np.full(self.frames, np.nan)
+        return np.stack([self.ratios.get(element, unknown) for element in elements], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What clean recordings taught, frame by frame; thresholds at any r follow from it.
+
+    Recordings are kept apart, so that each can be judged by the others. `calibrated_at` (UTC) is no part of the id: the
+    same frames are the same calibration.
+    """
+
+    calibration_id: str
+    rig_kind: RigKind
+    procedure: Procedure
+    clean: tuple[CleanFrames, ...]
+    calibrated_at: datetime | None = None
+
+    @cached_property
+    def recordings(self) -> tuple[str, ...]:
+        """The ids of the recordings, ascending."""
+        return tuple(sorted({one.recording_id for one in self.clean}))
+
+    @cached_property
+    def samples(self) -> Mapping[tuple[Statistic, Triple], tuple[float, ...]]:
+        """For each statistic and triple the measured E of all clean frames, in ascending order."""
+        keys = dict.fromkeys(key for one in self.clean for key in one.errors)
+        return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
+
+    def ratios_of(self, elements: Sequence[Element]) -> Floats:
+        """(F, M) local ratios of all clean frames in the order of `elements`, NaN where not measured."""
+        return np.vstack([np.empty((0, len(elements))), *(one.ratios_of(elements) for one in self.clean)])
+
+    @cached_property
+    def strengths(self) -> Mapping[CauseIn, tuple[float, ...]]:
+        """For each cause in a sensor the measured strengths of all clean frames, in ascending order."""
+        return strengths_of(self.clean)
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """The paper's: theta for each triple at the designated false-alarm rate r.
+
+    `samples` counts the clean E that each came from. `resolvable` is False where 0 < r < 1/N for some triple: theta is
+    then the maximum, the same as for r = 0. `transferred` says that they were calibrated for another rig kind.
+    """
+
+    calibration_id: str
+    statistic: Statistic
+    r: Decimal
+    theta: Mapping[Triple, float]
+    samples: Mapping[Triple, int]
+    resolvable: bool
+    transferred: bool = False
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """theta of one element or cause and the scale of its margins, from N clean samples."""
+
+    theta: float
+    scale: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class RobustThresholds:
+    """The robust method's: a yardstick for each element and cause at r, and the threshold of the half seconds' score.
+
+    Causes without clean samples have none and are not told. `score` is 0, or what clean recordings need for no more
+    than `incidents_per_hour` incidents.
+    """
+
+    calibration_id: str
+    r: Decimal
+    yardsticks: Mapping[Element, Yardstick]
+    causes: Mapping[CauseIn, Yardstick]
+    resolvable: bool
+    score: float = 0.0
+    incidents_per_hour: float | None = None
+    transferred: bool = False
+
+
+def strengths_of(clean: Sequence[CleanFrames]) -> dict[CauseIn, tuple[float, ...]]:
+    """For each cause in a sensor the measured strengths of some recordings, in ascending order."""
+    keys = dict.fromkeys(key for one in clean for key in one.strengths)
+    return {key: _samples([one.strengths[key] for one in clean if key in one.strengths]) for key in keys}
+
+
+def _samples(columns: Sequence[Floats]) -> tuple[float, ...]:
+    values = np.concatenate(columns)
+    return tuple(np.sort(values[~np.isnan(values)]).tolist())

@@ -1,0 +1,176 @@
+"""What the robust method hears of a rig and of a frame: which checks exist for a rig, and fault features.
+
+Fault features tell a fault from an attack; they are measured with every frame so that judging needs no images.
+"""
+
+from collections.abc import Iterable
+from enum import StrEnum
+from itertools import combinations
+from math import nan
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.parameters import PAIR_DEPTH, POINT_LEAD
+from auditor.model.rig import LIDAR, Rig
+
+
+class Witness(StrEnum):
+    """Who says something.
+
+    CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
+    strip of the LiDAR's view has no points. SCATTERED: points stand alone here and there.
+    """
+
+    CONTRADICTED = "contradicted"
+    UNLIKE = "unlike"
+    LIGHT = "light"
+    EMPTY = "empty"
+    SCATTERED = "scattered"
+
+
+OF_THE_LIDAR = frozenset({Witness.EMPTY, Witness.SCATTERED})
+"""Of the LiDAR's view in a camera, whatever the cameras see."""
+
+
+class Element(NamedTuple):
+    """One witness's statistic of the camera pair i < k; of OF_THE_LIDAR, whose i is the LiDAR, of the view of k."""
+
+    witness: Witness
+    i: int
+    k: int
+
+    @property
+    def needed(self) -> tuple[int, ...]:
+        """The sensors without which it cannot be measured."""
+        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+
+    @property
+    def accusable(self) -> tuple[int, ...]:
+        """The sensors one of which must be attacked where the element is raised."""
+        return (LIDAR,) if self.witness in OF_THE_LIDAR else self.needed
+
+
+def elements_of(
+    cameras: int,
+    matched: Iterable[tuple[int, int]],
+    contradicting: Iterable[tuple[int, int]],
+    views: Iterable[int],
+) -> tuple[Element, ...]:
+    """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
+
+    `views` are the reference cameras that the LiDAR is projected into; none without one.
+    """
+    return (
+        *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
+        *(Element(Witness.UNLIKE, i, k) for i, k in matched),
+        *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
+        *(Element(Witness.EMPTY, LIDAR, k) for k in views),
+        *(Element(Witness.SCATTERED, LIDAR, k) for k in views),
+    )
+
+
+def rig_elements(rig: Rig) -> tuple[Element, ...]:
+    """The elements that frames of a rig are judged by."""
+    contradicting = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
+    return elements_of(rig.n, rig.pairs, contradicting, rig.references if rig.lidar else ())
+
+
+def resolves_depth(rig: Rig, j: int, k: int) -> bool:
+    """Whether the pair's disparities say enough about depth to deny what the LiDAR says.
+
+    A pair that resolves less cannot tell a surface from one half as far again.
+    """
+    # Cameras of different focal lengths are compared at the shortest of those that share a view.
+    cameras = rig.cameras if rig.shares_view else (rig.camera(j), rig.camera(k))
+    focal_px = min(camera.focal_px for camera in cameras)
+    return focal_px * rig.baseline_m(j, k) / PAIR_DEPTH.distance_m >= PAIR_DEPTH.fewest_px
+
+
+Pair = tuple[int, int]
+
+
+class Rows(NamedTuple):
+    """Points of reference k found again in camera i, and what becomes of their rows: shares of `tracked` points.
+
+    `in_step`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
+    the share within 1 px of it: a camera that has tilted moves all rows alike. `late_i`, `late_k`: the share on the
+    same row once that camera's picture is taken for one of the frame before. NaN where it could not be measured.
+    """
+
+    tracked: float = nan
+    in_step: float = nan
+    offset_px: float = nan
+    offset_share: float = nan
+    late_i: float = nan
+    late_k: float = nan
+
+
+class Contrast(NamedTuple):
+    """How much brighter k is than i where they are unlike: the median in grey levels, less that where they are alike.
+
+    `unlike_px` counts half-resolution pixels; `difference` is NaN where they are hardly any.
+    """
+
+    unlike_px: float = nan
+    difference: float = nan
+
+
+class Agreement(NamedTuple):
+    """LiDAR points against stereo's disparities: shares of `compared` points that agree within 1 px.
+
+    `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
+    by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of points
+    that agree in one of two cases and are off by more than 2 px in the other: `turned_only` moved, `unturned_only` as
+    they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN where it could not
+    be measured.
+    """
+
+    compared: float = nan
+    agreeing: float = nan
+    bias_px: float = nan
+    biased: float = nan
+    right_px: float = nan
+    down_px: float = nan
+    turned: float = nan
+    turned_only: float = nan
+    unturned_only: float = nan
+    before_only: float = nan
+    now_only: float = nan
+
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+
+def lead(these: Number, others: Number) -> Number:
+    """By what share of both these points are more, from -1 to 1; few prove little."""
+    return (these - others) / (these + others + POINT_LEAD.pseudo_count)
+
+
+class Specks(NamedTuple):
+    """LiDAR points that stand alone in the view of k: shares of all its points, 0 to 1.
+
+    `specks_near`: of those nearer than 8 m, in all but the most bare quarter of the view's parts. `specks_beyond`: of
+    those 8 to 40 m away. NaN where it could not be measured.
+    """
+
+    specks_near: float = nan
+    specks_beyond: float = nan
+
+
+class PairSymptoms(NamedTuple):
+    """The symptoms of a matched pair (i, k) in one frame; of the LiDAR only where the pair may deny it."""
+
+    rows: Rows = Rows()
+    contrast: Contrast = Contrast()
+    agreement: Agreement = Agreement()
+    specks: Specks = Specks()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All numbers in the order of COLUMNS."""
+        return (*self.rows, *self.contrast, *self.agreement, *self.specks)
+
+
+COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *Specks._fields)

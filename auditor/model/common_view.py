@@ -1,0 +1,173 @@
+"""One view for all cameras of a rig: how ideal cameras at the same places would look, and how much they would see.
+
+All cameras get one orientation (z as near as can be to where they look, x along the line of their centres; where they
+do not stand on one, upright) and one focal length, the shortest there is. Of the plane that they all look at, the
+largest rectangle is kept that every camera sees whole: no pixel of a rectified picture lies outside the recorded one,
+and none needs a mask.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import RigError
+from auditor.model.geometry import Matrix, compose, motion
+from auditor.model.lenses import NO_LENS
+from auditor.model.parameters import COMMON_VIEW
+from auditor.model.rig import Camera, Rig
+
+_CELL_PX = COMMON_VIEW.cell_px
+
+
+@dataclass(frozen=True, eq=False)
+class CommonView:
+    """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
+
+    They are rectified if they stand on one line. Its frame is turned against the recorded rig's by `view_SO3_rig`
+    (3, 3). `x` (width) and `y` (height) are the rays (x, y, 1) of its pictures' columns and rows. All cameras see
+    `seen_px` of its pixels.
+    """
+
+    rig: Rig
+    view_SO3_rig: Matrix
+    focal_px: float
+    x: Matrix
+    y: Matrix
+    seen_px: int
+
+
+def common_view(rig: Rig, *, widest: bool = False) -> CommonView:
+    """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
+
+    Raises RigError where they have none in common.
+    """
+    view_SO3_rig = _orientation(rig)
+    focal = min(camera.focal_px for camera in rig.cameras)
+    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, widest=widest)
+    K = np.array([[focal, 0, -left], [0, focal, -top], [0, 0, 1]])
+    x, y = (np.arange(width) + left) / focal, (np.arange(height) + top) / focal
+    cameras = tuple(
+        replace(
+            camera,
+            width_px=width,
+            height_px=height,
+            projection=K @ np.column_stack([np.eye(3), -(view_SO3_rig @ camera.centre_m)]),
+            rectified=rig.shares_view,
+            lens=NO_LENS,
+        )
+        for camera in rig.cameras
+    )
+    lidar = rig.lidar
+    if lidar is not None:
+        turned = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
+        lidar = replace(lidar, rig_SE3_lidar=turned)
+    return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
+
+
+def _orientation(rig: Rig) -> Matrix:
+    """(3, 3) rotation to the view's axes: z as near as can be to where the cameras look, x along their line if any."""
+    centres = np.array([camera.centre_m for camera in rig.cameras])
+    if rig.n == 1 or not rig.shares_view:
+        return upright(rig.cameras)
+    along = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    x = along * np.sign(along @ (centres[0] - centres[-1]))  # S_1 is the rightmost
+    z = np.sum([camera.rotation[2] for camera in rig.cameras], axis=0)
+    z = z - x * (x @ z)
+    if np.linalg.norm(z) < COMMON_VIEW.shortest_axis:
+        raise RigError(f"{_names(rig)} look along the line they stand on", where="rig")
+    z = z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def upright(cameras: Sequence[Camera]) -> Matrix:
+    """(3, 3) rotation to axes that suit cameras wherever they stand: z where they look on average, x to their right."""
+    across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
+    if np.linalg.norm(ahead) < COMMON_VIEW.shortest_axis * len(cameras):
+        raise RigError("the cameras look in opposite directions", where="rig")
+    z = ahead / np.linalg.norm(ahead)
+    x = across - z * (z @ across)
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _names(rig: Rig) -> str:
+    return ", ".join(camera.name for camera in rig.cameras)
+
+
+def _window(rig: Rig, view_SO3_rig: Matrix, focal: float, *, widest: bool) -> tuple[int, int, int, int, int]:
+    """Left and top against the principal point, width and height, in pixels; and how many of them every camera sees."""
+    # A damaged calibration may see next to nothing.
+    reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / _CELL_PX), 1)
+    places = np.arange(-reach, reach + 1) * _CELL_PX / focal
+    seen = np.ones((places.size, places.size), dtype=np.bool_)
+    for camera in rig.cameras:
+        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, _CELL_PX)
+    top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
+    width, height = (columns - 1) * _CELL_PX + 1, (rows - 1) * _CELL_PX + 1
+    if min(width, height) < COMMON_VIEW.fewest_px:
+        raise RigError(
+            f"{_names(rig)} have no view in common", where="rig", remedy="leave out the one that looks elsewhere"
+        )
+    seen_px = int(np.count_nonzero(seen)) * _CELL_PX**2 if widest else width * height
+    return (left - reach) * _CELL_PX, (top - reach) * _CELL_PX, width, height, seen_px
+
+
+def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: int) -> NDArray[np.bool_]:
+    """(rows, columns) mask of the `recorded_pixels` that lie in the camera's picture, not too far apart.
+
+    They are those of rays `step_px` rectified pixels apart.
+    """
+    u, v = recorded
+    with np.errstate(invalid="ignore"):
+        seen = (u >= 0) & (u <= camera.width_px - 1) & (v >= 0) & (v <= camera.height_px - 1)
+        for axis in (0, 1):
+            seen &= np.hypot(np.gradient(u, axis=axis), np.gradient(v, axis=axis)) > COMMON_VIEW.finest * step_px
+    return seen
+
+
+def _bounds(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Top, left, rows and columns of the smallest rectangle that holds all that is True; all 0 where nothing is."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if rows.size == 0:
+        return 0, 0, 0, 0
+    return int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1
+
+
+def recorded_pixels(camera: Camera, view_SO3_rig: Matrix, x: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+    """Where a camera shows the view's rays (x, y, 1): (rows, columns) of recorded pixels, NaN behind its lens."""
+    K, R = camera.intrinsics, camera.rotation @ view_SO3_rig.T
+    across, down = np.meshgrid(x, y)
+    ahead = R[2, 0] * across + R[2, 1] * down + R[2, 2]
+    ahead = np.where(ahead > COMMON_VIEW.nearest_ahead, ahead, np.nan)
+    bent_x, bent_y = camera.lens.distort(
+        (R[0, 0] * across + R[0, 1] * down + R[0, 2]) / ahead, (R[1, 0] * across + R[1, 1] * down + R[1, 2]) / ahead
+    )
+    return K[0, 0] * bent_x + K[0, 1] * bent_y + K[0, 2], K[1, 1] * bent_y + K[1, 2]
+
+
+def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Top, left, rows and columns of the largest rectangle that is True all over; all 0 where nothing is."""
+    best = (0, 0, 0, 0)
+    heights = np.zeros(mask.shape[1], dtype=np.intp)
+    for row, line in enumerate(mask):
+        heights = np.where(line, heights + 1, 0)
+        left, height, width = _under(heights.tolist())
+        if height * width > best[2] * best[3]:
+            best = (row - height + 1, left, height, width)
+    return best
+
+
+def _under(heights: list[int]) -> tuple[int, int, int]:
+    """Left, height and width of the largest rectangle under a skyline; each height is put aside and taken up once."""
+    best, rising = (0, 0, 0), [(0, 0)]
+    for place, height in enumerate([*heights, 0]):
+        start = place
+        while rising[-1][1] > height:
+            start, taller = rising.pop()
+            if taller * (place - start) > best[1] * best[2]:
+                best = (start, taller, place - start)
+        if height > rising[-1][1]:
+            rising.append((start, height))
+    return best

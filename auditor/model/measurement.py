@@ -1,0 +1,154 @@
+"""What is measured of a frame: counts of inconsistent pixels, coverage, and the damaged portion of a sensor."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.checks import Element, Pair, PairSymptoms
+from auditor.model.frames import Presence
+from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK
+
+REGION_STEP = REGION_MASK.step_px
+"""A pixel of a region's mask is so many full-resolution pixels wide."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A box around LiDAR points, upright in the rig.
+
+    `centre_m` is in the LiDAR frame; `size_m` is its width, height and depth, `yaw_deg` how far its depth points to the
+    right of straight ahead.
+    """
+
+    centre_m: tuple[float, float, float]
+    size_m: tuple[float, float, float]
+    yaw_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """What one sensor's data would be without, were it the attacked one: found before it is known which one is.
+
+    `view` is the camera whose image it lies in: the sensor itself, or a reference camera for the LiDAR. `box_px` is
+    (left, top, right, bottom) in full-resolution pixels of that image, right and bottom not included. `share` is that
+    of the image's area, or of the LiDAR's points in view. `mask` is a PNG, 255 where damaged, of pixels REGION_STEP
+    full-resolution ones wide. `points` and `solid` are the LiDAR's.
+    """
+
+    sensor: int
+    view: int
+    box_px: tuple[int, int, int, int]
+    share: float
+    mask: bytes
+    points: int | None = None
+    solid: Solid | None = None
+
+
+COUNTING_VERSION = 4
+"""Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
+
+
+NO_FINGERPRINT = -1
+"""Of a sensor that is not there, or whose data cannot tell whether it stands still."""
+
+
+EXPERIMENTS_VERSION = 1
+"""Raised whenever an evaluation would try other cases from the same seed, or an attack does something else.
+
+Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
+"""
+
+
+MIN_VALID_PX = DISPARITY_ERROR_SAMPLES.fewest_valid_px
+"""Fewer valid pixels than this and a disparity error is not measured."""
+
+
+class Statistic(StrEnum):
+    """Which pixels a disparity error counts: all valid ones, or those with texture in a camera of the triple."""
+
+    PLAIN = "plain"
+    GATED = "gated"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Pixels of one triple in one frame; `gated_*` are those with texture.
+
+    `out_of_range_px` (part of the valid ones) are LiDAR pixels nearer than the matcher can see.
+    """
+
+    valid_px: int
+    inconsistent_px: int
+    gated_valid_px: int
+    gated_inconsistent_px: int
+    out_of_range_px: int
+
+    def disparity_error(self, statistic: Statistic) -> float | None:
+        """E: inconsistent over valid pixels; None where fewer than MIN_VALID_PX are valid."""
+        if statistic is Statistic.PLAIN:
+            valid, inconsistent = self.valid_px, self.inconsistent_px
+        else:
+            valid, inconsistent = self.gated_valid_px, self.gated_inconsistent_px
+        return inconsistent / valid if valid >= MIN_VALID_PX else None
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of one sensor could be used in one frame.
+
+    Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as witness; None for the
+    leftmost), and their mean grey `level`. LiDAR: `returns`, the points that fall into the leftmost camera's view.
+    """
+
+    saturated_share: float | None = None
+    textureless_share: float | None = None
+    unmatched_share: float | None = None
+    level: float | None = None
+    returns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """How many pixels of each cell were looked at, and how many stand against somebody: (rows, columns) uint8.
+
+    They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
+    """
+
+    valid: NDArray[np.uint8]
+    against: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
+
+    `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself.
+    `fingerprints` tell by sensor whether its data change from frame to frame, `symptoms` by matched pair what speaks
+    for a fault. `regions` are the portions of sensors that would be damaged, were they attacked.
+    """
+
+    number: int
+    stamp_ns: int
+    presence: Mapping[int, Presence]
+    counts: tuple[Counts | None, ...]
+    coverage: Mapping[int, Coverage]
+    cells: Mapping[Element, Cells] = field(default_factory=dict)
+    shares: Mapping[Element, float] = field(default_factory=dict)
+    fingerprints: Mapping[int, int] = field(default_factory=dict)
+    symptoms: Mapping[Pair, PairSymptoms] = field(default_factory=dict)
+    regions: tuple[Region, ...] = ()
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """How disparity errors were measured; thresholds hold for measurements made the same way only.
+
+    `settings` is canonical JSON (sorted keys, no spaces) of everything that can change a count.
+    """
+
+    matcher: str
+    settings: str
+    counting_version: int = COUNTING_VERSION

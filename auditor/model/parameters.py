@@ -1,0 +1,108 @@
+"""Numbers that shared modules need: no room may import another, so they cannot lie in one.
+
+Each group is part of `evidence.parameters`, of `identification.parameters`, or of both, by what it can change.
+"""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+_COMMON_VIEW = "docs/decisions.md, the common view is the largest rectangle"
+
+
+@dataclass(frozen=True)
+class RigGeometry:
+    """Which cameras share one rectified view."""
+
+    most_off_line_px: float = parameter(
+        1.0, unit="rows, at far_m", source="docs/decisions.md, one common view: 1, 2 and 4 px tried, mean E compared"
+    )
+    far_m: float = parameter(10.0, unit="m", source=BY_HAND)
+    same_intrinsics: float = parameter(1e-3, unit="share of the focal length", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class PairDepth:
+    """Which camera pairs resolve depth well enough for LiDAR conflicts."""
+
+    fewest_px: float = parameter(
+        9.0,
+        unit="px of disparity, at distance_m",
+        source="leaves out KITTI's 6 cm pair (docs/method.md); no experiment recorded",
+    )
+    distance_m: float = parameter(10.0, unit="m", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class CommonView:
+    """The view that all cameras of a rig share once rectified: towards the edges of a wide lens it would be blurred."""
+
+    cell_px: int = parameter(8, unit="px between the rays that are tried", source=BY_HAND)
+    widest: float = parameter(1.2, unit="tangent of the angle off the axis (50 degrees)", source=BY_HAND)
+    farthest_px: int = parameter(
+        4096, unit="px from the principal point", source="bounds the work; any focal length may be given"
+    )
+    fewest_px: int = parameter(32, unit="px, width and height", source=BY_HAND)
+    finest: float = parameter(
+        0.6,
+        unit="recorded px a rectified px",
+        source=f"{_COMMON_VIEW}: no limit, 0.5, 0.6 and 0.7 tried, mean E compared",
+    )
+    shortest_axis: float = parameter(0.1, unit="length of a mean of unit vectors", source=BY_HAND)
+    nearest_ahead: float = parameter(0.05, unit="z in the camera frame of a ray (x, y, 1)", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class LensReach:
+    """How far off its axis a lens model is trusted."""
+
+    widest: float = parameter(4.0, unit="tangent of the angle off the axis (76 degrees)", source=BY_HAND)
+    steps: int = parameter(4000, unit="radii tried up to widest", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class RegionMask:
+    """The grid of the damaged portions."""
+
+    step_px: int = parameter(4, unit="full-resolution px a px of the mask", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class DisparityErrorSamples:
+    """When a disparity error E is measured at all."""
+
+    fewest_valid_px: int = parameter(200, unit="valid px", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class ScoreLimits:
+    """Between these every normalised score z is kept: no single check decides alone."""
+
+    lowest: float = parameter(-2.0, unit="z", source=BY_HAND)
+    highest: float = parameter(3.0, unit="z", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class PointLead:
+    """By what share of both one number of points is larger than another: (a - b) / (a + b + pseudo_count)."""
+
+    pseudo_count: int = parameter(10, unit="LiDAR points", source="described in docs/causes.md; no experiment recorded")
+
+
+@dataclass(frozen=True)
+class RigKindTolerance:
+    """How far two rigs of one kind may differ, so that thresholds of one hold for the other."""
+
+    share: float = parameter(0.02, unit="share of a focal length or baseline", source="docs/decisions.md, a rig kind")
+    baseline_m: float = parameter(0.005, unit="m", source="docs/decisions.md, a rig kind")
+
+
+RIG_GEOMETRY = RigGeometry()
+PAIR_DEPTH = PairDepth()
+COMMON_VIEW = CommonView()
+LENS_REACH = LensReach()
+REGION_MASK = RegionMask()
+DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
+SCORE_LIMITS = ScoreLimits()
+POINT_LEAD = PointLead()
+RIG_KIND_TOLERANCE = RigKindTolerance()

@@ -1,0 +1,350 @@
+"""What two vehicles of one model share, so that thresholds learnt with one hold for the other."""
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.model.fields import Fields
+from auditor.model.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
+from auditor.model.lenses import NO_LENS, PINHOLE, Lens
+from auditor.model.parameters import RIG_GEOMETRY, RIG_KIND_TOLERANCE
+
+KIND_TOLERANCE_SHARE = RIG_KIND_TOLERANCE.share
+
+
+KIND_TOLERANCE_M = RIG_KIND_TOLERANCE.baseline_m
+
+
+@dataclass(frozen=True)
+class RigKind:
+    """What two vehicles of one model share: sensors and order, image sizes, focal lengths and baselines.
+
+    `baselines_m` are those of neighbouring cameras, right to left; where cameras do not stand on one line, those of all
+    other pairs follow.
+    """
+
+    lidar: bool
+    sizes_px: tuple[tuple[int, int], ...]
+    focals_px: tuple[float, ...]
+    baselines_m: tuple[float, ...]
+
+    def matches(self, other: "RigKind") -> bool:
+        """True where sensors and sizes are equal and lengths agree within 2 % or 5 mm."""
+        return (
+            self.lidar == other.lidar
+            and self.sizes_px == other.sizes_px
+            and len(self.baselines_m) == len(other.baselines_m)
+            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
+            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
+        )
+
+    def __str__(self) -> str:
+        sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
+        focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
+        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
+        return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
+
+
+def _close(a: float, b: float, tolerance: float) -> bool:
+    return abs(a - b) <= max(tolerance, KIND_TOLERANCE_SHARE * max(abs(a), abs(b)))
+
+
+LIDAR = 0
+
+
+MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
+"""A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
+
+
+class Triple(NamedTuple):
+    """Sensors i < j < k whose disparity maps are compared in the view of the reference camera k."""
+
+    i: int
+    j: int
+    k: int
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One camera S_number.
+
+    `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
+    their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis. `offset_ns`
+    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording.
+    """
+
+    number: int
+    name: str
+    topic: str
+    width_px: int
+    height_px: int
+    projection: Matrix
+    rectified: bool = True
+    lens: Lens = NO_LENS
+    offset_ns: int | None = None
+
+    @property
+    def focal_px(self) -> float:
+        """Horizontal focal length in pixels."""
+        return float(self.intrinsics[0, 0])
+
+    @cached_property
+    def intrinsics(self) -> Matrix:
+        """K, (3, 3): the camera frame's directions to pixels."""
+        return intrinsics_and_rotation(self.projection)[0]
+
+    @cached_property
+    def rotation(self) -> Matrix:
+        """R, (3, 3): directions of the rig frame to those of the camera frame (x right, y down, z forward)."""
+        return intrinsics_and_rotation(self.projection)[1]
+
+    @cached_property
+    def centre_m(self) -> Matrix:
+        """Optical centre, (3,) metres in the rig frame."""
+        return camera_centre(self.projection)
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """The LiDAR S_0; `rig_SE3_lidar` (4, 4) takes its points into the rig frame. `offset_ns`: see Camera."""
+
+    name: str
+    topic: str
+    rig_SE3_lidar: Matrix
+    offset_ns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """One LiDAR or none and the cameras that overlap it, S_1..S_n from right to left.
+
+    Raises RigError where the cameras are not numbered 1..n, or rectified ones not in that order. That of others shows
+    in the views they are rectified to.
+    """
+
+    lidar: Lidar | None
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        if [camera.number for camera in self.cameras] != list(range(1, len(self.cameras) + 1)):
+            raise RigError("cameras must be numbered 1..n", where="rig")
+        rectified = all(camera.rectified for camera in self.cameras)
+        positions = [float(camera.centre_m[0]) for camera in self.cameras]
+        if rectified and any(right <= left for right, left in pairwise(positions)):
+            order = ", ".join(f"{c.name} at x = {x:+.3f} m" for c, x in zip(self.cameras, positions, strict=True))
+            raise RigError(f"cameras must be ordered from right to left, but are {order}", where="rig")
+
+    @property
+    def n(self) -> int:
+        """Number of cameras."""
+        return len(self.cameras)
+
+    @property
+    def sensors(self) -> tuple[int, ...]:
+        """Numbers of all sensors, ascending."""
+        return ((LIDAR,) if self.lidar else ()) + tuple(range(1, self.n + 1))
+
+    @property
+    def max_attacked(self) -> int:
+        """How many attacked sensors can be identified at once: N - 3 (the paper's n - 2, where N = n + 1)."""
+        return max(len(self.sensors) - 3, 0)
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        """Reference cameras, leftmost first."""
+        return tuple(dict.fromkeys(triple.k for triple in self.triples))
+
+    @cached_property
+    def triples(self) -> tuple[Triple, ...]:
+        """All triples that are measured, in the store's fixed order."""
+        return triples_of(self.n, lidar=self.lidar is not None)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
+        named = ((witness, triple.k) for triple in self.triples for witness in triple[:2] if witness != LIDAR)
+        return tuple(dict.fromkeys(named))
+
+    def camera(self, number: int) -> Camera:
+        """Camera S_number, number in 1..n."""
+        return self.cameras[number - 1]
+
+    def name(self, sensor: int) -> str:
+        """The recording's own name of a sensor."""
+        if sensor == LIDAR:
+            return self.lidar.name if self.lidar else ""
+        return self.camera(sensor).name
+
+    def topic(self, sensor: int) -> str:
+        """The topic that carries a sensor's data."""
+        if sensor == LIDAR:
+            return self.lidar.topic if self.lidar else ""
+        return self.camera(sensor).topic
+
+    @property
+    def offsets_ns(self) -> dict[int, int]:
+        """By sensor how far its stamps lie behind the leftmost camera's, in nanoseconds, where that is known."""
+        known = {camera.number: camera.offset_ns for camera in self.cameras}
+        known[LIDAR] = self.lidar.offset_ns if self.lidar else None
+        return {sensor: offset_ns for sensor, offset_ns in sorted(known.items()) if offset_ns is not None}
+
+    def baseline_m(self, i: int, k: int) -> float:
+        """Distance b_{i,k} in metres, positive, between cameras i < k; of rectified ones that along their rows."""
+        right, left = self.camera(i), self.camera(k)
+        if right.rectified and left.rectified:
+            return float(right.centre_m[0] - left.centre_m[0])
+        return float(np.linalg.norm(right.centre_m - left.centre_m))
+
+    def pair(self, i: int, k: int) -> "Rig":
+        """Cameras i < k as a rig of their own, in which they are S_1 and S_2, with the LiDAR if there is one."""
+        return Rig(self.lidar, (replace(self.camera(i), number=1), replace(self.camera(k), number=2)))
+
+    @cached_property
+    def is_rectified(self) -> bool:
+        """Whether all cameras are rectified and share size, focal length and principal point."""
+        first = self.cameras[0]
+        return all(
+            camera.rectified
+            and (camera.width_px, camera.height_px) == (first.width_px, first.height_px)
+            and np.allclose(camera.intrinsics, first.intrinsics, atol=RIG_GEOMETRY.same_intrinsics * first.focal_px)
+            for camera in self.cameras
+        )
+
+    @cached_property
+    def off_line_px(self) -> dict[int, float]:
+        """By camera how many rows it misses what is 10 m away, were it rectified with those on the best line."""
+        per_metre = min(camera.focal_px for camera in self.cameras) / RIG_GEOMETRY.far_m
+        missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
+        return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
+
+    @cached_property
+    def shares_view(self) -> bool:
+        """Whether one view does for all cameras: they are rectified already, or stand on one line."""
+        return self.is_rectified or max(self.off_line_px.values()) <= MOST_OFF_PX
+
+    @cached_property
+    def kind(self) -> RigKind:
+        """What this rig shares with the other vehicles of its model."""
+        told = list(pairwise(range(1, self.n + 1)))
+        if not self.shares_view:
+            told += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in told]
+        return RigKind(
+            lidar=self.lidar is not None,
+            sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
+            focals_px=tuple(camera.focal_px for camera in self.cameras),
+            baselines_m=tuple(self.baseline_m(*pair) for pair in told),
+        )
+
+    @cached_property
+    def rig_id(self) -> str:
+        """sha256 (hex) of the rig's canonical description."""
+        text = json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def to_dict(self) -> dict[str, Any]:
+        """A plain description that `from_dict` reads back; every number survives exactly."""
+        lidar = None
+        if self.lidar:
+            lidar = {
+                "name": self.lidar.name,
+                "topic": self.lidar.topic,
+                "rig_SE3_lidar": self.lidar.rig_SE3_lidar.tolist(),
+                **_offset_to_dict(self.lidar.offset_ns),
+            }
+        return {
+            "lidar": lidar,
+            "cameras": [
+                {
+                    "number": camera.number,
+                    "name": camera.name,
+                    "topic": camera.topic,
+                    "width_px": camera.width_px,
+                    "height_px": camera.height_px,
+                    "rectified": camera.rectified,
+                    "projection": camera.projection.tolist(),
+                    **_lens_to_dict(camera.lens),
+                    **_offset_to_dict(camera.offset_ns),
+                }
+                for camera in self.cameras
+            ],
+        }
+
+    @classmethod
+    def from_dict(cls, description: dict[str, Any]) -> "Rig":
+        """Read what `to_dict` wrote. Raises RigError that names a missing or ill-formed field and what it should be."""
+        fields = Fields("the rig", description)
+        lidar = _lidar(fields.table("lidar", "the LiDAR")) if "lidar" in fields else None
+        return cls(lidar, tuple(_camera(camera) for camera in fields.tables("cameras", "camera")))
+
+
+def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
+    """All triples of a rig with n cameras, in fixed order: k = n downwards, then i < j < k.
+
+    References are cameras with two lower-numbered sensors at least; with a LiDAR k = 2 is one only where n = 2, since
+    Algorithm 2 never descends below k = 3.
+    """
+    lowest = 0 if lidar else 1
+    last_reference = 2 if lidar and n == 2 else 3
+    return tuple(
+        Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
+    )
+
+
+def _lidar(fields: Fields) -> Lidar:
+    return Lidar(
+        name=fields.text("name"),
+        topic=fields.text("topic"),
+        rig_SE3_lidar=fields.matrix("rig_SE3_lidar", 4, 4),
+        offset_ns=_offset(fields),
+    )
+
+
+def _camera(fields: Fields) -> Camera:
+    return Camera(
+        number=fields.whole("number"),
+        name=fields.text("name"),
+        topic=fields.text("topic"),
+        width_px=fields.whole("width_px"),
+        height_px=fields.whole("height_px"),
+        rectified=fields.flag("rectified"),
+        projection=_projection(fields),
+        lens=_lens(fields),
+        offset_ns=_offset(fields),
+    )
+
+
+def _projection(fields: Fields) -> Matrix:
+    projection = fields.matrix("projection", 3, 4)
+    if np.linalg.matrix_rank(projection[:, :3]) < 3:
+        raise RigError(f"projection of {fields.of} is no K [R | t]: its first three columns are singular", where="rig")
+    return projection
+
+
+def _lens(fields: Fields) -> Lens:
+    model = fields.text("distortion_model") if "distortion_model" in fields else PINHOLE
+    try:
+        return Lens(model, fields.numbers("distortion") if "distortion" in fields else ())
+    except RigError as error:
+        raise RigError(f"{error.what} (distortion of {fields.of})", where="rig", remedy=error.remedy) from error
+
+
+def _offset(fields: Fields) -> int | None:
+    return fields.whole("offset_ns") if "offset_ns" in fields else None
+
+
+def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
+    """Nothing where it is to be learnt, so that the ids of such rigs do not depend on it."""
+    return {} if offset_ns is None else {"offset_ns": offset_ns}
+
+
+def _lens_to_dict(lens: Lens) -> dict[str, Any]:
+    """Nothing where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
+    if lens.model == PINHOLE:
+        return {}
+    return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}

@@ -1,0 +1,128 @@
+"""What is said of a frame: verdicts with their evidence, causes that are not attacks, and findings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+JUDGING_VERSION = 1
+"""Raised whenever the same measurement and calibration would give other verdicts."""
+
+
+class Method(StrEnum):
+    """How verdicts are reached: by five witnesses and joint identification, or as the paper does."""
+
+    ROBUST = "robust"
+    PAPER = "paper"
+
+
+class VerdictKind(StrEnum):
+    """What is said of one frame."""
+
+    CLEAN = "clean"
+    ATTACKED = "attacked"
+    UNIDENTIFIED = "unidentified"
+    SUSPECT = "suspect"
+    NOT_AUDITABLE = "not_auditable"
+
+
+FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKind.SUSPECT})
+
+
+class Evidence(NamedTuple):
+    """One thing that speaks for an attack, and how far it lies above its threshold.
+
+    By the robust method an element's margin z; by the paper's E - theta of a triple. `witness` is the value of a
+    Witness or of a Statistic; `j` is None for elements.
+    """
+
+    witness: str
+    i: int
+    j: int | None
+    k: int
+    margin: float
+
+
+class Alternative(NamedTuple):
+    """Another attack, or none, that could explain a frame, and how much worse it does than the best one.
+
+    By the robust method in margins, by the paper's in elements of e that disagree.
+    """
+
+    attacked: tuple[int, ...]
+    worse_by: float
+
+
+class Cause(StrEnum):
+    """What else than an attack may lie behind a finding.
+
+    FROZEN: the same data again and again. LATE: a frame behind the others. DISPLACED: turned since it was calibrated.
+    SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
+    RAIN: the LiDAR sees drops all around.
+    """
+
+    FROZEN = "frozen"
+    LATE = "late"
+    DISPLACED = "displaced"
+    SOILED = "soiled"
+    DARK = "dark"
+    GLARE = "glare"
+    RAIN = "rain"
+
+
+CauseIn = tuple[Cause, int | None]
+"""A cause and the sensor that it is seen in, None for all cameras."""
+
+
+class Suspicion(NamedTuple):
+    """A cause and the sensor that it is seen in, None for all cameras.
+
+    `score` is 0 to 1; from 0.5 on the cause is seen more strongly than in clean frames.
+    """
+
+    cause: Cause
+    sensor: int | None
+    score: float = 1.0
+
+
+class Finding(NamedTuple):
+    """What the half second around a raised frame says: frames of equal findings are incidents."""
+
+    kind: VerdictKind
+    attacked: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of one frame.
+
+    `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where
+    kind is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are
+    the sensors that could not take part. `margin` is how sure it is: by the paper's method the smallest |E - theta|
+    among the measured elements, how far a disparity error would have to move to change e; by the robust method the
+    lead of the best explanation. `evidence` is the strongest first, `alternatives` the next best first; `causes` are
+    what else may lie behind it. `finding` is the robust method's, None where the frame belongs to no incident.
+    """
+
+    kind: VerdictKind
+    e: str
+    attacked: tuple[int, ...] = ()
+    named: tuple[int, ...] | None = None
+    out_of_system: tuple[int, ...] = ()
+    margin: float | None = None
+    reason: str = ""
+    evidence: tuple[Evidence, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    causes: tuple[Suspicion, ...] = ()
+    finding: Finding | None = None
+
+
+@dataclass(frozen=True)
+class AttackLabel:
+    """Ground truth: from `from_ns` to `to_ns` (stamps, both included) the data of `topic` was attacked."""
+
+    topic: str
+    attack: str
+    from_ns: int
+    to_ns: int
+    parameters: Mapping[str, object]

@@ -1,0 +1,1 @@
+"""The chain above the rooms: recordings are measured, measurements judged, many at a time."""

@@ -1,0 +1,241 @@
+"""Calibrations from what stores hold, and the judging of it: no recording is needed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.errors import ThresholdsError
+from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.cross_validation import clean_hours, robust_thresholds
+from auditor.identification.faults import Observed, frozen, strengths
+from auditor.identification.paper import judge_frames as judge_by_paper
+from auditor.identification.robust import FrameSeries, System, judge_frames
+from auditor.identification.statistics import local_ratios
+from auditor.identification.thresholds import check_calibration, thresholds_at
+from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
+from auditor.model.checks import rig_elements
+from auditor.model.frames import SensorState
+from auditor.model.measurement import Procedure, Statistic
+from auditor.model.rig import Rig, RigKind
+from auditor.model.verdict import CauseIn, Method, Verdict
+from auditor.store import FrameRatios, JudgementRecord, Store, StoredJudgement, make_calibration
+
+Rows = list[tuple[int, int, Verdict]]
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """How verdicts are to be reached.
+
+    `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` works the robust method's
+    statistics out anew from the stored cells.
+    """
+
+    r: Decimal
+    method: Method = Method.ROBUST
+    statistic: Statistic = Statistic.GATED
+    incidents_per_hour: float | None = None
+    transfer: bool = False
+    strict: bool = False
+    recount: bool = False
+
+
+def system_of(rig: Rig) -> System:
+    """What the frames of a rig are judged by."""
+    return System(rig_elements(rig), rig.triples, rig.sensors)
+
+
+def calibrate(
+    measurements: Sequence[tuple[Store, str]], frames: range | None = None, *, recount: bool = False
+) -> Calibration:
+    """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
+
+    `frames` restricts it to these frame numbers of each measurement, `recount` works their statistics out anew from the
+    stored cells. Raises ThresholdsError where kinds or procedures differ or nothing was measured.
+    """
+    clean: list[CleanFrames] = []
+    kinds: list[RigKind] = []
+    procedures: list[Procedure] = []
+    for known, store in {known: store for store, known in measurements}.items():
+        measurement = store.measurement(known)
+        rig = store.rig(measurement.rig_id)
+        kinds.append(rig.kind)
+        procedures.append(measurement.procedure)
+        _refuse_mixture(kinds, procedures)
+        clean.append(_clean_frames(store, known, measurement.recording_id, rig, frames, recount=recount))
+    if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
+        raise ThresholdsError(
+            "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
+        )
+    return make_calibration(kinds[0], procedures[0], clean)
+
+
+def _clean_frames(
+    store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
+) -> CleanFrames:
+    ratios = _frame_ratios(store, known, recount=recount)
+    present = ratios.states == SensorState.PRESENT
+    chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
+    return CleanFrames(
+        recording_id,
+        ratios.stamps_ns[chosen],
+        {
+            (statistic, triple): column
+            for statistic in Statistic
+            for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
+        },
+        dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
+        {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
+        missing=_of_sensors(rig, ~present[chosen]),
+        frozen=_of_sensors(rig, frozen(ratios.fingerprints, present)[chosen]),
+    )
+
+
+def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
+    """(F, S) flags by sensor, without the sensors that have none."""
+    return {sensor: column for sensor, column in zip(rig.sensors, flags.T, strict=True) if column.any()}
+
+
+def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
+    """How strongly the stored symptoms of each frame speak for each cause."""
+    seen = store.load_symptoms(measurement)
+    observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
+    return strengths(observed, seen.stamps_ns, rig.sensors)
+
+
+def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRatios:
+    stored = store.load_ratios(measurement)
+    return replace(stored, ratios=ratios_from_cells(store, measurement)) if recount else stored
+
+
+def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
+    """(F, M) local ratios worked out anew from the stored cells, as a scan works them out from the images.
+
+    For measurements made before windows were changed. Statistics without cells stay as they were measured.
+    """
+    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
+    stored = store.load_ratios(measurement)
+    ratios, row_of = stored.ratios.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
+    for frame, cells in store.load_cells(measurement):
+        columns = [column for column, element in enumerate(elements) if element in cells]
+        found = local_ratios([elements[column] for column in columns], cells, {})
+        ratios[row_of[frame], columns] = np.array(found, dtype=np.float64)
+    return ratios
+
+
+def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
+    """Compare the last with the first."""
+    remedy = "calibrate each of them on its own"
+    if not kinds[0].matches(kinds[-1]):
+        raise ThresholdsError(f"two rig kinds in one calibration: {kinds[0]}, and {kinds[-1]}", remedy=remedy)
+    if procedures[0] != procedures[-1]:
+        matchers = f"{procedures[0].matcher}, and {procedures[-1].matcher}"
+        raise ThresholdsError(f"two procedures in one calibration: {matchers}", remedy=remedy)
+
+
+def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:
+    """The newest of some calibrations that holds for a measurement's rig kind and procedure."""
+    stored = store.measurement(measurement)
+    kind = store.rig(stored.rig_id).kind
+    fitting = [c for c in calibrations if c.procedure == stored.procedure and c.rig_kind.matches(kind)]
+    return max(fitting, key=_made_at, default=None)
+
+
+def _made_at(calibration: Calibration) -> tuple[datetime, str]:
+    return calibration.calibrated_at or datetime.min.replace(tzinfo=UTC), calibration.calibration_id
+
+
+def judge_measurement(
+    store: Store,
+    measurement: str,
+    calibration: Calibration,
+    criteria: Criteria,
+    current: Mapping[str, StoredJudgement] | None = None,
+) -> StoredJudgement:
+    """Judge every frame of a measurement and keep the verdicts, which are its current ones from then on.
+
+    `current` is what `store.current_judgements()` says: whoever judges many measurements reads it once for all. Raises
+    ThresholdsError where the thresholds do not fit and StoreError where r has more decimals than the store keeps.
+    """
+    stored = store.measurement(measurement)
+    rig = store.rig(stored.rig_id)
+    transferred = check_calibration(
+        calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
+    )
+    thresholds: Thresholds | RobustThresholds
+    if criteria.method is Method.ROBUST:
+        rate = criteria.incidents_per_hour
+        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        frames = _frame_ratios(store, measurement, recount=criteria.recount)
+        rows = _judge_robust(store, measurement, rig, thresholds, frames)
+        fewest = min(yardstick.samples for yardstick in thresholds.yardsticks.values())
+    else:
+        thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
+        rows = _judge_paper(store, measurement, rig, thresholds)
+        fewest = min(thresholds.samples.values())
+    if criteria.strict:
+        _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
+    before = (store.current_judgements() if current is None else current).get(measurement)
+    recounted = criteria.recount and criteria.method is Method.ROBUST
+    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before), recounted)
+    if calibration.calibration_id not in store.ids("calibrations"):
+        store.write_calibration(calibration)
+    return store.write_judgement(judgement, rows)
+
+
+def _after(before: StoredJudgement | None) -> datetime:
+    """Now, and later than the judgement before also where the clock was ahead when that was made."""
+    now = datetime.now(UTC)
+    return now if before is None else max(now, before.judged_at + timedelta(microseconds=1))
+
+
+@lru_cache(maxsize=4)
+def _robust(
+    calibration: Calibration, system: System, r: Decimal, incidents_per_hour: float | None, *, transferred: bool
+) -> RobustThresholds:
+    """The same for all measurements of one rig, and dear where every recording is judged by the others."""
+    return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
+
+
+def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameRatios) -> Rows:
+    present, fault_scores = frames.states == SensorState.PRESENT, _strengths(store, measurement, rig)
+    series = FrameSeries.of_recording(frames.stamps_ns, frames.ratios, present, frames.fingerprints, fault_scores)
+    verdicts = judge_frames(series, system_of(rig), thresholds)
+    return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
+
+
+def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
+    errors = store.load_errors(measurement, thresholds.statistic)
+    missing = sensors_where(rig.sensors, errors.states != SensorState.PRESENT)
+    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
+
+
+def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: int, *, resolvable: bool) -> None:
+    where = f"calibration {calibration.calibration_id}"
+    if not resolvable:
+        raise ThresholdsError(
+            f"r = {criteria.r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
+            where=where,
+            remedy=f"take r = 0 or at least {1 / fewest:.2g}, or calibrate on more clean frames",
+        )
+    if not tells_incidents(calibration, criteria):
+        hours = clean_hours(calibration)
+        raise ThresholdsError(
+            f"{criteria.incidents_per_hour:g} incidents an hour cannot be told from none with {hours:.2g} hours of "
+            "clean frames",
+            where=where,
+            remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
+        )
+
+
+def tells_incidents(calibration: Calibration, criteria: Criteria) -> bool:
+    """False where the clean frames are too few to tell the allowed incidents an hour from none."""
+    allowed = criteria.incidents_per_hour
+    return not allowed or allowed * clean_hours(calibration) >= 1

@@ -1,0 +1,232 @@
+"""The chain for one recording, from its messages to a finished measurement: above the rooms, it knows them all."""
+
+import platform
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from time import perf_counter
+
+from auditor import __version__
+from auditor.errors import RecordingError
+from auditor.identification.scores import raisable
+from auditor.identification.statistics import local_ratios
+from auditor.measurement import Fitting, PictureBook, Watch, localise, measure, measure_stream, use_one_thread
+from auditor.measurement.disparity.matchers import (
+    NO_NETWORK,
+    Matcher,
+    MatcherOptions,
+    find_matcher,
+    foretell,
+    libraries,
+)
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame, Skipped
+from auditor.model.measurement import Procedure
+from auditor.model.rig import Rig
+from auditor.recordings import (
+    FrameStream,
+    Origin,
+    Recording,
+    Survey,
+    find_rigs,
+    format_of,
+    open_recording,
+    survey,
+    synchronise,
+    told_rig,
+)
+from auditor.store import MeasurementRecord, Picture, RecordingRecord, Store, StoredMeasurement, measurement_id
+
+_CHECKED_FRAMES = 3
+_CHECKED_TO_FIT = (0, 11, 5)  # first, end and step
+_VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
+
+
+_UNKNOWN = Origin()
+
+
+@dataclass(frozen=True)
+class MeasureTask:
+    """One recording to be measured into a store.
+
+    `rig` is a rig.toml that stands in for what the recording says; what `origin` knows goes before it, too.
+    """
+
+    recording: Path
+    store: Path
+    matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
+    rig: Path | None = None
+    origin: Origin = _UNKNOWN
+
+    def __str__(self) -> str:
+        return str(self.recording)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A recording that is in the store: its measurements, one a rig, and whether any of it was measured just now."""
+
+    recording: Path
+    recording_id: str
+    measurement_ids: tuple[str, ...]
+    frames: int
+    fresh: bool
+    damage: tuple[str, ...]
+    misfits: tuple[str, ...]
+
+
+def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
+    """Measure every frame of a recording with each of its rigs; what is finished already is not measured again.
+
+    Raises RecordingError, RigError, SettingError and StoreError.
+    """
+    use_one_thread()
+    matcher = find_matcher(task.matcher, task.network)
+    store = Store.open(task.store, create=True)
+    with open_recording(task.recording) as recording:
+        surveyed = survey(recording)
+        rigs = rigs_of(surveyed, task.rig)
+        procedure = Procedure(matcher.name, matcher.settings)
+        ids = tuple(measurement_id(recording.recording_id, rig.rig_id, procedure) for rig in rigs)
+        todo = [rig for rig, known in zip(rigs, ids, strict=True) if not store.has_measurement(known)]
+        for rig in todo:
+            store.write_rig(rig)
+            _measure(recording, surveyed, rig, matcher, procedure, store, progress)
+        measurements = [store.measurement(known) for known in ids]
+        damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
+        misfits = tuple(dict.fromkeys(sentence for m in measurements for sentence in m.misfits))
+        # A scan may have been killed after its last measurement and before it could keep the recording itself.
+        known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+        record = _recording_record(recording, task, known, measurements, damage)
+        if todo or record != known:
+            store.write_labels(recording.recording_id, recording.labels(), rigs[0])
+            store.write_recording(record)
+        return Measured(
+            recording=task.recording,
+            recording_id=recording.recording_id,
+            measurement_ids=ids,
+            frames=sum(m.frames for m in measurements),
+            fresh=bool(todo),
+            damage=damage,
+            misfits=misfits,
+        )
+
+
+def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
+    """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
+    return find_rigs(surveyed) if rig_file is None else (told_rig(rig_file, surveyed),)
+
+
+def _measure(
+    recording: Recording,
+    surveyed: Survey,
+    rig: Rig,
+    matcher: Matcher,
+    procedure: Procedure,
+    store: Store,
+    progress: Callable[[str, int], None],
+) -> None:
+    started = perf_counter()
+    known = measurement_id(recording.recording_id, rig.rig_id, procedure)
+    elements = rig_elements(rig)
+    pictures, watch, fitting = PictureBook(), Watch(), Fitting()
+    stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
+    if libraries(matcher):
+        _foretell(recording, rig, matcher, stream, progress)
+    with store.frames_writer(known, rig) as writer, closing(measure_stream(stream, rig, matcher)) as measured:
+        for done, item in enumerate(measured, start=1):
+            if isinstance(item, Skipped):
+                writer.skip(item)
+            else:
+                measurement, evidence = item
+                ratios = local_ratios(elements, measurement.cells, measurement.shares)
+                seen = replace(
+                    measurement,
+                    symptoms=watch.observe(evidence),
+                    regions=localise(evidence, raisable(elements, ratios)),
+                )
+                writer.add(seen, ratios)
+                pictures.offer(measurement, evidence)
+                fitting.offer(evidence, seen.symptoms)
+            progress(recording.path.name, done)
+        if writer.measured == 0:
+            raise RecordingError(
+                "no frame with three overlapping sensors could be put together",
+                where=recording.path,
+                remedy="see auditor inspect for its topics and sensors",
+            )
+        for number, picture in pictures.pages():
+            store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
+        writer.commit(
+            MeasurementRecord(
+                recording_id=recording.recording_id,
+                rig_id=rig.rig_id,
+                procedure=procedure,
+                balance=stream.balance,
+                versions=_versions(matcher),
+                measured_at=datetime.now(UTC),
+                seconds=perf_counter() - started,
+                damage=tuple(str(piece) for piece in stream.damage),
+                misfits=fitting.complaints(),
+                offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
+                clock_jumps=stream.clock_jumps,
+            )
+        )
+
+
+def misfits_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
+    """What of a rig does not fit the first frames of a recording, one sentence a piece."""
+    use_one_thread()
+    matcher, fitting = find_matcher("sgbm"), Fitting()
+    frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
+    for frame in islice(frames, *_CHECKED_TO_FIT):
+        _, evidence = measure(frame, rig, matcher)
+        fitting.look(evidence, Watch().observe(evidence))
+    return fitting.complaints()
+
+
+def _recording_record(
+    recording: Recording,
+    task: MeasureTask,
+    known: RecordingRecord | None,
+    measurements: Sequence[StoredMeasurement],
+    damage: tuple[str, ...],
+) -> RecordingRecord:
+    origin = task.origin.over(Origin.of_metadata(recording.metadata()))
+    if known is not None:
+        origin = origin.over(Origin(known.vehicle, known.date, known.drive))
+    return RecordingRecord(
+        recording_id=recording.recording_id,
+        name=recording.path.name,
+        path=str(recording.path.resolve()),
+        files=tuple(file.name for file in recording.files),
+        size_bytes=sum(file.stat().st_size for file in recording.files),
+        format=format_of(recording.path),
+        clock=recording.clock,
+        from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
+        to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
+        vehicle=origin.vehicle,
+        date=origin.date,
+        drive=origin.drive,
+        damage=damage,
+    )
+
+
+def _foretell(
+    recording: Recording, rig: Rig, matcher: Matcher, frames: FrameStream, progress: Callable[[str, int], None]
+) -> None:
+    """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
+    count = sum(1 for _ in recording.messages({rig.topic(rig.n)}))
+    first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _CHECKED_FRAMES))
+    for remark in foretell(matcher, rig, first, count):
+        progress(remark, 0)
+
+
+def _versions(matcher: Matcher) -> dict[str, str]:
+    ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
+    return ours | dict(libraries(matcher))

@@ -1,0 +1,288 @@
+"""What one task may take before its process is ended."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
+from multiprocessing.context import ForkServerContext
+from pathlib import Path
+from time import monotonic
+from traceback import extract_tb
+from typing import Any, Generic, TypeVar
+
+from pebble import ProcessExpired, ProcessPool
+
+from auditor.errors import AuditorError, LimitError
+
+MEMORY_MB = 4096
+
+
+SILENT_S = 600.0
+
+
+SECONDS_A_MB = 0.1
+"""Reading at 10 MB/s: what must be read before the first frame comes may be as large as the recording."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Budgets of one task: `memory_mb` of its process, `seconds` in all, `silent_s` without any progress.
+
+    None stands for no limit.
+    """
+
+    memory_mb: float | None = None
+    seconds: float | None = None
+    silent_s: float | None = None
+
+    def exceeded(self, *, memory_mb: float, seconds: float, silent_s: float) -> str:
+        """Which budget a task is over, as a sentence; empty where it is within all of them."""
+        if self.memory_mb is not None and memory_mb > self.memory_mb:
+            return f"it took more than {self.memory_mb:.0f} MB of memory and was ended"
+        if self.seconds is not None and seconds > self.seconds:
+            return f"it took longer than {self.seconds:g} s and was ended"
+        if self.silent_s is not None and silent_s > self.silent_s:
+            return f"no frame came for {self.silent_s:.0f} s and it was ended"
+        return ""
+
+
+def limits_of(size_bytes: int, *, seconds: float | None = None, memory_mb: float = MEMORY_MB) -> Limits:
+    """The budgets of one recording of a size; time is not limited while frames come, unless `seconds` is given."""
+    silent_s = SILENT_S + SECONDS_A_MB * size_bytes / 1e6
+    return Limits(memory_mb, seconds, None if seconds is not None else silent_s)
+
+
+def memory_mb(pid: int) -> float:
+    """What a process has in memory; 0 where it is gone, or the system does not tell."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    _, found, rest = status.partition("VmRSS:")
+    return int(rest.split()[0]) / 1024 if found else 0.0
+
+
+Item = TypeVar("Item")
+
+
+Result = TypeVar("Result")
+
+
+Progress = Callable[[str, int], None]
+"""Called with what is being done and how many frames are done; with none done yet, it is a remark for people."""
+
+
+_POLL_S = 0.1
+
+
+_PRELOADED = ["auditor.pipeline.measure"]
+
+
+_LONGEST_WHAT = 200
+"""A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
+can leave none behind."""
+
+
+_progress_pipe: "Connection[Any, Any]"  # set once in each worker process, where a task finds the way to its parent
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[Item, Result]):
+    """What became of one item: a result, or the error that ended it."""
+
+    item: Item
+    result: Result | None = None
+    error: AuditorError | None = None
+
+
+def run_all(
+    task: Callable[[Item, Progress], Result],
+    items: Sequence[Item],
+    jobs: int,
+    on_progress: Callable[[Item, str, int], None],
+    limits: Callable[[Item], Limits] | None = None,
+) -> Iterator[Outcome[Item, Result]]:
+    """Run `task` on every item, `jobs` at a time, and yield outcomes as they come.
+
+    With `limits` each item has a process that is killed where it takes more. Without them one job alone happens in
+    this process. Any error belongs to its item; so does the death of a process. KeyboardInterrupt stops all workers and
+    is raised.
+    """
+    if limits is None and (jobs == 1 or len(items) == 1):
+        for item in items:
+            yield _run_here(task, item, on_progress)
+    else:
+        yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
+
+
+def _run_here(
+    task: Callable[[Item, Progress], Result], item: Item, on_progress: Callable[[Item, str, int], None]
+) -> Outcome[Item, Result]:
+    try:
+        return Outcome(item, result=_run(task, item, lambda what, done: on_progress(item, what, done)))
+    except AuditorError as error:
+        return Outcome(item, error=error)
+
+
+@dataclass
+class _Running:
+    """A task that a worker process has begun."""
+
+    pid: int
+    began: float
+    heard: float
+    ended: str = ""
+
+
+class _Run(Generic[Item, Result]):
+    """One call of run_all with worker processes."""
+
+    def __init__(
+        self,
+        task: Callable[[Item, Progress], Result],
+        items: Sequence[Item],
+        jobs: int,
+        on_progress: Callable[[Item, str, int], None],
+        limits: Callable[[Item], Limits],
+    ) -> None:
+        self._task = task
+        self._items = items
+        self._jobs = jobs
+        self._on_progress = on_progress
+        self._limits = [limits(item) for item in items]
+        self._running: dict[int, _Running] = {}
+
+    def outcomes(self) -> Iterator[Outcome[Item, Result]]:
+        context = _context()
+        reader, writer = context.Pipe(duplex=False)
+        with (
+            reader,
+            writer,
+            # A process for each task: what one leaves in memory does not count for the next.
+            ProcessPool(
+                max_workers=self._jobs, max_tasks=1, context=context, initializer=_start_worker, initargs=[writer]
+            ) as pool,
+        ):
+            futures: dict[Future[Any], int] = {}
+            try:
+                with _uninterrupted():  # a worker that is half started would be nobody's
+                    for index, item in enumerate(self._items):
+                        futures[pool.schedule(_run_there, args=[self._task, item, index])] = index
+                while futures:
+                    done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+                    self._hear(reader)
+                    for future in done:
+                        yield self._outcome(future, futures.pop(future))
+                    self._end_those_over_budget()
+            finally:
+                if futures:
+                    with _uninterrupted():
+                        pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
+                        pool.join()
+
+    def _hear(self, reader: "Connection[Any, Any]") -> None:
+        while reader.poll():
+            index, pid, what, count = reader.recv()
+            now = monotonic()
+            if index not in self._running:
+                self._running[index] = _Running(pid, now, now)
+            else:
+                self._running[index].heard = now
+                self._on_progress(self._items[index], what, count)
+
+    def _end_those_over_budget(self) -> None:
+        for index, running in self._running.items():
+            now = monotonic()
+            running.ended = running.ended or self._limits[index].exceeded(
+                memory_mb=memory_mb(running.pid), seconds=now - running.began, silent_s=now - running.heard
+            )
+            if running.ended:
+                with suppress(ProcessLookupError):
+                    os.kill(running.pid, signal.SIGKILL)
+
+    def _outcome(self, future: Future[Result], index: int) -> Outcome[Item, Result]:
+        item, running = self._items[index], self._running.pop(index, None)
+        try:
+            return Outcome(item, result=future.result())
+        except AuditorError as error:
+            return Outcome(item, error=error)
+        except ProcessExpired as death:
+            if running is not None and running.ended:
+                remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
+                return Outcome(item, error=LimitError(running.ended, where=item, remedy=remedy))
+            what = f"its process died (exit code {death.exitcode})"
+            remedy = "it may have run out of memory: run it again with --jobs 1"
+            return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
+
+
+def _context() -> ForkServerContext:
+    """Processes are forked from one that has imported everything and used nothing.
+
+    OpenCV's and Arrow's threads do not survive a fork once they run; a fresh interpreter for each would import for a
+    second.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_PRELOADED)
+    # Ctrl-C is for this process, which stops the workers; they inherit that it is blocked.
+    resource_tracker.ensure_running()  # started later, it would lift the block
+    with _uninterrupted():
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    return context
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C inside the block counts at its end."""
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed and callable(before):  # what a shell starts in the background ignores Ctrl-C
+        before(signal.SIGINT, None)
+
+
+def _start_worker(progress: "Connection[Any, Any]") -> None:
+    global _progress_pipe  # noqa: PLW0603 - a worker has no other place to keep it
+    _progress_pipe = progress
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Where the parent is killed nobody wants the result."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait_for([parent.sentinel])
+    os._exit(1)
+
+
+def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int) -> Result:
+    pid = os.getpid()
+    _progress_pipe.send((index, pid, "", 0))
+    return _run(task, item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))
+
+
+def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:
+    """Run the task; what nobody foresaw is its item's error, too, in one line that can be reported."""
+    try:
+        return task(item, progress)
+    except AuditorError:
+        raise
+    except Exception as error:
+        last = extract_tb(error.__traceback__)[-1]
+        where = "/".join(Path(last.filename).parts[-2:])
+        what = f"auditor failed on it: {type(error).__name__}: {error} ({where}:{last.lineno})"
+        raise AuditorError(what, where=item, remedy="this is a defect of auditor: please report this line") from error

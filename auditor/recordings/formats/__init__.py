@@ -1,0 +1,1 @@
+"""Containers of recordings: a file becomes messages."""

@@ -1,0 +1,302 @@
+"""KITTI raw drives, read as they were published: synced and rectified, `<date>/<date>_drive_<number>_sync`.
+
+Format: the KITTI raw data development kit. Every picture and scan is a message with the file's bytes; its stamp stands
+in timestamps.txt on the line of its number (files may be missing). The times carry no zone: the clock is unknown.
+"""
+
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping
+from datetime import UTC, datetime
+from functools import cached_property
+from itertools import chain
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from auditor.errors import RecordingError
+from auditor.model.frames import Message
+from auditor.model.geometry import Matrix, camera_centre, motion
+from auditor.model.verdict import AttackLabel
+from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, PICTURE, SCAN, TRANSFORMS, camera_frame
+from auditor.recordings.formats.unpacking import MAX_BYTES
+from auditor.recordings.recording import Clock, Damage, Definition, Topic, content_id
+
+CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_color_left", "03": "camera_color_right"}
+LIDAR_TOPIC = "/kitti/velo/pointcloud"
+TRANSFORMS_TOPIC = "/tf_static"
+PERIOD_NS = 10**8
+"""Between frames of a drive without timestamps."""
+
+_CAMERA_FILE = "calib_cam_to_cam.txt"
+_LIDAR_FILE = "calib_velo_to_cam.txt"
+SCAN_TOPIC = Topic(LIDAR_TOPIC, SCAN, "bin")
+_NUMBER = re.compile(r"[0-9]{1,12}")
+_MAX_TEXT_BYTES = 16 * 2**20
+_DRIVE_BELOW = ("*_sync", "[0-9]*_[0-9]*_[0-9]*/*_sync")
+"""In a date's folder, and in a folder that holds one."""
+
+
+class KittiReader:
+    """Recognises a drive's folder, and folders around it that hold no other drive."""
+
+    def detects(self, path: Path) -> bool:
+        """True where exactly one drive lies at the path, or one or two folders below it."""
+        return path.is_dir() and len(_drives(path)) == 1
+
+    def open(self, path: Path) -> "KittiRecording":
+        """Open it. Raises RecordingError where its calibration is missing or ill-formed."""
+        return KittiRecording(path, _read_drive(_drives(path)[0]))
+
+
+def _is_drive(path: Path) -> bool:
+    return (path / "velodyne_points" / "data").is_dir() or any(path.glob("image_0[0-3]/data"))
+
+
+def _drives(path: Path) -> list[Path]:
+    if _is_drive(path):
+        return [path]
+    return [folder for pattern in _DRIVE_BELOW for folder in sorted(path.glob(pattern)) if _is_drive(folder)]
+
+
+class Stream(NamedTuple):
+    """The files of one sensor with their stamps, in order."""
+
+    topic: Topic
+    entries: tuple[tuple[int, Path], ...]
+
+
+class Drive(NamedTuple):
+    """What a folder was found to hold; `others` are the files with stamps."""
+
+    folder: Path
+    calibration: "Calibration"
+    streams: tuple[Stream, ...]
+    others: tuple[Path, ...]
+    clock: Clock
+
+
+class KittiRecording:
+    """One KITTI drive or sequence. See interface.Recording."""
+
+    def __init__(self, path: Path, drive: Drive) -> None:
+        self.path = path
+        self.clock: Clock = drive.clock
+        self._drive = drive.folder
+        self._calibration = drive.calibration
+        self.damage: tuple[Damage, ...] = ()
+        self._counts: dict[str, int] = {}
+        self._streams = tuple(stream for stream in drive.streams if stream.entries)
+        if not self._streams:
+            raise RecordingError("the drive holds no pictures and no scans", where=path)
+        data = (file for stream in self._streams for _, file in stream.entries)
+        self.files = tuple(sorted(chain(data, drive.others, self._calibration.files)))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Nothing stays open between reads."""
+
+    @cached_property
+    def recording_id(self) -> str:
+        """sha256 (hex) over the relative paths and hashes of its files."""
+        # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
+        top = self._drive if all(self._drive in file.parents for file in self.files) else self._drive.parent
+        return content_id(top, self.files)
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Messages met by the last read, by topic."""
+        return self._counts
+
+    def topics(self) -> tuple[Topic, ...]:
+        """Those whose files are there."""
+        topics = [stream.topic for stream in self._streams]
+        topics += [Topic(message.topic, message.schema, message.encoding) for message in self._calibration_messages()]
+        return tuple(sorted(topics, key=lambda topic: topic.name))
+
+    def definition(self, schema: str) -> Definition | None:  # noqa: ARG002  # of the protocol
+        """None: KITTI's formats are defined by its development kit."""
+        return None
+
+    def labels(self) -> tuple[AttackLabel, ...]:
+        """None."""
+        return ()
+
+    def metadata(self) -> Mapping[str, str]:
+        """The drive's name."""
+        return {"drive": self._drive.name}
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Calibration first, then pictures and scans in the order of their stamps."""
+        self._counts = dict.fromkeys((topic.name for topic in self.topics()), 0)
+        self.damage = ()
+        return self._read(None if topics is None else frozenset(topics), self._counts)
+
+    def _read(self, wanted: frozenset[str] | None, counts: dict[str, int]) -> Iterator[Message]:
+        for message in self._calibration_messages():
+            counts[message.topic] += 1
+            if wanted is None or message.topic in wanted:
+                yield message
+        for stamp_ns, topic, file in self._in_order():
+            counts[topic.name] += 1
+            if wanted is None or topic.name in wanted:
+                yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, self._data(file))
+
+    def _data(self, file: Path) -> bytes:
+        """The bytes of a file; none, noting the damage, where it cannot be read: it is damaged then, not missing."""
+        try:
+            if file.stat().st_size <= MAX_BYTES:
+                return file.read_bytes()
+            self.damage += (Damage(f"it has more than {MAX_BYTES} bytes", file=file.name),)
+        except OSError as error:
+            self.damage += (Damage(f"it cannot be read ({error.strerror})", file=file.name),)
+        return b""
+
+    def _in_order(self) -> list[tuple[int, Topic, Path]]:
+        entries = [(stamp_ns, stream.topic, file) for stream in self._streams for stamp_ns, file in stream.entries]
+        return sorted(entries, key=lambda entry: (entry[0], entry[1].name))
+
+    def _calibration_messages(self) -> Iterator[Message]:
+        stamp_ns = min(stream.entries[0][0] for stream in self._streams)
+        there = {camera_frame(stream.topic.name) for stream in self._streams if stream.topic.schema == PICTURE}
+        transforms = self._calibration.transforms()
+        data = json.dumps([entry for entry in transforms if entry["child"] in there | {LIDAR_FRAME}]).encode()
+        yield Message(TRANSFORMS_TOPIC, TRANSFORMS, "json", stamp_ns, data)
+        for number, camera in self._calibration.cameras.items():
+            if CAMERAS[number] in there:
+                data = json.dumps({name: values.tolist() for name, values in camera.items()}).encode()
+                yield Message(f"/kitti/{CAMERAS[number]}/camera_info", CALIBRATION, "json", stamp_ns, data)
+
+
+def _read_drive(folder: Path) -> Drive:
+    calibration = _read_calibration(folder)
+    streams = [
+        Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png")))
+        for number in CAMERAS
+        if number in calibration.cameras
+    ]
+    streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin"))))
+    # The times are written without a zone, or not at all.
+    return Drive(folder, calibration, tuple(streams), tuple(folder.glob("*/timestamps.txt")), "unknown")
+
+
+def picture_topic(number: str) -> Topic:
+    """The topic of a camera, '00' to '03'."""
+    return Topic(f"/kitti/{CAMERAS[number]}/image_rect", PICTURE, "png")
+
+
+def numbered_files(folder: Path, pattern: str) -> list[tuple[int, Path]]:
+    """Data files and their numbers, in order."""
+    return sorted((int(file.stem), file) for file in folder.glob(pattern) if _NUMBER.fullmatch(file.stem))
+
+
+def _entries(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
+    """Stamp and path of every data file, by number."""
+    numbered = numbered_files(folder / "data", pattern)
+    stamps = _read_stamps(folder / "timestamps.txt")
+    for number, file in numbered:
+        if stamps is None:
+            yield number * PERIOD_NS, file
+        elif number < len(stamps) and stamps[number] is not None:
+            yield stamps[number] or 0, file
+        else:
+            raise RecordingError(f"there is no time for file {number}", where=folder / "timestamps.txt")
+
+
+def _read_stamps(path: Path) -> list[int | None] | None:
+    """Nanoseconds since 1970 by line; None for an empty line (never recorded); None where there is no such file."""
+    if not path.is_file():
+        return None
+    try:
+        return [_parse_time(line.strip()) for line in read_small_text(path).splitlines()]
+    except ValueError as error:
+        raise RecordingError(f"a time is ill-formed ({error})", where=path) from error
+
+
+def _parse_time(text: str) -> int | None:
+    if not text:
+        return None
+    seconds, _, fraction = text.partition(".")
+    moment = datetime.strptime(seconds, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
+    return int(moment.timestamp()) * 10**9 + int(fraction.ljust(9, "0")[:9] or "0")
+
+
+class Calibration(NamedTuple):
+    """P_rect and S_rect by camera number, and the LiDAR in the frame of rectified camera 0."""
+
+    files: tuple[Path, ...]
+    cameras: Mapping[str, Mapping[str, Matrix]]
+    cam0_SE3_lidar: Matrix | None
+
+    def transforms(self) -> list[dict[str, object]]:
+        """Every camera at its own place and the LiDAR, all in the frame of rectified camera 0."""
+        children = {
+            CAMERAS[number]: motion(np.eye(3), camera_centre(camera["P_rect"].reshape(3, 4)))
+            for number, camera in self.cameras.items()
+        }
+        parent = CAMERAS["00"]
+        if self.cam0_SE3_lidar is not None:
+            children[LIDAR_FRAME] = self.cam0_SE3_lidar
+        if parent not in children:
+            return []
+        return [
+            {"parent": parent, "child": child, "parent_SE3_child": matrix.tolist()}
+            for child, matrix in children.items()
+            if child != parent
+        ]
+
+
+def _read_calibration(drive: Path) -> Calibration:
+    folder = next(
+        (folder for folder in (drive, drive / "calib", drive.parent) if (folder / _CAMERA_FILE).is_file()), None
+    )
+    if folder is None:
+        raise RecordingError(f"{_CAMERA_FILE} is missing", where=drive, remedy="put it beside the drive's folder")
+    values = read_matrices(folder / _CAMERA_FILE)
+    cameras = {
+        number: {"P_rect": values[f"P_rect_{number}"], "S_rect": values[f"S_rect_{number}"]}
+        for number in CAMERAS
+        if values.get(f"P_rect_{number}", np.empty(0)).size == 12
+        and values.get(f"S_rect_{number}", np.empty(0)).size == 2
+    }
+    if not cameras:
+        raise RecordingError("it holds no P_rect and S_rect of any camera", where=folder / _CAMERA_FILE)
+    files = [folder / _CAMERA_FILE]
+    cam0_SE3_lidar = None
+    if (folder / _LIDAR_FILE).is_file():
+        files.append(folder / _LIDAR_FILE)
+        lidar = read_matrices(folder / _LIDAR_FILE)
+        try:
+            unrectified = motion(lidar["R"].reshape(3, 3), lidar["T"])
+            cam0_SE3_lidar = motion(values["R_rect_00"].reshape(3, 3), np.zeros(3)) @ unrectified
+        except (KeyError, ValueError) as error:
+            raise RecordingError(f"R, T or R_rect_00 is ill-formed ({error})", where=folder / _LIDAR_FILE) from error
+    return Calibration(tuple(files), cameras, cam0_SE3_lidar)
+
+
+def read_small_text(path: Path) -> str:
+    """A calibration or time file. Raises RecordingError where it is too large to be one."""
+    if path.stat().st_size > _MAX_TEXT_BYTES:
+        raise RecordingError(f"it has more than {_MAX_TEXT_BYTES} bytes", where=path)
+    return path.read_text("utf-8", "replace")
+
+
+def read_matrices(path: Path) -> dict[str, Matrix]:
+    """The numbers of every `name: numbers` line."""
+    matrices = {}
+    for line in read_small_text(path).splitlines():
+        name, _, values = line.partition(":")
+        try:
+            matrices[name.strip()] = np.array([float(value) for value in values.split()])
+        except ValueError:
+            continue  # dates and other text
+    return matrices

@@ -1,0 +1,217 @@
+"""Messages, topics, definitions and attachments of one MCAP file, read forward."""
+
+import struct
+import zlib
+from collections.abc import Collection, Generator, Iterator
+from io import BytesIO
+from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.records import Attachment, Metadata, Schema
+
+from auditor.model.frames import Message
+from auditor.recordings.formats.damage import DamageLog, is_trusted
+from auditor.recordings.formats.forward_stream import CutError, ForwardStream
+from auditor.recordings.formats.mcap.records import (
+    HEAD,
+    Opcode,
+    Record,
+    read_body,
+    read_ending,
+    records,
+    unpack_chunk,
+    unpack_cut_chunk,
+)
+from auditor.recordings.formats.topics import Channel, Channels, Names
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
+from auditor.recordings.recording import Definition, Topic
+from auditor.recordings.schemas import schema_name
+
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
+_MAX_LOG_TIME_NS = 2**63 - 1
+_MAX_CHUNK_RECORDS = 2**20
+_MAX_ATTACHED_BYTES = 16 * 2**20
+_MAX_METADATA_BYTES = 2**20
+
+
+class FileRead:
+    """One forward read of one file: yields messages, counts all of them, notes damage."""
+
+    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._path = path
+        self._names = names
+        self._damage = damage
+        self._expansion = Expansion()
+        self._messages_expansion = Expansion()
+        self._schemas: dict[int, str] = {}
+        self._chunk_offsets: list[int] = []
+        self.channels = Channels(wanted, names, damage)
+
+    def messages(self) -> Iterator[Message]:
+        """Every message of the topics wanted, in file order."""
+        with self._path.open("rb", buffering=1 << 18) as file:
+            size = self._path.stat().st_size
+            ending = read_ending(file, size)
+            file.seek(0)
+            damage_before = self._damage.count
+            if ending:
+                # Channels are told in the chunk that first needs them: where that one is damaged, the summary helps.
+                self.learn_summary(ending.summary)
+            stream = ForwardStream(file, size, checksum=bool(ending and ending.data_crc))
+            crc = 0
+            try:
+                for record in records(stream, self._damage, self._chunk_offsets):
+                    if record.opcode == Opcode.DATA_END:
+                        if ending and ending.data_crc and crc != ending.data_crc:
+                            self._damage.add("the checksum over all its data is wrong", record.offset)
+                        break
+                    yield from self._record(stream, record)
+                    stream.skip_to(record.offset + HEAD.size + record.length)
+                    crc = stream.crc
+            except CutError:
+                self._damage.add("the file became shorter while it was read", stream.offset)
+            except OSError as error:
+                self._damage.add(f"it cannot be read further ({error.strerror or error})", stream.offset)
+            if ending is None and self._damage.count == damage_before:
+                self._damage.add("its end is damaged (footer or summary)", stream.offset)
+        self.channels.tell_unknown()
+
+    def _record(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
+        if record.opcode == Opcode.CHUNK:
+            body = read_body(stream, record, self._damage)
+            if body is not None:
+                yield from self._chunk(body, record.offset)
+        elif record.opcode == Opcode.CUT_CHUNK:
+            yield from self._cut_chunk(stream.read(min(record.length, MAX_BYTES)), record.offset)
+        elif record.opcode == Opcode.MESSAGE:
+            yield from self._message(stream, record)
+        elif record.opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+            body = read_body(stream, record, self._damage)
+            if body is not None:
+                self.learn(record.opcode, body, record.offset)
+
+    def _message(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
+        if record.length < _MESSAGE_HEAD.size:
+            self._damage.add("a message is too short", record.offset)
+            return
+        head = stream.read(_MESSAGE_HEAD.size)
+        channel = self.channels.met(head[0] | head[1] << 8)
+        if channel is None or not channel.wanted:
+            return
+        body = read_body(stream, record._replace(length=record.length - len(head)), self._damage)
+        if body is not None and (message := self._made(channel, head, 0, body, record.offset)) is not None:
+            yield message
+
+    def _chunk(self, body: bytes, offset: int) -> Iterator[Message]:
+        try:
+            inside = unpack_chunk(body, self._expansion)
+        except BadChunkError as error:
+            self._damage.add(f"a chunk is left out: {error}", offset)
+            return
+        end = yield from self._inside(inside, offset, cut=False)
+        if end != len(inside):
+            self._damage.add("a chunk ends inside a record, or has absurdly many", offset)
+
+    def _cut_chunk(self, body: bytes, offset: int) -> Iterator[Message]:
+        """What is left of the chunk that the file's end cuts."""
+        before = self.channels.total
+        yield from self._inside(unpack_cut_chunk(body), offset, cut=True)
+        kept = self.channels.total - before
+        self._damage.add(f"this chunk is cut; {kept} messages before the cut are kept, their checksum unknown", offset)
+
+    def _inside(self, inside: memoryview, offset: int, *, cut: bool) -> Generator[Message, None, int]:
+        """The messages of an unpacked chunk; the answer is where its last whole record ends."""
+        position, end, left = 0, len(inside), _MAX_CHUNK_RECORDS
+        while position + HEAD.size <= end and left:
+            left -= 1
+            opcode, length = HEAD.unpack_from(inside, position)
+            start = position + HEAD.size
+            if start + length > end or opcode == 0 or (cut and not is_trusted(inside[start : start + length])):
+                break
+            position = start + length
+            if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEAD.size:
+                channel = self.channels.met(inside[start] | inside[start + 1] << 8)
+                if channel is not None and channel.wanted:
+                    data = bytes(inside[start + _MESSAGE_HEAD.size : position])
+                    message = self._made(channel, inside, start, data, offset)
+                    if message is not None:
+                        yield message
+            elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                self.learn(opcode, inside[start:position], offset)
+        return position
+
+    def _made(self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int) -> Message | None:
+        log_time_ns = _MESSAGE_HEAD.unpack_from(head, start)[2]
+        if log_time_ns > _MAX_LOG_TIME_NS:
+            self._damage.add(f"a log time of {log_time_ns} ns cannot be: taken as 0", offset)
+            log_time_ns = 0
+        topic = channel.topic
+        if topic.encoding == "cdr":
+            try:
+                data = unpack_message(data, self._messages_expansion)
+            except BadChunkError as error:
+                self._damage.add(f"a message of {topic.name!r} is left out: {error}", offset)
+                return None
+        return Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
+
+    def learn_summary(self, summary: bytes) -> None:
+        """Take in the schemas and channels of a summary section, and where it says that chunks begin."""
+        position = 0
+        while position + HEAD.size <= len(summary):
+            opcode, length = HEAD.unpack_from(summary, position)
+            start = position + HEAD.size
+            position = start + length
+            if position > len(summary):
+                return
+            if opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                self.learn(opcode, summary[start:position], position, spare=True)
+            elif opcode == Opcode.CHUNK_INDEX and length >= _CHUNK_INDEX_HEAD.size:
+                self._chunk_offsets.append(_CHUNK_INDEX_HEAD.unpack_from(summary, start)[2])
+        self._chunk_offsets.sort()
+
+    def learn(self, opcode: int, body: bytes | memoryview, offset: int, *, spare: bool = False) -> None:
+        """Take in a schema or channel record; a summary's are spare."""
+        stream = ReadDataStream(BytesIO(body))
+        try:
+            if opcode == Opcode.SCHEMA:
+                self._learn_schema(Schema.read(stream), offset)
+            else:
+                # Not by mcap: its map of metadata, which nobody asks for, may hold millions of entries.
+                channel_id, schema_id = stream.read2(), stream.read2()
+                topic = Topic(
+                    stream.read_prefixed_string(), self._schemas.get(schema_id, ""), stream.read_prefixed_string()
+                )
+                self.channels.learn(channel_id, topic, spare=spare)
+        except (EndOfFile, struct.error, UnicodeDecodeError) as error:
+            self._damage.add(f"a schema or channel record is damaged ({error or 'cut'})", offset)
+
+    def _learn_schema(self, schema: Schema, offset: int) -> None:
+        name = schema_name(schema.name)
+        self._schemas[schema.id] = name
+        self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
+
+
+def attached_to(path: Path) -> Iterator[Attachment | Metadata]:
+    """Attachments and metadata records of a file, passing over everything else unread."""
+    damage = DamageLog()
+    with path.open("rb", buffering=1 << 16) as file:
+        stream = ForwardStream(file, path.stat().st_size, checksum=False)
+        for record in records(stream, damage):
+            if record.opcode in {Opcode.ATTACHMENT, Opcode.METADATA}:
+                most = _MAX_METADATA_BYTES if record.opcode == Opcode.METADATA else _MAX_ATTACHED_BYTES
+                body = read_body(stream, record, damage) if record.length <= most else None
+                attached = _parse_attached(record.opcode, body) if body is not None else None
+                if attached is not None:
+                    yield attached
+
+
+def _parse_attached(opcode: int, body: bytes) -> Attachment | Metadata | None:
+    stream = ReadDataStream(BytesIO(body))
+    try:
+        attached: Attachment | Metadata = (Metadata if opcode == Opcode.METADATA else Attachment).read(stream)
+    except (EndOfFile, struct.error, UnicodeDecodeError):
+        return None
+    crc = int.from_bytes(body[-4:], "little") if isinstance(attached, Attachment) else 0
+    return attached if crc in {0, zlib.crc32(body[:-4])} else None

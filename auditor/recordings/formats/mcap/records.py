@@ -1,0 +1,180 @@
+"""Records and chunks of an MCAP file, read forward within bounds (format: the MCAP specification, version 0)."""
+
+import struct
+import zlib
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from typing import IO, NamedTuple
+
+from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.formats.forward_stream import CutError, ForwardStream
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+HEAD = struct.Struct("<BQ")
+
+
+_FOOTER = struct.Struct("<BQQQI")
+
+
+_DATA_END = struct.Struct("<BQI")
+
+
+_MAX_SUMMARY_BYTES = 16 * 2**20
+"""A summary of 64 GB of chunks; it is looked through at every reading."""
+
+
+class Opcode:
+    """The records that are looked into (mcap.opcode has them as an IntEnum, which is slow to compare with)."""
+
+    FOOTER = 0x02
+    SCHEMA = 0x03
+    CHANNEL = 0x04
+    MESSAGE = 0x05
+    CHUNK = 0x06
+    ATTACHMENT = 0x09
+    METADATA = 0x0C
+    DATA_END = 0x0F
+    CHUNK_INDEX = 0x08
+    CUT_CHUNK = 0x100
+    """No opcode of a file: the last chunk where the file ends inside it."""
+
+
+class Record(NamedTuple):
+    """A record's kind, where it starts in the file, and the length of its body."""
+
+    opcode: int
+    offset: int
+    length: int
+
+
+def records(stream: ForwardStream, damage: DamageLog, resume_at: Sequence[int] = ()) -> Iterator[Record]:
+    """Every top-level record up to the footer; the caller may read its body, and what it leaves is skipped.
+
+    `resume_at` are places, in order, where the file says that records begin: behind a damaged place reading goes on at
+    the next of them. Without one it stops, noting the damage, where the file is cut or filled with zeros, or where a
+    length makes no sense. The last chunk of a cut file comes out with what is left of it. Raises CutError where the
+    file became shorter while it was read.
+    """
+    stream.read(len(MAGIC))
+    start = stream.offset
+    while start < stream.size:
+        try:
+            opcode, length = HEAD.unpack(stream.read(HEAD.size))
+        except CutError:
+            break
+        end = start + HEAD.size + length
+        if opcode == 0 or end > stream.size:
+            place = bisect_right(resume_at, start)
+            if place < len(resume_at):
+                damage.add(f"{resume_at[place] - start} bytes are left out: they are no records", start)
+                end = resume_at[place]
+            elif opcode == 0:
+                damage.add(f"no records from here on: {stream.size - start} bytes are not read", start)
+                return
+            else:
+                if opcode == Opcode.CHUNK:
+                    yield Record(Opcode.CUT_CHUNK, start, stream.size - start - HEAD.size)
+                break
+        else:
+            yield Record(opcode, start, length)
+            if opcode == Opcode.FOOTER:
+                return
+        stream.skip_to(end)
+        start = end
+    damage.add("the recording is cut, or still being written: it ends without its footer", start)
+
+
+def read_body(stream: ForwardStream, record: Record, damage: DamageLog) -> bytes | None:
+    """The body of a record, or None, noting the damage, where it is larger than is accepted. Raises CutError."""
+    if record.length > MAX_BYTES:
+        damage.add(f"a record of {record.length} bytes is left out; at most {MAX_BYTES} are accepted", record.offset)
+        return None
+    return stream.read(record.length)
+
+
+class Ending(NamedTuple):
+    """What the last bytes of a whole file say: its summary section, and the CRC of the data section (0: none)."""
+
+    summary: bytes
+    data_crc: int
+
+
+def read_ending(file: IO[bytes], size: int) -> Ending | None:
+    """Look at the footer, the record before the summary and the summary; None where they are not whole.
+
+    Only names are ever taken from a summary: no message is found through it.
+    """
+    tail = len(MAGIC) + _FOOTER.size
+    if size < len(MAGIC) + _DATA_END.size + tail:
+        return None
+    file.seek(size - tail)
+    footer = file.read(tail)
+    opcode, length, summary_start, _, summary_crc = _FOOTER.unpack_from(footer)
+    if (opcode, length, footer[-len(MAGIC) :]) != (Opcode.FOOTER, _FOOTER.size - HEAD.size, MAGIC):
+        return None
+    end = size - tail
+    summary_start = summary_start or end
+    if not len(MAGIC) + _DATA_END.size <= summary_start <= end or end - summary_start > _MAX_SUMMARY_BYTES:
+        return None
+    file.seek(summary_start - _DATA_END.size)
+    opcode, length, data_crc = _DATA_END.unpack(file.read(_DATA_END.size))
+    if (opcode, length) != (Opcode.DATA_END, _DATA_END.size - HEAD.size):
+        return None
+    summary = file.read(end - summary_start)
+    if summary_crc and zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != summary_crc:
+        return None
+    return Ending(summary, data_crc)
+
+
+_TIMES_SIZE_CRC = struct.Struct("<QQQI")
+
+
+_UINT32 = struct.Struct("<I")
+
+
+_UINT64 = struct.Struct("<Q")
+
+
+class _Parts(NamedTuple):
+    """What a chunk declares of itself, and the bytes that are there."""
+
+    size: int
+    crc: int
+    compression: bytes
+    packed_length: int
+    packed: memoryview
+
+
+def unpack_chunk(body: bytes, expansion: Expansion) -> memoryview:
+    """The records inside a chunk. Raises BadChunkError where it is ill-formed, oversized or fails its checksum."""
+    parts = _parts(body)
+    if len(parts.packed) != parts.packed_length:
+        raise BadChunkError(f"it declares {parts.packed_length} bytes and holds {len(parts.packed)}")
+    expansion.allow(parts.packed_length, parts.size)
+    records = unpack(parts.compression, parts.packed, parts.size)
+    if parts.crc and zlib.crc32(records) != parts.crc:
+        raise BadChunkError("its checksum is wrong")
+    return records
+
+
+def unpack_cut_chunk(body: bytes) -> memoryview:
+    """What a cut chunk still holds; its checksum, which is over all of it, cannot be checked."""
+    try:
+        parts = _parts(body)
+    except BadChunkError:
+        return memoryview(b"")
+    return unpack_beginning(parts.compression, parts.packed, min(parts.size, MAX_BYTES))
+
+
+def _parts(body: bytes) -> _Parts:
+    try:
+        _, _, size, crc = _TIMES_SIZE_CRC.unpack_from(body, 0)
+        (name_length,) = _UINT32.unpack_from(body, 28)
+        compression = bytes(body[32 : 32 + name_length])
+        (packed_length,) = _UINT64.unpack_from(body, 32 + name_length)
+    except struct.error as error:
+        raise BadChunkError("its header is cut") from error
+    return _Parts(size, crc, compression, packed_length, memoryview(body)[40 + name_length :])

@@ -1,0 +1,127 @@
+"""ROS 1 .bag files, and ROS 2 recordings (.db3 files and rosbag2 folders)."""
+
+from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from auditor.errors import RecordingError
+from auditor.model.frames import Message
+from auditor.model.verdict import AttackLabel
+from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.formats.files import FilesRecording
+from auditor.recordings.formats.mcap.recording import McapRecording
+from auditor.recordings.formats.rosbag1 import BagRead
+from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
+from auditor.recordings.formats.unpacking import Source, kind_of
+from auditor.recordings.recording import METADATA_TOPIC, Recording, label_from_dict, load_json
+from auditor.recordings.schemas import STRING
+
+_ACTIVE = ".bag.active"
+"""What a recorder calls a bag until it has closed it."""
+
+FileRead = BagRead | Db3Read
+
+
+class Ros1Reader:
+    """Recognises .bag files."""
+
+    def detects(self, path: Path) -> bool:
+        """True for a file that is named so, also one that its recorder has not closed."""
+        return path.name.lower().endswith((".bag", _ACTIVE)) and path.is_file()
+
+    def open(self, path: Path) -> "RosbagRecording":
+        """Open it. Raises RecordingError."""
+        return RosbagRecording(path, (path,), BagRead)
+
+
+class Ros2Reader:
+    """Recognises .db3 files, rosbag2 folders, and files that rosbag2 compressed."""
+
+    def detects(self, path: Path) -> bool:
+        """True for a .db3 file, or a packed one or .mcap, and for a folder with metadata.yaml or .db3 files."""
+        if path.is_dir():
+            return bool(_storage_files(path)) and ((path / "metadata.yaml").is_file() or bool(_files(path, ".db3")))
+        return kind_of(path) in {".db3", ".mcap"} and path.is_file()
+
+    def open(self, path: Path) -> Recording:
+        """Open it; the order of a folder's files is that of their names. Raises RecordingError."""
+        files = _storage_files(path) if path.is_dir() else (path,)
+        if kind_of(files[0]) == ".mcap":
+            return McapRecording(path, files)
+        # The files are opened one by one: metadata.yaml may be missing, or tell of files that are gone.
+        return RosbagRecording(path, files, Db3Read)
+
+
+def _files(folder: Path, suffix: str) -> tuple[Path, ...]:
+    # "_10" comes after "_9": recorders number the files of a folder without leading zeros.
+    found = (file for file in folder.iterdir() if kind_of(file) == suffix and file.is_file())
+    return tuple(sorted(found, key=lambda file: (len(file.name), file.name)))
+
+
+def _storage_files(folder: Path) -> tuple[Path, ...]:
+    return _files(folder, ".db3") or _files(folder, ".mcap")
+
+
+def _journals(files: tuple[Path, ...]) -> tuple[Path, ...]:
+    return tuple(journal for journal in map(journal_of, files) if journal is not None)
+
+
+class RosbagRecording(FilesRecording):
+    """The files of one ROS recording, read one after the other."""
+
+    def __init__(self, path: Path, files: tuple[Path, ...], kind: type[BagRead] | type[Db3Read]) -> None:
+        super().__init__(path, files, _journals(files) if kind is Db3Read else ())
+        self._kind = kind
+        self._unreadable: dict[Source, str] = {}
+        for source in self._sources:
+            try:
+                kind(source.path, None, self._names, DamageLog()).look()
+            except RecordingError as error:
+                self._unreadable[source] = source.problem or error.what
+        if len(self._unreadable) == len(files):
+            what = next(iter(self._unreadable.values()))
+            self.close()
+            raise RecordingError(what, where=path, remedy="repair it with its recorder's own tools")
+        if not self._names.topics:
+            self._learn_from_beginning()
+
+    def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
+        readable = [source for source in self._sources if source not in self._unreadable]
+        reads: list[FileRead] = [self._kind(source.path, topics, self._names, damage) for source in readable]
+        return reads, self._one_by_one(dict(zip(readable, reads, strict=True)), damage)
+
+    def _one_by_one(self, reads: Mapping[Source, FileRead], damage: DamageLog) -> Iterator[Message]:
+        for source in self._sources:
+            self._begin(source, damage)
+            if source in reads:
+                yield from reads[source].messages()
+            else:
+                damage.add(f"it cannot be read ({self._unreadable[source]})")
+
+    def labels(self) -> tuple[AttackLabel, ...]:
+        """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""
+        try:
+            return tuple(label_from_dict(entry) for entry in self._said.get("labels", ()))
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordingError(f"its ground truth is ill-formed ({error})", where=self.path) from error
+
+    def metadata(self) -> Mapping[str, str]:
+        """What the topic /auditor/metadata says."""
+        said = self._said.get("metadata", {})
+        return {str(name): str(value) for name, value in said.items()} if isinstance(said, dict) else {}
+
+    @cached_property
+    def _said(self) -> dict[str, Any]:
+        said: dict[str, Any] = {}
+        if METADATA_TOPIC not in {topic.name for topic in self.topics() if topic.schema == STRING}:
+            return said
+        for message in self._read([METADATA_TOPIC], DamageLog())[1]:
+            # A std_msgs/String: its length, then its text; CDR has 4 bytes before it and a zero at its end.
+            start = 4 if self._kind is BagRead else 8
+            try:
+                part = load_json(bytes(message.data[start:]).rstrip(b"\0"))
+            except (ValueError, RecursionError) as error:
+                raise RecordingError(f"its {METADATA_TOPIC} is ill-formed ({error})", where=self.path) from error
+            said.update(part if isinstance(part, dict) else {})
+        return said

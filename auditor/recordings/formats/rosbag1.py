@@ -1,0 +1,327 @@
+"""Records of ROS 1 bags, read without trusting their sizes (format: the rosbag format, version 2.0)."""
+
+import struct
+from bisect import bisect_right
+from collections.abc import Collection, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from auditor.errors import RecordingError
+from auditor.model.frames import Message
+from auditor.recordings.formats.damage import DamageLog, is_trusted
+from auditor.recordings.formats.forward_stream import CutError, ForwardStream
+from auditor.recordings.formats.topics import Channels, Names
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
+from auditor.recordings.recording import Definition, Topic
+from auditor.recordings.schemas import schema_name
+
+MAGIC = b"#ROSBAG V2.0\n"
+
+
+_UINT32 = struct.Struct("<I")
+
+
+_TIME = struct.Struct("<II")
+
+
+_MAX_HEADER_BYTES = 2**20
+
+
+_MAX_FIELDS = 64
+
+
+Fields = dict[bytes, bytes]
+
+
+class Op:
+    """The kinds of records."""
+
+    MESSAGE = 2
+    INDEX = 4
+    CHUNK = 5
+    CHUNK_INFO = 6
+    CONNECTION = 7
+
+
+class NoRecordError(Exception):
+    """What stands where a record should begin is none; caught by the reading loop."""
+
+
+class Head(NamedTuple):
+    """A record's header, and the length of the data after it."""
+
+    op: int
+    fields: Fields
+    length: int
+
+
+def read_head(stream: ForwardStream) -> Head:
+    """The header of the record that begins here. Raises NoRecordError and CutError."""
+    (length,) = _UINT32.unpack(stream.read(4))
+    if not 0 < length <= _MAX_HEADER_BYTES:
+        raise NoRecordError(f"a header of {length} bytes")
+    fields = parse_fields(stream.read(length))
+    return Head(op_of(fields), fields, _UINT32.unpack(stream.read(4))[0])
+
+
+def parse_fields(header: bytes | memoryview) -> Fields:
+    """The fields of a header by name. Raises NoRecordError."""
+    fields: Fields = {}
+    position, header = 0, bytes(header)
+    while position < len(header):
+        if position + 4 > len(header) or len(fields) > _MAX_FIELDS:
+            raise NoRecordError("a header that is none")
+        (length,) = _UINT32.unpack_from(header, position)
+        position += 4
+        name, equals, value = header[position : position + length].partition(b"=")
+        position += length
+        if position > len(header) or not equals:
+            raise NoRecordError("a header that is none")
+        fields[name] = value
+    return fields
+
+
+def op_of(fields: Fields) -> int:
+    """What kind of record a header announces. Raises NoRecordError."""
+    op = fields.get(b"op", b"")
+    if len(op) != 1:
+        raise NoRecordError("a header without its kind")
+    return op[0]
+
+
+def number(fields: Fields, name: bytes) -> int:
+    """An unsigned number of 4 or 8 bytes. Raises NoRecordError."""
+    value = fields.get(name, b"")
+    if len(value) not in {4, 8}:
+        raise NoRecordError(f"a header without {name.decode()}")
+    return int.from_bytes(value, "little")
+
+
+def time_ns(fields: Fields) -> int:
+    """The time of a message. Raises NoRecordError."""
+    value = fields.get(b"time", b"")
+    if len(value) != _TIME.size:
+        raise NoRecordError("a message without its time")
+    seconds, nanoseconds = _TIME.unpack(value)
+    return int(seconds * 10**9 + nanoseconds)
+
+
+class Inner(NamedTuple):
+    """A record inside a chunk; `end` is where the next one begins."""
+
+    op: int
+    fields: Fields
+    data: memoryview
+    end: int
+
+
+def inner_records(inside: memoryview) -> Iterator[Inner]:
+    """The whole records of an unpacked chunk. Raises NoRecordError where something else stands between them."""
+    position = 0
+    while position + 4 <= len(inside):
+        (length,) = _UINT32.unpack_from(inside, position)
+        start = position + 4 + length
+        if length == 0:
+            raise NoRecordError("a header of 0 bytes")
+        if start + 4 > len(inside):
+            return
+        end = start + 4 + _UINT32.unpack_from(inside, start)[0]
+        if end > len(inside):
+            return
+        fields = parse_fields(inside[position + 4 : start])
+        yield Inner(op_of(fields), fields, inside[start + 4 : end], end)
+        position = end
+
+
+_MAX_INDEX_RECORDS = 1_000_000
+
+
+_BUFFER_BYTES = 1 << 18
+
+
+class BagRead:
+    """One forward read of one bag: yields messages, counts all of them, notes damage."""
+
+    encoding = "ros1"
+
+    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._path = path
+        self._names = names
+        self._damage = damage
+        self._expansion = Expansion()
+        self._chunk_offsets: list[int] = []
+        self._index_offset: int | None = None
+        self.channels = Channels(wanted, names, damage)
+
+    def look(self) -> None:
+        """Learn topics from the index. Raises RecordingError where this is no bag, or an encrypted one."""
+        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
+            self._learn_index(file, self._path.stat().st_size)
+
+    def messages(self) -> Iterator[Message]:
+        """Every message of the topics wanted, in file order. Raises RecordingError where this is no bag."""
+        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
+            size = self._path.stat().st_size
+            self._learn_index(file, size)
+            file.seek(0)
+            stream = ForwardStream(file, size)
+            try:
+                stream.read(len(MAGIC))
+                yield from self._walk(stream)
+            except CutError:
+                self._damage.add("the file became shorter while it was read", stream.offset)
+            except OSError as error:
+                self._damage.add(f"it cannot be read further ({error.strerror or error})", stream.offset)
+        self.channels.tell_unknown()
+
+    def _walk(self, stream: ForwardStream) -> Iterator[Message]:
+        while stream.offset < stream.size:
+            start = stream.offset
+            head = None
+            try:
+                head = read_head(stream)
+                problem = "a record longer than the file"
+            except NoRecordError as error:
+                problem = str(error)
+            except CutError:
+                problem = "a record that is cut"
+            if head and self._is_open_chunk(head):
+                yield from self._cut_chunk(stream, head, MAX_BYTES, start)
+                return
+            if head and stream.offset + head.length <= stream.size:
+                end = stream.offset + head.length
+                yield from self._record(stream, head, start)
+                stream.skip_to(end)
+            elif (following := self._next_chunk(start)) is not None:
+                self._damage.add(f"{following - start} bytes are left out ({problem})", start)
+                stream.skip_to(following)
+            elif head and head.op == Op.CHUNK:
+                yield from self._cut_chunk(stream, head, _size(head), start)
+                return
+            else:
+                self._damage.add(
+                    f"no records from here on ({problem}): {stream.size - start} bytes are not read", start
+                )
+                return
+        if not self._index_offset:
+            self._damage.add("the recording was not closed: it has no index")
+        elif stream.size <= self._index_offset:
+            self._damage.add("the recording is cut before its index", stream.size)
+
+    def _is_open_chunk(self, head: Head) -> bool:
+        """True for the last chunk of an active bag: its sizes are written when it is complete.
+
+        Where it is not compressed, its records stand behind it as if there were no chunk.
+        """
+        compressed = head.fields.get(b"compression") not in {b"none", None}
+        return head.op == Op.CHUNK and head.length == 0 and not self._index_offset and compressed
+
+    def _next_chunk(self, offset: int) -> int | None:
+        """Where the index knows a chunk to begin behind a place."""
+        place = bisect_right(self._chunk_offsets, offset)
+        return self._chunk_offsets[place] if place < len(self._chunk_offsets) else None
+
+    def _record(self, stream: ForwardStream, head: Head, start: int) -> Iterator[Message]:
+        if head.op not in {Op.CHUNK, Op.CONNECTION, Op.MESSAGE}:
+            return
+        if head.length > MAX_BYTES:
+            self._damage.add(f"a record of {head.length} bytes is left out; at most {MAX_BYTES} are accepted", start)
+            return
+        data = stream.read(head.length)
+        try:
+            if head.op == Op.CHUNK:
+                yield from self._chunk(head, data, start)
+            else:
+                # In an active bag the last chunk's header is written last: until then its records stand alone.
+                yield from self._inner(head.op, head.fields, memoryview(data), start)
+        except NoRecordError as error:
+            self._damage.add(f"a record is left out ({error})", start)
+
+    def _chunk(self, head: Head, data: bytes, start: int) -> Iterator[Message]:
+        try:
+            size = number(head.fields, b"size")
+            self._expansion.allow(len(data), size)
+            inside = unpack(head.fields.get(b"compression", b""), memoryview(data), size)
+        except BadChunkError as error:
+            self._damage.add(f"a chunk is left out: {error}", start)
+            return
+        end = 0
+        for op, fields, content, after in inner_records(inside):
+            yield from self._inner(op, fields, content, start)
+            end = after
+        if end != len(inside):
+            self._damage.add("a chunk ends inside a record", start)
+
+    def _cut_chunk(self, stream: ForwardStream, head: Head, size: int, start: int) -> Iterator[Message]:
+        """What is left of the chunk that the file's end cuts."""
+        salvaged = 0
+        packed = memoryview(stream.read(min(stream.size - stream.offset, MAX_BYTES)))
+        inside = unpack_beginning(head.fields.get(b"compression", b""), packed, min(size, MAX_BYTES))
+        try:
+            for op, fields, content, _ in inner_records(inside):
+                if not is_trusted(content):
+                    break
+                salvaged += op == Op.MESSAGE
+                yield from self._inner(op, fields, content, start)
+        except NoRecordError:
+            pass  # that the chunk is cut is told below
+        self._damage.add(f"the recording is cut inside this chunk; {salvaged} messages before the cut are kept", start)
+
+    def _inner(self, op: int, fields: Fields, data: memoryview, offset: int) -> Iterator[Message]:
+        if op == Op.CONNECTION:
+            self._learn(fields, data)
+        elif op == Op.MESSAGE:
+            log_time_ns = time_ns(fields)
+            channel = self.channels.met(number(fields, b"conn"))
+            if channel is not None and channel.wanted:
+                topic = channel.topic
+                yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, bytes(data))
+        elif op != Op.INDEX:
+            self._damage.add(f"a record of kind {op} lies inside a chunk", offset)
+
+    def _learn(self, fields: Fields, data: memoryview, *, spare: bool = False) -> None:
+        """Take in a connection record."""
+        said = parse_fields(data)
+        schema = schema_name(said.get(b"type", b"").decode("utf-8", "replace"))
+        topic = Topic(fields.get(b"topic", b"").decode("utf-8", "replace"), schema, self.encoding)
+        self.channels.learn(number(fields, b"conn"), topic, spare=spare)
+        definition = Definition("ros1msg", said.get(b"message_definition", b""))
+        self._names.add_definition(schema, definition, self._damage)
+
+    def _learn_index(self, file: IO[bytes], size: int) -> None:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError("this is no ROS 1 bag of version 2.0, or one cut at its start", where=self._path)
+        stream = ForwardStream(file, size)
+        stream.offset = len(MAGIC)
+        try:
+            head = read_head(stream)
+            if head.fields.get(b"encryptor"):
+                raise RecordingError("the bag is encrypted", where=self._path, remedy="decrypt it first")
+            self._index_offset = number(head.fields, b"index_pos")
+            if not len(MAGIC) < self._index_offset < size:
+                return
+            stream.skip_to(self._index_offset)
+            for op, fields, content in islice(_index_records(stream), _MAX_INDEX_RECORDS):
+                if op == Op.CONNECTION:
+                    self._learn(fields, memoryview(content), spare=True)
+                elif op == Op.CHUNK_INFO:
+                    self._chunk_offsets.append(number(fields, b"chunk_pos"))
+        except (CutError, NoRecordError):
+            pass  # the walk over the data tells what is wrong
+        self._chunk_offsets.sort()
+
+
+def _index_records(stream: ForwardStream) -> Iterator[tuple[int, Fields, bytes]]:
+    while stream.offset < stream.size:
+        head = read_head(stream)
+        if head.length > MAX_BYTES:
+            raise NoRecordError("an index record that is too long")
+        yield head.op, head.fields, stream.read(head.length)
+
+
+def _size(head: Head) -> int:
+    try:
+        return number(head.fields, b"size")
+    except NoRecordError:
+        return 0

@@ -1,0 +1,1 @@
+"""ROS 2 databases (.db3), read without SQL."""

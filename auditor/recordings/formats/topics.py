@@ -1,0 +1,110 @@
+"""Topics, definitions and channels that one read of one file keeps, in every container."""
+
+from collections.abc import Collection, Mapping
+
+from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.recording import Definition, Topic
+
+MAX_TOPICS = 10_000
+
+
+MAX_NAME = 4096
+
+
+MAX_DEFINITION_BYTES = 64 * 2**20
+
+
+class Names:
+    """Topics and schema definitions, gathered from summaries and from reading; the first of a name counts."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, Topic] = {}
+        self.definitions: dict[str, Definition] = {}
+        self._definition_bytes = 0
+
+    def add_topic(self, topic: Topic, damage: DamageLog) -> bool:
+        """Take in one more; False, noting the damage, where its name is absurd or there are absurdly many already."""
+        if len(topic.name) > MAX_NAME or len(topic.schema) > MAX_NAME:
+            damage.add(f"a topic whose name or type has more than {MAX_NAME} characters is left out")
+            return False
+        if topic.name not in self.topics and len(self.topics) >= MAX_TOPICS:
+            damage.add(f"more than {MAX_TOPICS} topics: {topic.name[:80]!r} is left out")
+            return False
+        self.topics.setdefault(topic.name, topic)
+        return True
+
+    def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
+        """Take in a definition, noting the damage where it is another one than before, or they are too many."""
+        known = self.definitions.get(schema)
+        if known is None:
+            self._definition_bytes += len(definition.data) + len(schema)
+            if self._definition_bytes > MAX_DEFINITION_BYTES:
+                damage.add(f"the definition of {schema[:80]!r} is left out: there are too many", offset)
+            else:
+                self.definitions[schema] = definition
+        elif known != definition:
+            damage.add(f"a second, different definition of {schema[:80]!r} is ignored", offset)
+
+
+MAX_CHANNELS = 100_000
+
+
+class Channel:
+    """One channel (MCAP), connection (.bag) or topic number (.db3) of one file during one read."""
+
+    __slots__ = ("count", "topic", "wanted")
+
+    def __init__(self, topic: Topic, *, wanted: bool) -> None:
+        self.topic = topic
+        self.wanted = wanted
+        self.count = 0
+
+
+class Channels:
+    """The channels of one file by number, with how many messages each was met with."""
+
+    def __init__(self, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._wanted = None if wanted is None else frozenset(wanted)
+        self._names = names
+        self._damage = damage
+        self._known: dict[int, Channel] = {}
+        self._spare: dict[int, Channel] = {}
+        self._unknown: dict[int, int] = {}
+        self.total = 0
+
+    def learn(self, number: int, topic: Topic, *, spare: bool = False) -> None:
+        """Take in a channel; the first of a number counts. An index's channels are spare: the data's own go before."""
+        where = self._spare if spare else self._known
+        if number not in where and len(where) < MAX_CHANNELS and self._names.add_topic(topic, self._damage):
+            where[number] = Channel(topic, wanted=self._wanted is None or topic.name in self._wanted)
+
+    def met(self, number: int) -> Channel | None:
+        """Count a message; None where its channel is unknown."""
+        channel = self._known.get(number)
+        if channel is None and (channel := self._spare.get(number)) is not None:
+            self._known[number] = channel
+        if channel is None:
+            if number in self._unknown or len(self._unknown) < MAX_CHANNELS:
+                self._unknown[number] = self._unknown.get(number, 0) + 1
+            return None
+        channel.count += 1
+        self.total += 1
+        return channel
+
+    def tell_unknown(self) -> None:
+        """Note the messages of channels that were never told."""
+        for number, count in self._unknown.items():
+            self._damage.add(f"{count} messages belong to no channel ({number})")
+
+    def add_counts(self, counts: dict[str, int]) -> None:
+        """Add the messages met to counts by topic."""
+        for channel in self._known.values():
+            counts[channel.topic.name] = counts.get(channel.topic.name, 0) + channel.count
+
+
+def total_counts(names: Names, reads: Collection[Channels]) -> Mapping[str, int]:
+    """Messages met by topic over several files."""
+    counts = dict.fromkeys(names.topics, 0)
+    for read in reads:
+        read.add_counts(counts)
+    return counts

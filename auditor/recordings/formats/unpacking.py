@@ -1,0 +1,202 @@
+"""Unpacking compressed chunks and files without trusting what they declare."""
+
+import bz2
+import tempfile
+from dataclasses import dataclass
+from io import SEEK_END
+from pathlib import Path
+from shutil import disk_usage
+from typing import IO
+
+import lz4.frame
+import zstandard
+
+from auditor.errors import RecordingError
+
+MAX_BYTES = 64 * 2**20
+"""No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
+
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+_FREE_BYTES = 32 * 2**20
+
+
+_MAX_RATIO = 100
+
+
+_STEP_BYTES = 1 << 20
+
+
+_ZSTD_HEAD_BYTES = 18
+
+
+class BadChunkError(Exception):
+    """Why a chunk is left out; caught by the reading loop, which notes it with its offset and goes on."""
+
+
+class Expansion:
+    """How much a file may unpack to: images and points shrink to a half or a tenth, bombs to a ten-thousandth."""
+
+    def __init__(self) -> None:
+        self._packed = 0
+        self._unpacked = 0
+
+    def allow(self, packed: int, size: int) -> None:
+        """Count one chunk. Raises BadChunkError where it would be too much, or is too large by itself."""
+        if size > MAX_BYTES:
+            raise BadChunkError(f"it declares {size} unpacked bytes; at most {MAX_BYTES} are accepted")
+        if self._unpacked + size > _FREE_BYTES + _MAX_RATIO * (self._packed + packed):
+            raise BadChunkError(f"it would unpack {packed} bytes to {size}, and the file has unpacked too much already")
+        self._packed += packed
+        self._unpacked += size
+
+
+def unpack(compression: bytes, packed: memoryview, size: int) -> memoryview:
+    """Unpack exactly `size` bytes. Raises BadChunkError where they are damaged, more or fewer."""
+    if compression in {b"", b"none"}:
+        records = packed
+    elif compression == b"zstd":
+        records = memoryview(_unpack_zstd(packed, size))
+    elif compression in {b"lz4", b"bz2"}:
+        records = memoryview(_unpack_stream(compression, packed, size))
+    else:
+        raise BadChunkError(f"its compression {compression[:20]!r} is unknown")
+    if len(records) != size:
+        raise BadChunkError(f"it declares {size} unpacked bytes and holds {len(records)}")
+    return records
+
+
+def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memoryview:
+    """What a cut chunk still holds, at most `size` bytes: up to the cut, or up to where its data make no sense."""
+    if compression in {b"", b"none"}:
+        return packed[:size]
+    unpacked = bytearray()
+    try:
+        if compression == b"zstd":
+            with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(packed) as reader:
+                while piece := reader.read(min(_STEP_BYTES, size - len(unpacked))):
+                    unpacked += piece
+        elif compression in {b"lz4", b"bz2"}:
+            unpacker = _stream_unpacker(compression)
+            data: bytes | memoryview = packed
+            while len(unpacked) < size and not unpacker.eof:
+                piece = unpacker.decompress(data, min(_STEP_BYTES, size - len(unpacked)))
+                if not piece and unpacker.needs_input:
+                    break
+                unpacked += piece
+                data = b""
+    except (zstandard.ZstdError, RuntimeError, OSError, EOFError):
+        pass  # what came before it stays
+    return memoryview(unpacked)
+
+
+def unpack_message(data: bytes, expansion: Expansion) -> bytes:
+    """A message that rosbag2 compressed by itself (compression mode `message`), or any other as it is.
+
+    CDR begins with a zero: it is never taken for zstd. Raises BadChunkError where it is damaged or unpacks to too much.
+    """
+    if data[: len(ZSTD_MAGIC)] != ZSTD_MAGIC:
+        return data
+    try:
+        size = zstandard.frame_content_size(data)
+    except zstandard.ZstdError as error:
+        raise BadChunkError(f"its zstd data are damaged ({error})") from error
+    if size < 0:
+        raise BadChunkError("its zstd frame does not declare its size")
+    expansion.allow(len(data), size)
+    return _unpack_zstd(memoryview(data), size)
+
+
+def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
+    """Unpack a zstd file as far as it is whole and within bounds; the answer is what was wrong, empty for nothing.
+
+    The bounds are `most_bytes` and those of Expansion. Raises OSError.
+    """
+    packed_bytes = source.seek(0, SEEK_END)
+    source.seek(0)
+    most = min(most_bytes, _FREE_BYTES + _MAX_RATIO * packed_bytes)
+    unpacked = 0
+    try:
+        declared = zstandard.frame_content_size(source.read(_ZSTD_HEAD_BYTES))
+        source.seek(0)
+        with zstandard.ZstdDecompressor(max_window_size=MAX_BYTES).stream_reader(source, closefd=False) as reader:
+            while piece := reader.read(min(_STEP_BYTES, most - unpacked)):
+                unpacked += len(piece)
+                target.write(piece)
+                if unpacked == most:
+                    return f"it would unpack to more than {most} bytes: the rest is left out"
+    except zstandard.ZstdError as error:
+        return f"its zstd data are damaged ({error}) behind {unpacked} unpacked bytes"
+    return "" if declared in {-1, unpacked} else f"its zstd data are cut behind {unpacked} of {declared} unpacked bytes"
+
+
+def _unpack_zstd(packed: memoryview, size: int) -> bytes:
+    try:
+        # -1: the frame does not say; the output limit below then holds it.
+        if zstandard.frame_content_size(packed) not in {-1, size}:
+            raise BadChunkError("its zstd frame declares another size than the chunk")
+        unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
+        return unpacker.decompress(packed, max_output_size=size, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise BadChunkError(f"its zstd data are damaged ({error})") from error
+
+
+def _unpack_stream(compression: bytes, packed: memoryview, size: int) -> bytes:
+    unpacker = _stream_unpacker(compression)
+    try:
+        # One byte more than declared, so that a stream that holds more is seen.
+        records: bytes = unpacker.decompress(packed, size + 1)
+    except (RuntimeError, OSError, EOFError) as error:
+        raise BadChunkError(f"its {compression.decode()} data are damaged ({error})") from error
+    if not unpacker.eof:
+        raise BadChunkError(f"its {compression.decode()} data are cut or longer than declared")
+    return records
+
+
+def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
+    # lz4 ships no types; its class has the same methods.
+    return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
+
+
+PACKED = ".zstd"
+"""What rosbag2 appends to the names of files that it compressed (compression mode `file`)."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file of a recording: its name, where its content is read, and what of it could not be unpacked."""
+
+    name: str
+    path: Path
+    problem: str = ""
+    _unpacked: IO[bytes] | None = None
+
+    def close(self) -> None:
+        """Give back the room that the unpacked content takes."""
+        if self._unpacked is not None:
+            self._unpacked.close()
+
+
+def source_of(file: Path) -> Source:
+    """A file, unpacked where it is packed. Raises RecordingError where there is no room for it."""
+    if file.suffix.lower() != PACKED:
+        return Source(file.name, file)
+    # It has no name in any folder: were this process killed, nothing of it would stay.
+    unpacked = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the recording
+    try:
+        with file.open("rb") as packed:
+            problem = unpack_file(packed, unpacked, disk_usage(tempfile.gettempdir()).free // 2)
+        unpacked.flush()
+    except OSError as error:
+        unpacked.close()
+        raise RecordingError(
+            f"it cannot be unpacked ({error.strerror or error})", where=file, remedy="make room, or unpack it with zstd"
+        ) from error
+    return Source(file.stem, Path(f"/proc/self/fd/{unpacked.fileno()}"), problem, unpacked)
+
+
+def kind_of(path: Path) -> str:
+    """The ending of a file's name in lower case, that of what it holds where it is packed."""
+    return Path(path.stem).suffix.lower() if path.suffix.lower() == PACKED else path.suffix.lower()

@@ -1,0 +1,214 @@
+"""A recording as topics and a stream of messages, its content id, and the labels of attacks in it."""
+
+import hashlib
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Protocol, Self, get_args
+
+from auditor.errors import RecordingError
+from auditor.model.frames import Message
+from auditor.model.verdict import AttackLabel
+
+Clock = Literal["utc", "relative", "unknown"]
+
+
+CLOCKS: frozenset[str] = frozenset(get_args(Clock))
+
+
+EARLIEST_UTC_NS = 946_684_800 * 10**9
+"""Stamps before the year 2000 do not count from 1970: they count from the start of something."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A named stream of messages; `schema` is spelt `package/msg/Type` for ROS 1 too."""
+
+    name: str
+    schema: str
+    encoding: str
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A part of a recording that could not be read: what, and at which byte of its file (None where unknown)."""
+
+    what: str
+    offset: int | None = None
+    file: str = ""
+
+    def __str__(self) -> str:
+        where = f" at byte {self.offset}" if self.offset is not None else ""
+        return f"{self.file + ': ' if self.file else ''}{self.what}{where}"
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What defines a schema; `encoding` is 'ros2msg', 'ros2idl', 'ros1msg', or another one that is only copied."""
+
+    encoding: str
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """The definition as text, which ROS's are."""
+        return self.data.decode("utf-8", "replace")
+
+
+class Recording(Protocol):
+    """One log file or folder, opened for reading only.
+
+    `topics` may grow while a recording without an index is read. `counts` (messages met, by topic, asked for or not)
+    and `damage` describe the last call of `messages`, and are complete once it is exhausted.
+    """
+
+    path: Path
+    files: tuple[Path, ...]
+
+    @property
+    def recording_id(self) -> str:
+        """sha256 (hex) of the content; of a folder that of its sorted relative paths and file hashes."""
+
+    @property
+    def clock(self) -> Clock:
+        """What the stamps count from: 'utc', 'relative' (to a start), or 'unknown' (a clock without a stated zone)."""
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Messages met by the last read, by topic."""
+
+    @property
+    def damage(self) -> tuple[Damage, ...]:
+        """What the last read could not read."""
+
+    def topics(self) -> tuple[Topic, ...]:
+        """All topics known so far, by name."""
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Every message of the topics (None: of all), in the order of the file; may be called again and again."""
+
+    def definition(self, schema: str) -> Definition | None:
+        """The definition of a schema that the recording carries, or None."""
+
+    def labels(self) -> tuple[AttackLabel, ...]:
+        """Ground truth that the recording carries. Raises RecordingError where it is ill-formed."""
+
+    def metadata(self) -> Mapping[str, str]:
+        """What the recording says about itself, such as 'vehicle'."""
+
+    def close(self) -> None:
+        """Let go of the files."""
+
+    def __enter__(self) -> Self:
+        """Use as a context manager closes it."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+
+
+class Reader(Protocol):
+    """A container format: an entry of the table in `opening`, or of the entry points group `auditor.readers`.
+
+    Its name in either is the format that a store keeps of a recording.
+    """
+
+    def detects(self, path: Path) -> bool:
+        """True where the path is a recording of this format, by its name or its look, without reading it."""
+
+    def open(self, path: Path) -> Recording:
+        """Open it. Raises RecordingError."""
+
+
+_BLOCK = 1 << 20
+
+
+def content_id(path: Path, files: tuple[Path, ...]) -> str:
+    """sha256 (hex) of a file; of a folder, or a file and its journal, of sorted relative paths and the files' hashes.
+
+    Raises RecordingError where a file cannot be read.
+    """
+    if files == (path,):
+        return _file_hash(path)
+    folder = path if path.is_dir() else path.parent
+    whole = hashlib.sha256()
+    for name, file in sorted((file.relative_to(folder).as_posix(), file) for file in files):
+        whole.update(f"{_file_hash(file)}  {name}\n".encode("utf-8", "surrogateescape"))
+    return whole.hexdigest()
+
+
+def _file_hash(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                digest.update(block)
+    except OSError as error:
+        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
+    return digest.hexdigest()
+
+
+LABELS_NAME = "auditor-labels.json"
+
+
+LABELS_MEDIA_TYPE = "application/json"
+
+
+METADATA_NAME = "auditor"
+
+
+MAX_JSON_BYTES = 16 * 2**20
+
+
+MAX_JSON_PARTS = 1_000_000
+"""A parsed list or object takes many times its text: they are counted first."""
+
+
+METADATA_TOPIC = "/auditor/metadata"
+"""Where .bag and .db3 recordings carry both, as JSON in a std_msgs/String: they have no attachments."""
+
+
+def labels_to_json(labels: Iterable[AttackLabel]) -> bytes:
+    """A JSON array with one object a label."""
+    return json.dumps([label_to_dict(label) for label in labels], indent=1, sort_keys=True).encode()
+
+
+def label_to_dict(label: AttackLabel) -> dict[str, Any]:
+    """A plain description that `label_from_dict` reads back."""
+    return {
+        "topic": label.topic,
+        "attack": label.attack,
+        "from_ns": label.from_ns,
+        "to_ns": label.to_ns,
+        "parameters": dict(label.parameters),
+    }
+
+
+def label_from_dict(description: dict[str, Any]) -> AttackLabel:
+    """Read what `label_to_dict` wrote. Raises KeyError, TypeError or ValueError where it is something else."""
+    return AttackLabel(
+        topic=str(description["topic"]),
+        attack=str(description["attack"]),
+        from_ns=int(description["from_ns"]),
+        to_ns=int(description["to_ns"]),
+        parameters=dict(description["parameters"]),
+    )
+
+
+def load_json(text: bytes | str) -> Any:  # noqa: ANN401  # what json.loads gives
+    """Parse what may be hostile. Raises ValueError and RecursionError."""
+    text = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    if len(text) > MAX_JSON_BYTES or sum(text.count(sign) for sign in (b",", b"[", b"{")) > MAX_JSON_PARTS:
+        raise ValueError("it is too large")
+    return json.loads(text)
+
+
+def labels_from_json(text: bytes | str, where: object) -> tuple[AttackLabel, ...]:
+    """Read what `labels_to_json` wrote. Raises RecordingError where it is something else."""
+    try:
+        return tuple(label_from_dict(description) for description in load_json(text))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise RecordingError(f"its ground truth ({LABELS_NAME}) is ill-formed ({error})", where=where) from error

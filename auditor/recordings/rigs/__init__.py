@@ -1,0 +1,1 @@
+"""CameraInfo, tf and files become rigs."""

@@ -1,0 +1,133 @@
+"""Image topics with their calibration: what one camera's pictures are, before anybody asks where it stands."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.model.geometry import Matrix, camera_centre
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.synchronisation.survey import ImageTopic, Survey
+
+_KNOWN_RECTIFIED = "/kitti/camera_"
+"""kitti2bag writes rectified images as image_raw, with the K and D of the unrectified camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image topic with its calibration."""
+
+    image: ImageTopic
+    info: CameraInfo
+    rectified: bool
+    lens: Lens
+
+    @property
+    def name(self) -> str:
+        """The camera's name, from its topic."""
+        return sensor_name(self.image.topic.name)
+
+    @property
+    def frame_id(self) -> str:
+        """The coordinate frame of its pictures."""
+        return self.info.header.frame_id or self.image.frame_id
+
+    @property
+    def K(self) -> Matrix:
+        """What takes directions in the camera frame to pixels of its pictures, (3, 3), lens apart."""
+        return self.projection[:, :3] if self.rectified else self.info.intrinsics
+
+    @cached_property
+    def projection(self) -> Matrix:
+        """P, (3, 4); where unrectified pictures come without one, K without an offset."""
+        if self.rectified or self.info.projection[0, 0] > 0:
+            return self.info.projection
+        return np.hstack([self.info.intrinsics, np.zeros((3, 1))])
+
+    @property
+    def offset_m(self) -> Matrix:
+        """Optical centre in the frame that P projects from, (3,) metres."""
+        return camera_centre(self.projection)
+
+    @property
+    def rotation(self) -> Matrix:
+        """(3, 3), from the frame that P projects from to that of the pictures."""
+        # R of a camera info takes the camera as it is mounted to the rectified one.
+        turned = not self.rectified and self.info.rotation.any()
+        return self.info.rotation.T if turned else np.eye(3)
+
+
+def find_views(survey: Survey, reasons: list[str]) -> list[View]:
+    """One view a camera: of several topics of the same camera the rectified, then the uncompressed one.
+
+    What is no view goes to `reasons`.
+    """
+    best: dict[str, View] = {}
+    for image in sorted(survey.images, key=_preference):
+        found = _camera_info_of(image, survey)
+        if found is None:
+            reasons.append(f"{image.topic.name} has no camera info")
+            continue
+        topic, info = found
+        try:
+            view = _view(image, info)
+        except RigError as error:
+            reasons.append(f"{image.topic.name}: {error.what}")
+            continue
+        K = view.K
+        if not (K[0, 0] > 0 and K[1, 1] > 0 and min(abs(np.linalg.det(m)) for m in (K, view.projection[:, :3])) > 1e-9):
+            reasons.append(f"{image.topic.name} is uncalibrated (its camera info has no focal length)")
+            continue
+        best.setdefault(topic, view)
+    return sorted(best.values(), key=lambda view: view.image.topic.name)
+
+
+def sensor_name(topic: str) -> str:
+    """`/kitti/camera_gray_left/image_rect` -> `camera_gray_left`, `/kitti/velo/pointcloud` -> `velo`."""
+    parts = [part for part in topic.split("/") if part]
+    while len(parts) > 1 and any(word in parts[-1] for word in ("image", "compressed", "point", "cloud", "scan")):
+        parts.pop()
+    return parts[-1] if parts else topic
+
+
+def _view(image: ImageTopic, info: CameraInfo) -> View:
+    if _is_rectified(image, info):
+        return View(image, info, rectified=True, lens=NO_LENS)
+    return View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion))
+
+
+def _preference(image: ImageTopic) -> tuple[bool, bool, int, str]:
+    name = image.topic.name
+    return "rect" not in name, "compressed" in name.lower(), len(name), name
+
+
+def _camera_info_of(image: ImageTopic, survey: Survey) -> tuple[str, CameraInfo] | None:
+    for namespace in _namespaces(image.topic.name):
+        topic = f"{namespace}/camera_info"
+        if topic in survey.camera_infos:
+            return topic, survey.camera_infos[topic]
+    same_frame = [item for item in survey.camera_infos.items() if item[1].header.frame_id == image.frame_id != ""]
+    return same_frame[0] if len(same_frame) == 1 else None
+
+
+def _namespaces(topic: str) -> Iterator[str]:
+    """Where a camera info may stand: beside the image, below it, or beside the image that was compressed."""
+    above, _, last = topic.rpartition("/")
+    yield above
+    yield topic
+    if "compressed" in last or last == "raw":
+        yield above.rpartition("/")[0]
+
+
+def _is_rectified(image: ImageTopic, info: CameraInfo) -> bool:
+    name = image.topic.name
+    if "rect" in name or name.startswith(_KNOWN_RECTIFIED):
+        return True
+    if info.distortion_model and Lens(info.distortion_model, info.distortion) != NO_LENS:
+        return False
+    return not any(info.distortion) and bool(
+        np.allclose(info.rotation, np.eye(3), atol=1e-9) or not info.rotation.any()
+    )

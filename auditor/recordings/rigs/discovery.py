@@ -1,0 +1,269 @@
+"""The rigs of a recording: which cameras look the same way, in which order, and where the LiDAR lies."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.model.common_view import common_view
+from auditor.model.geometry import Matrix, motion
+from auditor.model.rig import Camera, Lidar, Rig
+from auditor.recordings.rigs.cameras import View, find_views, sensor_name
+from auditor.recordings.rigs.extrinsics import aligned
+from auditor.recordings.rigs.files import read_camchain, read_rig
+from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
+from auditor.recordings.synchronisation.survey import CloudTopic, Survey
+
+MIN_SENSORS = 3
+IDENTIFYING = 4
+"""Sensors that can tell which of them is attacked; with three an attack is only detected."""
+
+
+class FoundRigs(NamedTuple):
+    """The rigs of a recording, largest first, and why its other cameras and LiDARs are not part of them."""
+
+    rigs: tuple[Rig, ...]
+    reasons: tuple[str, ...]
+
+
+def find_rigs(survey: Survey) -> tuple[Rig, ...]:
+    """As `look_for_rigs`. Raises RigError, saying what is missing, where there is none."""
+    if not survey.images:
+        raise RigError("no triple possible: there are no camera images", remedy="give a recording with two cameras")
+    found = look_for_rigs(survey)
+    if not found.rigs:
+        raise RigError(
+            "no triple possible: " + "; ".join(_summary(survey, found.reasons)),
+            remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; "
+            "or describe the rig in a rig file",
+        )
+    return found.rigs
+
+
+def look_for_rigs(survey: Survey) -> FoundRigs:
+    """Every group of overlapping cameras that, with a LiDAR or without, has three sensors.
+
+    Rectified cameras of one size and focal length are taken as they are. Where these are too few to tell which of them
+    is attacked, or one more stands beside their line, all that look the same way are one rig, to be rectified when they
+    are measured.
+    """
+    reasons: list[str] = []
+    frames = FrameTree(survey.transforms)
+    rigs: list[Rig] = []
+    for group in grouped(find_views(survey, reasons), frames):
+        rigs.extend(_rigs_of(group, survey.clouds, frames, reasons))
+    return FoundRigs(tuple(sorted(rigs, key=lambda rig: -len(rig.sensors))), tuple(dict.fromkeys(reasons)))
+
+
+def _rigs_of(
+    group: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
+) -> Iterator[Rig]:
+    alike = grouped_alike(group, frames)
+    why: list[str] = []
+    beside: list[str] = []
+    rectified = [rig for views in alike if (rig := _rectified_rig(views, clouds, frames, why, beside)) is not None]
+    one_kind = [len(views) for views in alike] == [len(group)]
+    enough = one_kind or any(len(rig.sensors) >= IDENTIFYING for rig in rectified)
+    if not enough or beside:
+        why_mixed: list[str] = []
+        mixed = list(_mixed_rigs(group, clouds, frames, why_mixed))
+        if not enough or (mixed and mixed[0].n > max((rig.n for rig in rectified), default=0)):
+            reasons.extend(why_mixed)
+            yield from mixed or rectified
+            return
+    reasons.extend(why + beside)
+    yield from rectified
+
+
+def _rectified_rig(
+    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str], beside: list[str]
+) -> Rig | None:
+    placed = place(views, frames, reasons)
+    if placed is None:
+        return None
+    order = _collinear(placed, reasons, beside)
+    cameras = [_rectified_camera(placed, index) for index in order]
+    return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
+
+
+def _mixed_rigs(
+    views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
+) -> Iterator[Rig]:
+    """The cameras that can be measured together, and each that cannot with those that it can be measured with."""
+    placed = place(views, frames, reasons)
+    if placed is None:
+        return
+    lidar = _lidar(placed, clouds, frames, reasons)
+    cameras = [_turned_camera(placed, index) for index in range(len(views))]
+    why: list[str] = []
+    covered: set[str] = set()
+    for through in (None, *cameras):
+        if through is not None and (through.topic in covered or not covered):
+            continue
+        # Why a second rig leaves cameras out is of no interest: they are in the first.
+        together, turn = aligned(cameras, why if through is None else [], through)
+        rig = _rig(together, _turned(lidar, turn), why if through is None else [])
+        if rig is not None and (through is None or through.topic in map(rig.topic, rig.sensors)):
+            covered.update(camera.topic for camera in rig.cameras)
+            yield rig
+    names = {camera.name for camera in cameras if camera.topic in covered}
+    reasons.extend(reason for reason in why if reason.split(" ")[0] not in names)
+
+
+def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> Rig | None:
+    if len(cameras) + (lidar is not None) < MIN_SENSORS or len(cameras) < 2:
+        beside = f"the LiDAR {lidar.name}" if lidar else "no LiDAR"
+        names = ", ".join(camera.name for camera in cameras)
+        reasons.append(f"{len(cameras)} camera{'s' * (len(cameras) > 1)} looking the same way ({names}) with {beside}")
+        return None
+    return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
+
+
+def told_rig(path: Path, survey: Survey) -> Rig:
+    """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
+    rig = rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path)
+    check_rig(rig, survey)
+    return rig
+
+
+def check_rig_file(path: Path) -> None:
+    """Raises RigError where a rig file cannot be read, whatever the recordings."""
+    if _is_camchain(path):
+        read_camchain(path)
+    else:
+        read_rig(path)
+
+
+def _is_camchain(path: Path) -> bool:
+    return path.suffix in {".yaml", ".yml"}
+
+
+def rig_of_camchain(path: Path, survey: Survey) -> Rig:
+    """The cameras of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of them.
+
+    Raises RigError where it is no camchain, or its cameras are no rig.
+    """
+    reasons: list[str] = []
+    cameras = read_camchain(path)
+    lidar = _lidar_beside(cameras, survey)
+    aside, turn = aligned(cameras, reasons)
+    rig = _rig(aside, _turned(lidar, turn), reasons)
+    if rig is None:
+        raise RigError("no triple possible: " + "; ".join(reasons), where=path)
+    return rig
+
+
+def _lidar_beside(cameras: Sequence[Camera], survey: Survey) -> Lidar | None:
+    frames = FrameTree(survey.transforms)
+    frame_ids = {image.topic.name: image.frame_id for image in survey.images}
+    for camera in cameras:
+        for cloud in sorted(survey.clouds, key=lambda cloud: -cloud.points):
+            camera_SE3_lidar = frames.between(frame_ids.get(camera.topic, ""), cloud.frame_id)
+            if camera_SE3_lidar is not None:
+                rig_SE3_camera = motion(camera.rotation.T, camera.centre_m)
+                name = cloud.topic.name
+                return Lidar(sensor_name(name), name, rig_SE3_camera @ camera_SE3_lidar)
+    return None
+
+
+def _turned(lidar: Lidar | None, turn: Matrix) -> Lidar | None:
+    return replace(lidar, rig_SE3_lidar=motion(turn, np.zeros(3)) @ lidar.rig_SE3_lidar) if lidar else None
+
+
+def check_rig(rig: Rig, survey: Survey) -> None:
+    """Raises RigError where a rig names topics that are not there, images of another size, or has no common view."""
+    there = {topic.name for topic in survey.topics}
+    missing = [rig.topic(sensor) for sensor in rig.sensors if rig.topic(sensor) not in there]
+    if missing:
+        raise RigError(
+            f"the recording has no topic {', '.join(missing)}",
+            where="rig",
+            remedy=f"it has {', '.join(sorted(there)) or 'no topics at all'}",
+        )
+    seen = {image.topic.name: image.size_px for image in survey.images}
+    for camera in rig.cameras:
+        size_px = camera.width_px, camera.height_px
+        if seen.get(camera.topic, size_px) != size_px:
+            raise RigError(
+                f"{camera.topic} has images of {_times(seen[camera.topic])} px, not {_times(size_px)}",
+                where="rig",
+                remedy="take the rig file of this vehicle",
+            )
+    if len(rig.sensors) < MIN_SENSORS:
+        raise RigError(f"no triple possible: the rig has {len(rig.sensors)} sensors of at least 3", where="rig")
+    if not rig.is_rectified:
+        common_view(rig)
+    if not rig.shares_view:
+        for pair in rig.pairs:
+            common_view(rig.pair(*pair), widest=True)
+
+
+def _times(size_px: tuple[int, int]) -> str:
+    return f"{size_px[0]} x {size_px[1]}"
+
+
+def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[int]:
+    """Indices of the cameras on one line, right to left; a camera at the place of another is left out.
+
+    Why is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
+    """
+    by_x = sorted(range(len(placed.views)), key=lambda index: -float(placed.centres_m[index][0]))
+    order: list[int] = []
+    for index in by_x:
+        if not order:
+            order.append(index)
+            continue
+        step = placed.centres_m[order[-1]] - placed.centres_m[index]
+        total = placed.centres_m[order[0]] - placed.centres_m[index]
+        name = placed.views[index].name
+        if step[0] < MIN_BASELINE_M:
+            reasons.append(f"{name} lies where {placed.views[order[-1]].name} lies")
+        elif max(abs(total[1]), abs(total[2])) > max(0.02, 0.1 * float(total[0])):
+            beside.append(f"{name} does not lie on one line with {placed.views[order[0]].name}")
+        else:
+            order.append(index)
+    return order
+
+
+def _rectified_camera(placed: Placed, index: int) -> Camera:
+    """The camera of a rectified view where it was placed; its number is not known yet."""
+    view, centre_m = placed.views[index], placed.centres_m[index]
+    # A P that already tells this centre is kept digit by digit.
+    told = np.array_equal(view.offset_m, centre_m)
+    return _camera(view, view.projection if told else view.K @ np.column_stack([np.eye(3), -centre_m]), rectified=True)
+
+
+def _turned_camera(placed: Placed, index: int) -> Camera:
+    view, centre_m = placed.views[index], placed.centres_m[index]
+    seen_from = np.column_stack([np.eye(3), -centre_m])
+    return _camera(view, view.K @ placed.rotations[index] @ seen_from, rectified=False)
+
+
+def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
+    width_px, height_px = view.image.size_px
+    return Camera(0, view.name, view.image.topic.name, width_px, height_px, projection, rectified, view.lens)
+
+
+def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:
+    """The LiDAR with the most points among those that tf connects with the cameras."""
+    for cloud in sorted(clouds, key=lambda cloud: -cloud.points):
+        anchor_SE3_lidar = frames.between(placed.anchor, cloud.frame_id)
+        if anchor_SE3_lidar is not None:
+            name = sensor_name(cloud.topic.name)
+            return Lidar(name, cloud.topic.name, placed.rig_SE3_anchor @ anchor_SE3_lidar)
+        reasons.append(
+            f"tf does not connect {cloud.topic.name} (frame {cloud.frame_id!r}) with the camera frame {placed.anchor!r}"
+        )
+    return None
+
+
+def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
+    if not survey.camera_infos:
+        yield "there is no camera info for any of the images"
+    if not survey.clouds:
+        yield "there is no LiDAR"
+    yield from reasons[:12]

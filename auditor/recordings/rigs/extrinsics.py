@@ -1,0 +1,132 @@
+"""Cameras that nobody rectified -> those that can be, numbered from right to left.
+
+Cameras on one line will share a view, of others each pair gets its own. Left out, with the reason, are cameras at the
+place of another, one behind the other, and those that share too little of their view.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auditor.errors import RigError
+from auditor.model.common_view import common_view, upright
+from auditor.model.geometry import Matrix, motion
+from auditor.model.rig import Camera, Rig
+from auditor.recordings.rigs.ordering import MIN_BASELINE_M
+
+_LEAST_SHARED = 0.25
+_LEAST_ASIDE = 0.5  # sine of the angle between where a camera stands from another and where they look
+
+
+def aligned(
+    cameras: Sequence[Camera], reasons: list[str], through: Camera | None = None
+) -> tuple[list[Camera], Matrix]:
+    """The cameras that make a rig, in a frame whose x axis points to their right, and the (3, 3) turn into that frame.
+
+    `through` may be asked for: others are left out rather than it. Of cameras on one line x is the line.
+    """
+    apart = _apart(cameras, reasons)
+    if through is not None and through not in apart:
+        return apart[:1], np.eye(3)
+    kept = apart
+    while len(kept) > 1:
+        turn = _turn(kept)
+        if turn is None:
+            reasons.append(f"{', '.join(camera.name for camera in kept)} stand one behind the other")
+            break
+        rig = _numbered(sorted((_in_frame(camera, turn) for camera in kept), key=lambda c: -float(c.centre_m[0])))
+        odd = _odd_one_out(rig, through, reasons)
+        if odd is None:
+            return list(rig.cameras), turn
+        kept = [camera for camera in kept if camera.topic != odd.topic]
+    return apart[:1], np.eye(3)
+
+
+def _apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
+    kept: list[Camera] = []
+    for camera in cameras:
+        there = [other for other in kept if np.linalg.norm(camera.centre_m - other.centre_m) < MIN_BASELINE_M]
+        if there:
+            reasons.append(f"{camera.name} lies where {there[0].name} lies")
+        else:
+            kept.append(camera)
+    return kept
+
+
+def _turn(cameras: Sequence[Camera]) -> Matrix | None:
+    """(3, 3) to a frame with x to the cameras' right, along their line if they have one, and z where they look.
+
+    None where that is along the line.
+    """
+    if not _numbered(cameras).shares_view:
+        return upright(cameras)
+    centres = np.array([camera.centre_m for camera in cameras])
+    across, _, ahead = np.sum([camera.rotation for camera in cameras], axis=0)
+    x = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
+    x = -x if x @ across < 0 else x
+    z = ahead - x * (x @ ahead)
+    if np.linalg.norm(z) < _LEAST_ASIDE * np.linalg.norm(ahead):
+        return None
+    z = z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _in_frame(camera: Camera, turn: Matrix) -> Camera:
+    return replace(camera, projection=camera.projection @ motion(turn.T, np.zeros(3)))
+
+
+def _numbered(cameras: Sequence[Camera]) -> Rig:
+    return Rig(None, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
+
+
+def _odd_one_out(rig: Rig, through: Camera | None, reasons: list[str]) -> Camera | None:
+    """The camera that has to be left out next, if any; why is added to the reasons."""
+    if not rig.shares_view and (odd := _least_fitting(rig, _aside, _LEAST_ASIDE, through)):
+        reasons.append(f"{odd[0].name} stands behind {odd[1].name} or in front of it")
+        return odd[0]
+    alone = min(_seen_px([camera]) for camera in rig.cameras)
+    if not _seen_px(rig.cameras) >= _LEAST_SHARED * alone > 0:
+        worst = max(rig.cameras, key=lambda left_out: _seen_px([c for c in rig.cameras if c is not left_out]))
+        others = ", ".join(camera.name for camera in rig.cameras if camera is not worst)
+        reasons.append(f"{worst.name} shares too little of its view with {others}")
+        return worst
+
+    def shared(a: Camera, b: Camera) -> float:
+        return _seen_px([a, b], widest=True) / alone
+
+    if not rig.shares_view and (odd := _least_fitting(rig, shared, _LEAST_SHARED, through)):
+        reasons.append(f"{odd[0].name} shares too little of its view with {odd[1].name} once both are rectified")
+        return odd[0]
+    return None
+
+
+def _least_fitting(
+    rig: Rig, fit: Callable[[Camera, Camera], float], least: float, through: Camera | None
+) -> tuple[Camera, Camera] | None:
+    """Of the cameras that fit another one less than `least` the one that fits all worst, and that other one.
+
+    Only pairs that are matched have to fit.
+    """
+    fits = {(rig.camera(i), rig.camera(k)): fit(rig.camera(i), rig.camera(k)) for i, k in rig.pairs}
+    poor = [pair for pair, its in fits.items() if its < least]
+    candidates = [c for pair in poor for c in pair if through is None or c.topic != through.topic]
+    if not candidates:
+        return None
+    odd = min(candidates, key=lambda camera: sum(its for pair, its in fits.items() if camera in pair))
+    (other, *_) = (c for pair in poor if odd in pair for c in pair if c is not odd)
+    return odd, other
+
+
+def _aside(a: Camera, b: Camera) -> float:
+    """The sine of the angle between where one stands from the other and where they look."""
+    ahead, apart = a.rotation[2] + b.rotation[2], b.centre_m - a.centre_m
+    return float(np.linalg.norm(np.cross(ahead, apart)) / np.linalg.norm(ahead) / np.linalg.norm(apart))
+
+
+def _seen_px(cameras: Sequence[Camera], *, widest: bool = False) -> int:
+    """Pixels that all see of the common view."""
+    try:
+        return common_view(_numbered(cameras), widest=widest).seen_px
+    except RigError:
+        return 0

@@ -1,0 +1,142 @@
+"""Where the cameras of a group stand and look.
+
+Positions come from the projection matrices where any of them has an offset (P[3] = -fx' Tx, sensor_msgs/CameraInfo),
+else from tf; never from both, since some converters write the same offset twice.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auditor.model.geometry import Matrix, angle_between, motion
+from auditor.recordings.rigs.cameras import View
+from auditor.recordings.rigs.frame_tree import FrameTree
+
+MIN_BASELINE_M = 0.005
+MAX_TURN = np.radians(0.5)
+"""Rectified cameras of one rig look the same way; tf is often written with four digits."""
+
+MAX_SQUINT = float(np.radians(20))
+"""Cameras that look further apart than this share too little to be compared."""
+
+MAX_ZOOM = 2.5
+"""Of two focal lengths the longer may be so many times the shorter."""
+
+_SAME_PLACE_M = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A group of views in one rig frame: `centres_m` (3,) and `rotations` (3, 3), rig frame to pictures, of each.
+
+    `rig_SE3_anchor` says where the tf frame `anchor` lies in it.
+    """
+
+    views: tuple[View, ...]
+    centres_m: tuple[Matrix, ...]
+    rotations: tuple[Matrix, ...]
+    anchor: str
+    rig_SE3_anchor: Matrix
+
+
+def grouped(views: Sequence[View], frames: FrameTree) -> list[list[View]]:
+    """Views that look about the same way, at about the same scale; each is compared with the first of its group."""
+    return _grouped(views, frames, _beside)
+
+
+def grouped_alike(views: Sequence[View], frames: FrameTree) -> list[list[View]]:
+    """Rectified views of the same intrinsics, size and direction."""
+    return _grouped([view for view in views if view.rectified], frames, _alike)
+
+
+def _grouped(
+    views: Sequence[View], frames: FrameTree, belongs: Callable[[View, View, FrameTree], bool]
+) -> list[list[View]]:
+    groups: list[list[View]] = []
+    for view in views:
+        for group in groups:
+            if belongs(group[0], view, frames):
+                group.append(view)
+                break
+        else:
+            groups.append([view])
+    return groups
+
+
+def _beside(a: View, b: View, frames: FrameTree) -> bool:
+    zoom = float(a.K[0, 0] / b.K[0, 0])
+    if not 1 / MAX_ZOOM <= zoom <= MAX_ZOOM:
+        return False
+    a_SE3_b = frames.between(a.frame_id, b.frame_id)
+    if a_SE3_b is None:
+        return _told_apart(a, b)
+    return angle_between(a_SE3_b[:3, 2], np.array([0.0, 0, 1])) <= MAX_SQUINT
+
+
+def _alike(a: View, b: View, frames: FrameTree) -> bool:
+    if a.image.size_px != b.image.size_px or not np.allclose(a.K, b.K, rtol=1e-4, atol=0.05):
+        return False
+    a_SE3_b = frames.between(a.frame_id, b.frame_id)
+    if a_SE3_b is None:
+        return _told_apart(a, b)
+    turn = np.arccos(np.clip((np.trace(a_SE3_b[:3, :3]) - 1) / 2, -1, 1))
+    return bool(turn <= MAX_TURN)
+
+
+def _told_apart(a: View, b: View) -> bool:
+    """Without tf only offsets in P say that two cameras belong together."""
+    return _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
+
+
+def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Placed | None:
+    """Put the views of a group into one rig frame; None, with the reason, where nothing says where they stand."""
+    origin = min(group, key=lambda view: _distance_m(view.offset_m, np.zeros(3)))
+    offsets = [view.offset_m for view in group]
+    by_tf = _by_tf(group, origin, frames)
+    if any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets) and not _two_origins(offsets, by_tf):
+        # A frame shared by cameras at different places is the one that P projects from; else it is the camera's own.
+        shared = any(
+            view.frame_id == origin.frame_id and _distance_m(view.offset_m, origin.offset_m) > _SAME_PLACE_M
+            for view in group
+        )
+        anchor = np.eye(4) if shared else motion(origin.rotation.T, origin.offset_m)
+        centres, rotations = offsets, [view.rotation for view in group]
+    elif by_tf is not None:
+        anchor = np.eye(4)
+        centres = [origin_SE3_view[:3, 3] for origin_SE3_view in by_tf]
+        rotations = [origin_SE3_view[:3, :3].T for origin_SE3_view in by_tf]
+    else:
+        names = ", ".join(view.name for view in group)
+        if len(group) > 1:
+            reasons.append(f"neither P nor tf says where {names} lie")
+            return None
+        anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
+    return Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor)
+
+
+def _by_tf(group: Sequence[View], origin: View, frames: FrameTree) -> list[Matrix] | None:
+    places = []
+    for view in group:
+        origin_SE3_view = frames.between(origin.frame_id, view.frame_id)
+        if origin_SE3_view is None:
+            return None
+        places.append(origin_SE3_view)
+    apart = len({view.frame_id for view in group}) == len(group)
+    return places if apart and len(group) > 1 else None
+
+
+def _two_origins(offsets: Sequence[Matrix], by_tf: Sequence[Matrix] | None) -> bool:
+    """True where two cameras without an offset lie apart in tf: each P is then told from its own stereo pair."""
+    if by_tf is None:
+        return False
+    origins = [
+        place[:3, 3]
+        for offset, place in zip(offsets, by_tf, strict=True)
+        if _distance_m(offset, np.zeros(3)) <= _SAME_PLACE_M
+    ]
+    return any(_distance_m(place, origins[0]) > MIN_BASELINE_M for place in origins[1:])
+
+
+def _distance_m(a: Matrix, b: Matrix) -> float:
+    return float(np.linalg.norm(a - b))

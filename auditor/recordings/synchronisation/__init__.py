@@ -1,0 +1,1 @@
+"""Messages of several sensors become frames."""

@@ -1,0 +1,66 @@
+"""How a recording's sensors did: where their messages went, when they were there, how their clocks lie."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from auditor.model.frames import SensorState, Skipped, TopicBalance
+from auditor.model.rig import Rig
+from auditor.recordings.synchronisation.frames import FrameStream
+
+
+@dataclass(frozen=True)
+class SensorHealth:
+    """One sensor: where its messages went, its offset to the leftmost camera, and its first and last frame's stamps."""
+
+    balance: TopicBalance
+    offset_ns: int
+    present: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class Health:
+    """All frames of a recording, with one rig; `skipped` counts ticks without a frame by reason."""
+
+    frames: int
+    skipped: Mapping[str, int]
+    clock_jumps: int
+    period_ns: int
+    first_ns: int | None
+    sensors: Mapping[int, SensorHealth]
+
+
+def look_through(stream: FrameStream, rig: Rig) -> Health:
+    """Put all frames together, decoding everything in them, and tell how it went."""
+    frames = 0
+    skipped: Counter[str] = Counter()
+    seen: dict[int, list[int]] = {sensor: [] for sensor in rig.sensors}
+    present: Counter[int] = Counter()
+    for item in stream:
+        if isinstance(item, Skipped):
+            skipped[item.reason] += 1
+            continue
+        frames += 1
+        for sensor, presence in item.presence.items():
+            if presence.state is SensorState.PRESENT:
+                present[sensor] += 1
+                seen[sensor] = [min([*seen[sensor], item.stamp_ns]), max([*seen[sensor], item.stamp_ns])]
+    balance = {topic.sensor: topic for topic in stream.balance if topic.sensor is not None}
+    return Health(
+        frames=frames,
+        skipped=dict(sorted(skipped.items())),
+        clock_jumps=stream.clock_jumps,
+        period_ns=stream.timing.period_ns,
+        first_ns=min((first for first, _ in filter(None, seen.values())), default=None),
+        sensors={
+            sensor: SensorHealth(
+                balance.get(sensor, TopicBalance(rig.topic(sensor), "", sensor)),
+                stream.timing.offset_ns[sensor],
+                present[sensor],
+                *seen[sensor],
+            )
+            for sensor in rig.sensors
+        },
+    )

@@ -1,0 +1,196 @@
+"""A first look over the beginning of a recording: what is in it, and enough stamps to learn how its sensors tick."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from auditor.errors import DecodingError
+from auditor.model.frames import Message
+from auditor.recordings.decoding import CameraInfo, CloudDecoder, Decoders, ImageDecoder, Transform, decoder_table
+from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.parameters import FIRST_LOOK
+from auditor.recordings.recording import Recording, Topic
+
+SAMPLES = FIRST_LOOK.samples
+"""Stamps a sensor's topic that are enough to learn its offset and period."""
+
+MAX_BYTES = FIRST_LOOK.most_bytes
+"""The look ends after so many bytes of sensor data, whatever was not seen by then."""
+
+MAX_MESSAGES = FIRST_LOOK.most_messages
+"""The look also ends here: a topic that ticks once a minute must not make it a read of the whole file."""
+
+MAX_LAG_NS = FIRST_LOOK.most_lag_ns
+"""Sensors whose messages lie further apart in the file than this cannot be paired in one go."""
+
+
+class Sample(NamedTuple):
+    """When one message was captured and when it was recorded."""
+
+    stamp_ns: int
+    log_time_ns: int
+
+
+@dataclass(frozen=True)
+class ImageTopic:
+    """A topic of images; `size_px` is what its first readable image has."""
+
+    topic: Topic
+    frame_id: str
+    size_px: SizePx
+    samples: tuple[Sample, ...]
+
+
+@dataclass(frozen=True)
+class CloudTopic:
+    """A topic of point clouds; `points` is how many finite ones its first readable cloud has."""
+
+    topic: Topic
+    frame_id: str
+    points: int
+    samples: tuple[Sample, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What the beginning of a recording holds.
+
+    `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
+    after the other in the file, so that sensors cannot be paired in one go.
+    """
+
+    topics: tuple[Topic, ...]
+    images: tuple[ImageTopic, ...]
+    clouds: tuple[CloudTopic, ...]
+    camera_infos: dict[str, CameraInfo]
+    transforms: tuple[Transform, ...]
+    problems: tuple[str, ...]
+    interleaved: bool
+
+    def samples(self, topic: str) -> tuple[Sample, ...]:
+        """The sample stamps of a sensor's topic, in the order recorded."""
+        sensors: tuple[ImageTopic | CloudTopic, ...] = (*self.images, *self.clouds)
+        return next((sensor.samples for sensor in sensors if sensor.topic.name == topic), ())
+
+
+def survey(recording: Recording) -> Survey:
+    """Look at the beginning; the recording can be read from its start afterwards.
+
+    Ends as soon as every sensor topic known has given SAMPLES stamps and a calibration was seen, at the latest after
+    MAX_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
+    """
+    return _Look(recording).run()
+
+
+class _Look:
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._decoders = Decoders(recording.definition)
+        self._samples: dict[str, list[Sample]] = {}
+        self._sensors: dict[str, tuple[Topic, str, SizePx | int]] = {}
+        self._infos: dict[str, CameraInfo] = {}
+        self._transforms: dict[tuple[str, str], Transform] = {}
+        self._problems: dict[str, None] = {}
+        self._bytes = 0
+        self._messages = 0
+        self._newest_ns = 0
+        self._lag_ns = 0
+        self._last_ns: dict[str, int] = {}
+        self._jumped = False
+
+    def run(self) -> Survey:
+        known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
+        for message in self._recording.messages(known) if known else ():
+            self._take(message)
+            if self._enough():
+                break
+        sensors = [sensor for _, sensor in sorted(self._sensors.items())]
+        images = [(t, f, size) for t, f, size in sensors if isinstance(size, tuple)]
+        clouds = [(t, f, points) for t, f, points in sensors if isinstance(points, int)]
+        unseen = self._note_unseen()
+        self._note_undecodable()
+        return Survey(
+            topics=self._recording.topics(),
+            images=tuple(ImageTopic(t, f, size, tuple(self._samples[t.name])) for t, f, size in images),
+            clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
+            camera_infos=dict(sorted(self._infos.items())),
+            transforms=tuple(self._transforms.values()),
+            problems=tuple(self._problems),
+            interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
+        )
+
+    def _by_kind(self, *kinds: str) -> Iterator[str]:
+        for topic in self._recording.topics():
+            decoder = self._decoders.of(topic.schema, topic.encoding)
+            if decoder is not None and decoder.kind in kinds:
+                yield topic.name
+
+    def _enough(self) -> bool:
+        if self._bytes > MAX_BYTES:
+            return True
+        sensors = list(self._by_kind("image", "cloud"))
+        if not sensors or any(len(self._samples.get(topic, ())) < SAMPLES for topic in sensors):
+            return self._long_enough()
+        fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
+        complete = set(self._by_kind("camera_info")) <= self._infos.keys() and bool(self._transforms or not fixed)
+        return complete or self._long_enough()
+
+    def _long_enough(self) -> bool:
+        return self._messages >= MAX_MESSAGES
+
+    def _take(self, message: Message) -> None:
+        self._messages += 1
+        decoder = self._decoders.of(message.schema, message.encoding)
+        if decoder is None:
+            return
+        try:
+            if decoder.kind == "transforms":
+                for transform in decoder.transforms(message):
+                    # The first one counts: a mounting that moves is none.
+                    self._transforms.setdefault((transform.parent, transform.child), transform)
+            elif decoder.kind == "camera_info":
+                if message.topic not in self._infos:
+                    self._infos[message.topic] = decoder.camera_info(message)
+            else:
+                self._take_sensor(message, decoder)
+        except DecodingError as error:
+            self._note(f"{message.topic}: {error.what}")
+
+    def _take_sensor(self, message: Message, decoder: ImageDecoder | CloudDecoder) -> None:
+        self._bytes += len(message.data)
+        header = decoder.header(message)
+        if header.stamp_ns == 0 != message.log_time_ns:
+            self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
+        stamp_ns = header.stamp_ns or message.log_time_ns
+        self._samples.setdefault(message.topic, []).append(Sample(stamp_ns, message.log_time_ns))
+        self._take_time(message.topic, stamp_ns)
+        if message.topic not in self._sensors:
+            size = decoder.size_px(message) if decoder.kind == "image" else len(decoder.xyz_m(message))
+            topic = Topic(message.topic, message.schema, message.encoding)
+            self._sensors[message.topic] = (topic, header.frame_id, size)
+
+    def _take_time(self, topic: str, stamp_ns: int) -> None:
+        last_ns = self._last_ns.get(topic, stamp_ns)
+        self._last_ns[topic] = stamp_ns
+        if stamp_ns < last_ns - MAX_LAG_NS:
+            self._jumped = True
+            self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        if not self._jumped:  # behind a jump, old stamps say nothing about the order of topics
+            self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
+
+    def _note(self, problem: str) -> None:
+        if len(self._problems) < 100:
+            self._problems[problem] = None
+
+    def _note_undecodable(self) -> None:
+        """Name the topics of a sensor's schema in an encoding that nothing here reads."""
+        for topic in self._recording.topics():
+            if topic.schema in decoder_table() and self._decoders.of(topic.schema, topic.encoding) is None:
+                self._note(f"{topic.name}: {topic.schema} in the encoding {topic.encoding!r} cannot be decoded")
+
+    def _note_unseen(self) -> int:
+        unseen = [name for name in self._by_kind("image", "cloud") if name not in self._samples]
+        for name in unseen:
+            self._note(f"{name}: no message of it could be read at the beginning")
+        return len(unseen)

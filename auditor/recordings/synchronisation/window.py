@@ -1,0 +1,298 @@
+"""Messages that wait for their frame, in bounded memory."""
+
+from bisect import insort
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from auditor.model.frames import Message
+from auditor.model.rig import Rig
+from auditor.recordings.parameters import FRAME_WINDOW
+from auditor.recordings.synchronisation.clock_offsets import Timing
+
+MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
+"""How long a frame waits for a sensor that is silent."""
+
+MAX_WINDOW_BYTES = FRAME_WINDOW.most_bytes
+MESSAGE_BYTES = FRAME_WINDOW.message_bytes
+"""What a waiting message takes beside its data."""
+
+MAX_WAITING = FRAME_WINDOW.most_waiting
+"""Messages in the window: a sensor of 1 kHz beside one of 1 Hz is nothing that cars have."""
+
+MAX_FROM_BEFORE = FRAME_WINDOW.most_from_before
+MAX_HELD_GROUPS = FRAME_WINDOW.most_held_groups
+
+EDGE = "edge"
+TOO_FEW = "too few sensors"
+LATE = "late"
+BETWEEN = "between frames"
+
+
+class Waiting(NamedTuple):
+    """A message in the window; sorted by its stamp less the sensor's offset."""
+
+    time_ns: int
+    order: int
+    stamp_ns: int
+    message: Message
+    problem: str
+
+
+@dataclass
+class Counts:
+    """Where the messages of one sensor went."""
+
+    read: int = 0
+    used: int = 0
+    damaged: int = 0
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def skip(self, reason: str) -> None:
+        """Count one that is in no frame."""
+        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+
+
+@dataclass(frozen=True)
+class Group:
+    """The messages of one frame.
+
+    `last_ns` is the newest time seen when it was closed; `stretch` counts how often the clock had jumped back.
+    """
+
+    number: int
+    time_ns: int
+    members: Mapping[int, Waiting]
+    complete: bool
+    last_ns: int
+    stretch: int = 0
+    edge: bool = False
+
+
+class Window:
+    """Messages that wait for their frame."""
+
+    def __init__(self, rig: Rig, timing: Timing, counts: Mapping[int, Counts]) -> None:
+        self._rig = rig
+        self._timing = timing
+        self._counts = counts
+        self._waiting: dict[int, list[Waiting]] = {sensor: [] for sensor in rig.sensors}
+        self._newest: dict[int, int] = {}
+        self._leapt_to: int | None = None
+        self._closed_until: int | None = None
+        self._from_before: list[tuple[int, Waiting]] = []
+        self._has_jumped = False
+        self.held_bytes = 0
+        self.jumps = 0
+        self._number = 0
+
+    def add(self, sensor: int, waiting: Waiting) -> None:
+        """Take in a message; one that is older than the last frame is late, unless the clock has jumped back."""
+        if self._is_from_before(waiting.time_ns):
+            self._from_before.append((sensor, waiting))
+            self.held_bytes += _bytes(waiting)
+            # One sensor that lags is late; two of them one after the other, near one another, are another clock.
+            self._has_jumped = len({sensor for sensor, _ in self._from_before}) > 1
+            if not self._has_jumped and len(self._from_before) > MAX_FROM_BEFORE:
+                self._refuse_from_before()
+            return
+        self._refuse_from_before()
+        self._take(sensor, waiting)
+
+    def _take(self, sensor: int, waiting: Waiting) -> None:
+        self._believe(sensor, waiting.time_ns)
+        if self._closed_until is not None and waiting.time_ns <= self._closed_until:
+            self._refuse(sensor, waiting, LATE)
+            return
+        insort(self._waiting[sensor], waiting)
+        self.held_bytes += _bytes(waiting)
+
+    def _is_from_before(self, time_ns: int) -> bool:
+        """True for a time so long ago that no message could have waited for it, and near to others of that kind."""
+        wait = MAX_WAIT_PERIODS * self._timing.period_ns
+        if self._closed_until is None or time_ns > self._closed_until - wait:
+            return False
+        return all(abs(time_ns - other.time_ns) <= wait for _, other in self._from_before)
+
+    def _refuse_from_before(self) -> None:
+        for sensor, waiting in self._from_before:
+            self.held_bytes -= _bytes(waiting)
+            self._refuse(sensor, waiting, LATE)
+        self._from_before.clear()
+
+    def _restart(self) -> None:
+        """Begin anew at the time that the clock has jumped back to."""
+        self._newest.clear()
+        self._leapt_to = self._closed_until = None
+        self._has_jumped = False
+        self.jumps += 1
+        again, self._from_before = self._from_before, []
+        for sensor, waiting in again:
+            self.held_bytes -= _bytes(waiting)
+            self._take(sensor, waiting)
+
+    def _believe(self, sensor: int, time_ns: int) -> None:
+        """Move a sensor's time on; a leap far ahead of all sensors counts once a second message confirms it.
+
+        Else one stamp from another century would close every frame before its sensors have spoken.
+        """
+        wait = MAX_WAIT_PERIODS * self._timing.period_ns
+        leaps = bool(self._newest) and time_ns > max(self._newest.values()) + wait
+        if leaps and (self._leapt_to is None or abs(time_ns - self._leapt_to) > wait):
+            self._leapt_to = time_ns
+        else:
+            self._newest[sensor] = time_ns
+
+    def closed(self) -> Iterator[Group]:
+        """The frames that nothing more can come to."""
+        if self._has_jumped:
+            yield from self._rest()
+            self._restart()
+        while (opening := self._opening()) is not None and self._is_settled(opening):
+            yield self._close(opening)
+
+    def rest(self) -> Iterator[Group]:
+        """What is left at the end."""
+        self._refuse_from_before()
+        yield from self._rest()
+
+    def _rest(self) -> Iterator[Group]:
+        while (opening := self._opening(at_end=True)) is not None:
+            yield self._close(opening)
+        for sensor, waiting in self._waiting.items():
+            self._drop(sensor, len(waiting))
+
+    def _opening(self, *, at_end: bool = False) -> int | None:
+        """The time of the oldest message that may open a frame.
+
+        Sensors that tick faster than the slowest one do not open frames, unless the slow ones are silent.
+        """
+        slow = [w[0].time_ns for s, w in self._waiting.items() if w and s not in self._timing.fast]
+        fast = [w for s, w in self._waiting.items() if w and s in self._timing.fast]
+        oldest = min(slow, default=None)
+        if fast:
+            due = self._due_ns()
+            late = [
+                first for w in fast if (first := next((m.time_ns for m in w if m.time_ns >= due), None)) is not None
+            ]
+            overdue = min(late, default=None)
+            silent = oldest is None or (overdue is not None and overdue < oldest)
+            if overdue is not None and silent and (at_end or self._slow_are_past(overdue)):
+                return overdue
+        return oldest
+
+    def _due_ns(self) -> int:
+        """From when on a fast sensor may open a frame: a slow one should have come."""
+        if self._closed_until is None:
+            return min(w[0].time_ns for w in self._waiting.values() if w) + self._timing.period_ns
+        return self._closed_until + self._timing.period_ns
+
+    def _slow_are_past(self, time_ns: int) -> bool:
+        wait = MAX_WAIT_PERIODS * self._timing.period_ns
+        newest = max(self._newest.values())
+        return self._is_full() or all(
+            self._newest.get(sensor, newest - wait) > time_ns + self._timing.tolerance_ns or newest > time_ns + wait
+            for sensor in self._rig.sensors
+            if sensor not in self._timing.fast
+        )
+
+    def _is_full(self) -> bool:
+        return self.held_bytes > MAX_WINDOW_BYTES or sum(map(len, self._waiting.values())) > MAX_WAITING
+
+    def _is_settled(self, opening: int) -> bool:
+        """True where every sensor has given its message, has gone past, or has been waited for long enough."""
+        tolerance = self._timing.tolerance_ns
+        if self._is_full():
+            return True
+        if max(self._newest.values()) > opening + MAX_WAIT_PERIODS * self._timing.period_ns:
+            return True
+        for sensor, waiting in self._waiting.items():
+            past = self._newest.get(sensor, opening) > opening + 2 * tolerance
+            here = sensor not in self._timing.fast and any(opening <= w.time_ns <= opening + tolerance for w in waiting)
+            if not past and not here:
+                return False
+        return True
+
+    def _close(self, opening: int) -> Group:
+        tolerance = self._timing.tolerance_ns
+        time_ns = self._centre(opening)
+        members: dict[int, Waiting] = {}
+        for sensor, waiting in self._waiting.items():
+            near = [w for w in waiting if abs(w.time_ns - time_ns) <= tolerance]
+            if near:
+                members[sensor] = min(near, key=lambda w: abs(w.time_ns - time_ns))
+        self._closed_until = time_ns + tolerance
+        for sensor, waiting in self._waiting.items():
+            gone = sum(1 for w in waiting if w.time_ns <= self._closed_until)
+            self._drop(sensor, gone, members.get(sensor))
+        self._number += 1
+        complete = len(members) == len(self._rig.sensors)
+        return Group(self._number - 1, time_ns, members, complete, max(self._newest.values()), self.jumps)
+
+    def _centre(self, opening: int) -> int:
+        """The time of the leftmost camera within the tolerance of the opening message."""
+        until = opening + self._timing.tolerance_ns
+        for sensor in reversed(self._rig.sensors):
+            here = [w.time_ns for w in self._waiting[sensor] if opening <= w.time_ns <= until]
+            if here:
+                return here[0]
+        return opening
+
+    def _drop(self, sensor: int, count: int, kept: Waiting | None = None) -> None:
+        dropped = self._waiting[sensor][:count]
+        del self._waiting[sensor][:count]
+        for waiting in dropped:
+            self.held_bytes -= _bytes(waiting)
+            if waiting is not kept:
+                self._refuse(sensor, waiting, BETWEEN)
+
+    def _refuse(self, sensor: int, waiting: Waiting, reason: str) -> None:
+        if waiting.problem:
+            self._counts[sensor].damaged += 1
+        else:
+            self._counts[sensor].skip(reason)
+
+
+def _bytes(waiting: Waiting) -> int:
+    return len(waiting.message.data) + MESSAGE_BYTES
+
+
+class Edges:
+    """Tells incomplete frames at the edges of a recording from those in its middle."""
+
+    def __init__(self, timing: Timing) -> None:
+        # The neighbour of the first and last frame is no edge, though jitter may bring it nearer than one period.
+        self._period_ns = timing.period_ns - timing.tolerance_ns
+
+    def groups(self, groups: Iterator[Group]) -> Iterator[Group]:
+        """The same groups; those within one period of the start or the end that are incomplete are marked."""
+        held: deque[Group] = deque()
+        start: int | None = None
+        newest = 0
+        stretch = 0
+        for group in groups:
+            if group.stretch != stretch:
+                yield from self._last(held, start, newest)
+                stretch, start, newest = group.stretch, None, 0
+            start = group.time_ns if start is None else start
+            newest = max(newest, group.last_ns)
+            held.append(group)
+            while held and (
+                held[0].complete or newest > held[0].time_ns + self._period_ns or len(held) > MAX_HELD_GROUPS
+            ):
+                yield self._marked(held.popleft(), start, None)
+        yield from self._last(held, start, newest)
+
+    def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
+        """The groups held at the end of a stretch."""
+        end = max((group.time_ns for group in held), default=0)
+        while held:
+            yield self._marked(held.popleft(), start or 0, max(end, newest))
+
+    def _marked(self, group: Group, start: int, end: int | None) -> Group:
+        near_start = group.time_ns < start + self._period_ns
+        near_end = end is not None and group.time_ns > end - self._period_ns
+        if group.complete or not (near_start or near_end):
+            return group
+        return replace(group, edge=True)

@@ -1,0 +1,6 @@
+"""Self-contained pages from a store."""
+
+from auditor.reporting.evaluation.render import render_evaluation_report
+from auditor.reporting.incident.render import render_incident_report
+
+__all__ = ["render_evaluation_report", "render_incident_report"]

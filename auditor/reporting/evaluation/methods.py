@@ -1,0 +1,96 @@
+"""Both methods side by side on the evaluation page."""
+
+from collections.abc import Callable, Iterator, Mapping
+
+from auditor.reporting.evaluation.answers import R_SHOWN, SHORT_ROLES, Answers, Rows, names, percent, rate_of, size_of
+from auditor.reporting.evaluation.page import HELD_OUT, Cell, Grid, Row
+from auditor.reporting.evaluation.tables import described
+
+METHODS = ("paper", "robust")
+
+Lookup = Callable[[Answers, str], Cell]
+"""What one method's answers say in one held-out mode."""
+
+
+def by_method(rows: Mapping[str, Rows], method: str) -> dict[str, Rows]:
+    """The answers of one method; those that know no methods are the paper's."""
+    return {name: [row for row in of_it if row.get("method", METHODS[0]) == method] for name, of_it in rows.items()}
+
+
+def method_grids(paper: Answers, robust: Answers) -> dict[str, list[Grid]]:
+    """The tables that compare them, all at r = 1 %; none where the robust method has judged nothing."""
+    if not robust.modes:
+        return {"methods": []}
+    parts = {
+        "Attacks of the paper": [*_false_alarms(paper), *_detection(paper), *_identification(paper)],
+        "How small an attack is detected": list(_sensitivity(paper)),
+        "Attacks and faults beyond those of the paper": list(_further(paper)),
+    }
+    return {"methods": [_grid(f"{t}, r = {percent(str(R_SHOWN))}", r, (paper, robust)) for t, r in parts.items() if r]}
+
+
+def _grid(title: str, rows: list[tuple[str, Lookup]], methods: tuple[Answers, Answers]) -> Grid:
+    modes = methods[0].modes
+    return Grid(
+        title=title,
+        groups=tuple((HELD_OUT[mode], len(methods)) for mode in modes),
+        columns=("E", "robust") * len(modes),
+        rows=tuple(Row(label, tuple(look(one, mode) for mode in modes for one in methods)) for label, look in rows),
+    )
+
+
+def _false_alarms(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    for system in answers.systems:
+        yield (
+            f"clean frames raised, {names(system)}",
+            _looking("false_alarms", "raised", r=R_SHOWN, system=list(system)),
+        )
+
+
+def _detection(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    for number, triple in answers.scenarios.items():
+        for strength in answers.strengths:
+            where = {"r": R_SHOWN, "strength": strength, "attacked": None, **triple._asdict()}
+            yield f"detected in Scenario {number}, {strength}", _looking("detection", "detected", **where)
+
+
+def _identification(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    for system in answers.systems:
+        for size in (1, 2)[: len(system) - 3]:
+            for strength in answers.strengths:
+                where = {"r": R_SHOWN, "strength": strength, "attacked": None, "attacked_sensors": size}
+                label = f"{('one', 'two')[size - 1]} named of {len(system)} sensors, {strength}"
+                yield label, _looking("identification", "named", system=list(system), **where)
+
+
+def _sensitivity(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    kinds = {(row["sensor"], row["strength"] or "", row["size"]): row for row in answers.rows["sensitivity"]}
+    for (sensor, strength, size), row in sorted(kinds.items()):
+        what = f"{strength} facula on the {SHORT_ROLES[sensor]}" if strength else "wall"
+        where = {"sensor": sensor, "strength": strength or None, "size": size}
+        yield f"{what}, {size_of(row)}", _looking("sensitivity", "detected", **where)
+
+
+def _further(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    everyone = [row for row in answers.rows["further"] if len(row["system"]) == len(answers.rig.sensors)]
+    kinds = {(described(row), tuple(row["attacked"])): row for row in everyone}
+    for (kind, attacked), row in kinds.items():
+        where = {name: row[name] for name in ("system", "attack", "variant", "size", "attacked")}
+        yield f"{kind} on {names(attacked)}: detected", _looking("further", "detected", **where)
+        if answers.rig.max_attacked:
+            yield f"{kind} on {names(attacked)}: named", _looking("further", "named", **where)
+
+
+def _looking(query: str, counted: str, **where: object) -> Lookup:
+    """The rate of the one row of a query that has these values."""
+
+    def look(answers: Answers, mode: str) -> Cell:
+        for row in answers.rows[query]:
+            if row["held_out"] == mode and all(row[name] == value for name, value in where.items()):
+                naming = query == "further" and counted == "named"
+                return rate_of(
+                    {**row, "low": row["naming_low"], "high": row["naming_high"]} if naming else row, counted
+                )
+        return None
+
+    return look

@@ -1,0 +1,65 @@
+"""The pictures that an incident page shows, with the portions that were damaged."""
+
+import base64
+import struct
+
+import numpy as np
+
+from auditor.model.measurement import REGION_STEP, Region
+from auditor.model.rig import LIDAR
+from auditor.reporting.incident.page import DamagedPortion, IncidentPart, View
+from auditor.store.records import FrameErrors
+from auditor.store.store import Store
+
+
+def incident_views(store: Store, measurement_id: str, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
+    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the accused.
+
+    Where no camera is accused, every other camera is shown, and the reference view itself where there is none. What an
+    attacked sensor lost is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
+    """
+    inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
+    pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
+    if not len(pictured):
+        return ()
+    strongest = int(pictured[np.argmax(np.nansum(errors.E[pictured], axis=1))])
+    picture = store.picture(measurement_id, int(errors.frames[strongest]))
+    if picture is None or picture.reference not in picture.views:
+        return ()
+    images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}
+    accused = [sensor for sensor in incident.attacked if sensor in images]
+    others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
+    damaged = [r for r in store.load_regions(measurement_id, picture.frame) if r.sensor in incident.attacked]
+    if any(region.sensor == LIDAR for region in damaged) and picture.reference not in accused:
+        accused.append(picture.reference)
+    mask = _data_uri("image/png", picture.mask_png)
+    return (
+        View(picture.reference, picture.frame, images[picture.reference], mask),
+        *(
+            View(sensor, picture.frame, images[sensor], portions=tuple(map(_portion, _lying_in(damaged, sensor))))
+            for sensor in accused or others or [picture.reference]
+        ),
+    )
+
+
+def _lying_in(regions: list[Region], view: int) -> list[Region]:
+    return [region for region in regions if region.view == view]
+
+
+def _portion(region: Region) -> DamagedPortion:
+    # A PNG tells its width and height after its signature and the head of its first chunk.
+    width, height = struct.unpack(">II", region.mask[16:24])
+    return DamagedPortion(
+        sensor=region.sensor,
+        width_px=width * REGION_STEP,
+        height_px=height * REGION_STEP,
+        mask=_data_uri("image/png", region.mask),
+        box_px=region.box_px,
+        share=region.share,
+        points=region.points,
+        solid=region.solid,
+    )
+
+
+def _data_uri(media_type: str, data: bytes) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"

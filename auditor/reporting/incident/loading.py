@@ -1,0 +1,331 @@
+"""From the store to the incident page: no recording is needed."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import chain, count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import auditor
+from auditor.errors import StoreError
+from auditor.model.checks import rig_elements
+from auditor.model.frames import SensorState
+from auditor.model.measurement import Statistic
+from auditor.model.rig import Rig
+from auditor.model.verdict import Method, VerdictKind
+from auditor.reporting.incident.images import incident_views
+from auditor.reporting.incident.page import (
+    EDGE,
+    Clock,
+    IncidentPage,
+    IncidentPart,
+    Provenance,
+    RecordingPart,
+    SensorLine,
+    ThresholdLine,
+    Truth,
+)
+from auditor.reporting.incident.timeline import Measured, Timeline
+from auditor.store.export import rows_of
+from auditor.store.queries import run_query
+from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
+from auditor.store.store import Store
+from auditor.store.tables import read_rows, read_table
+
+MOST_SECTIONS = 12
+"""Recordings that are shown in full; of more, those with the most frames raised."""
+
+MOST_DRAWN = 6
+"""Incidents that are drawn; of more, those with named sensors first, then the longest."""
+
+COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
+
+
+_Teachers = Mapping[str, tuple[str, ...]]
+"""The recordings that each calibration was made from, by its id."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Audit:
+    """One measurement of a recording, with its current judgement."""
+
+    recording: RecordingRecord
+    measurement: StoredMeasurement
+    judgement: StoredJudgement | None
+    rig: Rig
+
+
+def load_page(store: Store, recording: str | None = None) -> IncidentPage:
+    """Everything that the page shows of one recording (by name, id or first digits of its id), or of all.
+
+    Raises StoreError where the store has no such recording, or was not measured.
+    """
+    teachers = store.teachers()
+    audits = _audits(store, recording, teachers)
+    outlines = [_outline(store, audit, teachers) for audit in audits]
+    numbered = _numbered(outlines, _incidents(store, recording))
+    shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
+    drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
+    full = [
+        _in_full(store, audit, part, drawn) if part.provenance.measurement_id in shown else part
+        for audit, part in zip(audits, numbered, strict=True)
+    ]
+    return _page(store, full)
+
+
+def _page(store: Store, parts: Sequence[RecordingPart]) -> IncidentPage:
+    return IncidentPage(
+        made_at=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        auditor_version=auditor.__version__,
+        store=str(store.folder),
+        recordings=tuple(parts),
+    )
+
+
+def _audits(store: Store, wanted: str | None, teachers: _Teachers) -> list[_Audit]:
+    """The latest measurement of each rig of each wanted recording, by time of recording."""
+    recordings = {
+        recording.recording_id: recording
+        for recording in (store.recordings() if wanted is None else store.recordings_called(wanted))
+    }
+    if wanted is not None and not recordings:
+        raise StoreError(
+            f"no recording has the name or id {wanted!r}", where=store.folder, remedy="see auditor query summary"
+        )
+    latest: dict[tuple[str, str], StoredMeasurement] = {}
+    for measurement in sorted(store.measurements(), key=lambda one: one.measured_at):
+        if measurement.recording_id in recordings:
+            latest[measurement.recording_id, measurement.rig_id] = measurement
+    if not latest:
+        raise StoreError("nothing was measured", where=store.folder, remedy="run auditor scan first")
+    judgements = store.current_judgements()
+    audits = [
+        _Audit(
+            recordings[measurement.recording_id],
+            measurement,
+            judgements.get(measurement.measurement_id),
+            store.rig(measurement.rig_id),
+        )
+        for measurement in latest.values()
+    ]
+    if wanted is None:
+        audits = _without_teachers(audits, teachers)
+    return sorted(audits, key=lambda audit: (audit.recording.from_ns or 0, audit.recording.name))
+
+
+def _without_teachers(audits: list[_Audit], teachers: _Teachers) -> list[_Audit]:
+    """Leave out what was only calibrated on: nobody asked for its audit. All stay where that would leave none."""
+    taught = set(chain.from_iterable(teachers.values()))
+    asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in taught]
+    return asked_for or audits
+
+
+def _outline(store: Store, audit: _Audit, teachers: _Teachers) -> RecordingPart:
+    """What the tables at the top of the page need."""
+    ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
+    stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
+    origin_ns, to_ns = (min(stamps_ns), max(stamps_ns)) if stamps_ns else (0, 0)
+    counts = audit.judgement.counts if audit.judgement else {}
+    recording = audit.recording
+    return RecordingPart(
+        recording_id=recording.recording_id,
+        name=recording.name,
+        vehicle=recording.vehicle,
+        date=str(recording.date) if recording.date else None,
+        drive=recording.drive,
+        damage=tuple(dict.fromkeys((*recording.damage, *audit.measurement.damage))),
+        clock=Clock(origin_ns, utc=recording.clock == "utc"),
+        measured=audit.measurement.measured,
+        to_ns=to_ns,
+        verdicts={kind: counts[kind] for kind in VerdictKind if counts.get(kind)},
+        in_incidents=audit.judgement.in_incidents if audit.judgement else 0,
+        skipped=audit.measurement.skipped,
+        sensors=_sensor_lines(audit.rig),
+        triples=audit.rig.triples,
+        balance=audit.measurement.balance,
+        provenance=_provenance(store, audit, teachers),
+    )
+
+
+def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:
+    """What each measurement has of every incident, as the query of that name finds them."""
+    incidents: dict[str, list[IncidentPart]] = {}
+    for number, row in enumerate(rows_of(run_query(store, "incidents", {"recording": recording}))):
+        for place, part in enumerate(row["parts"], start=1):
+            incident = IncidentPart(
+                number=number,
+                kind=VerdictKind(row["kind"]),
+                attacked=tuple(row["attacked"]),
+                first_frame=part["first_frame"],
+                last_frame=part["last_frame"],
+                frames=part["frames"],
+                from_ns=part["from_ns"],
+                to_ns=part["to_ns"],
+                evidence=row["evidence"] or "",
+                alternatives=row["alternatives"] or "",
+                causes=row["causes"] or "",
+                part=place,
+                parts=len(row["parts"]),
+            )
+            incidents.setdefault(part["measurement_id"], []).append(incident)
+    return incidents
+
+
+def _numbered(parts: Sequence[RecordingPart], incidents: Mapping[str, list[IncidentPart]]) -> list[RecordingPart]:
+    """The parts with their incidents, numbered through the whole page, from 1; what runs on keeps its number."""
+    numbers: defaultdict[int, int] = defaultdict(count(1).__next__)
+    return [
+        replace(
+            part,
+            incidents=tuple(
+                replace(incident, number=numbers[incident.number])
+                for incident in sorted(
+                    incidents.get(part.provenance.measurement_id, ()), key=lambda one: (one.from_ns, one.attacked)
+                )
+            ),
+        )
+        for part in parts
+    ]
+
+
+def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
+    return tuple(SensorLine(sensor, rig.name(sensor), rig.topic(sensor)) for sensor in rig.sensors)
+
+
+def _provenance(store: Store, audit: _Audit, teachers: _Teachers) -> Provenance:
+    measurement, judgement = audit.measurement, audit.judgement
+    measured = Provenance(
+        measurement_id=measurement.measurement_id,
+        rig_id=measurement.rig_id,
+        rig_kind=str(audit.rig.kind),
+        matcher=measurement.procedure.matcher,
+        settings=_mapping(measurement.procedure.settings),
+        counting_version=measurement.procedure.counting_version,
+        versions=measurement.versions,
+    )
+    if judgement is None:
+        return measured
+    (row,) = read_rows("judgements", store.path("judgements", judgement.judgement_id))
+    return replace(
+        measured,
+        calibration_id=judgement.calibration_id,
+        calibrated_on=teachers.get(judgement.calibration_id, ()),
+        method=judgement.method,
+        statistic=judgement.statistic,
+        r=judgement.r,
+        resolvable=judgement.resolvable,
+        transferred=judgement.transferred,
+        recounted=judgement.recounted,
+        incidents_per_hour=row["incidents_per_hour"],
+        score_threshold=row["score_threshold"],
+        thresholds=tuple(_threshold_lines(audit.rig, row)),
+    )
+
+
+def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
+    """Those of a judgement's row, in the order of triples or, by the robust method, of elements."""
+    if row["method"] == Method.ROBUST:
+        # Judgements of earlier versions know fewer elements: later ones were added at the end.
+        for element, theta, samples in zip(
+            rig_elements(rig), row["element_theta"], row["element_samples"], strict=False
+        ):
+            yield ThresholdLine(element.witness, (element.i, element.k), theta, samples or 0)
+    else:
+        for triple, theta, samples in zip(rig.triples, row["theta"], row["samples"], strict=True):
+            yield ThresholdLine("E", triple, theta, samples or 0)
+
+
+def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
+    """The part with its coverage, its drawings and its pictures."""
+    statistic = (audit.judgement and audit.judgement.statistic) or Statistic.GATED
+    errors = store.load_errors(audit.measurement.measurement_id, statistic)
+    truths = _truths(store, audit)
+    part = replace(part, sensors=_coverage(store, audit, errors, part.sensors), truths=truths)
+    if audit.judgement is None or not len(errors.frames):
+        return part
+    frames = rows_of(run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}))
+    timeline = Timeline(part, _measured(store, audit, errors), frames)
+    return replace(
+        part,
+        overview=timeline.overview(),
+        agreement=timeline.agreement() if truths else None,
+        remarks=timeline.remarks(),
+        incidents=tuple(
+            replace(
+                timeline.drawn(incident),
+                views=incident_views(store, audit.measurement.measurement_id, errors, incident),
+            )
+            if incident.number in drawn
+            else incident
+            for incident in part.incidents
+        ),
+    )
+
+
+def _measured(store: Store, audit: _Audit, errors: FrameErrors) -> Measured:
+    """What the judgement's thresholds are of, frame by frame."""
+    assert audit.judgement is not None
+    if audit.judgement.method != Method.ROBUST:
+        return Measured(errors.frames, errors.E)
+    ratios = store.load_ratios(audit.measurement.measurement_id)
+    return Measured(ratios.frames, ratios.ratios)
+
+
+def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:
+    recording_id = audit.recording.recording_id
+    if recording_id not in store.ids("labels"):
+        return ()
+    sensors = {audit.rig.topic(sensor): sensor for sensor in audit.rig.sensors}
+    return tuple(
+        Truth(
+            sensor=sensors.get(row["topic"]),
+            topic=row["topic"],
+            attack=row["attack"],
+            from_ns=row["from_ns"],
+            to_ns=row["to_ns"],
+            parameters=_mapping(row["parameters"]),
+        )
+        for row in read_rows("labels", store.path("labels", recording_id))
+    )
+
+
+def _coverage(
+    store: Store, audit: _Audit, errors: FrameErrors, sensors: Sequence[SensorLine]
+) -> tuple[SensorLine, ...]:
+    """Count the states of each sensor and take the medians of its coverage."""
+    path = store.path("frames", audit.measurement.measurement_id)
+    table = read_table("frames", path, ["skipped", *COVERAGE])
+    table = table.filter(table["skipped"].is_null())
+    medians: dict[str, list[float | None]] = {}
+    for name in COVERAGE:
+        values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        medians[name] = [_median(column) for column in values.astype(np.float64).reshape(len(table), len(sensors)).T]
+    return tuple(
+        replace(
+            sensor,
+            present=int((errors.states[:, place] == SensorState.PRESENT).sum()),
+            missing=int((errors.states[:, place] == SensorState.MISSING).sum()),
+            damaged=int((errors.states[:, place] == SensorState.DAMAGED).sum()),
+            saturated_share=medians["saturated_share"][place],
+            textureless_share=medians["textureless_share"][place],
+            unmatched_share=medians["unmatched_share"][place],
+            returns=medians["returns"][place],
+        )
+        for place, sensor in enumerate(sensors)
+    )
+
+
+def _median(values: NDArray[np.float64]) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _mapping(text: str) -> dict[str, object]:
+    """The entries of a JSON object; JSON of another kind is one entry without a name."""
+    value = json.loads(text) if text else {}
+    return value if isinstance(value, dict) else {"": value}

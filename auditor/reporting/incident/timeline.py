@@ -1,0 +1,152 @@
+"""The frames of one judged recording over time: what the incident page draws and counts of them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.verdict import FINDINGS, Method, VerdictKind
+from auditor.reporting.incident.page import Agreement, IncidentPart, RecordingPart, Remark, ThresholdLine
+from auditor.reporting.plots import NS_PER_S, Figure, Row, Series, draw
+
+MARGIN_NS = 2 * NS_PER_S
+MARGIN_SHARE = 0.5
+"""Before and after an incident at least so much is drawn: 2 s, and half of its duration."""
+
+MOST_STATES = 3
+"""Different e vectors, and reasons, that an incident's text gives."""
+
+
+MOST_CHARTS = 8
+"""Elements that an incident draws: those that are raised in most of its frames."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the thresholds of a judgement are of: disparity errors E by triple, or local ratios by element.
+
+    `values` are (F, T) or (F, M), NaN where not measured; `frames` the (F,) frame numbers.
+    """
+
+    frames: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+class Timeline:
+    """The frames of one judged recording, ready to be drawn."""
+
+    def __init__(self, part: RecordingPart, measured: Measured, frames: Sequence[dict[str, Any]]) -> None:
+        self._part = part
+        self._frames = frames
+        self._robust = part.provenance.method == Method.ROBUST
+        self._stamps_ns: list[int] = [frame["stamp_ns"] for frame in frames]
+        places = {frame: place for place, frame in enumerate(measured.frames.tolist())}
+        self._values = measured.values[[places[frame["frame"]] for frame in frames]]
+
+    def overview(self) -> Figure:
+        """The verdicts of all frames, and the ground truth where there is one."""
+        return draw(self._stamps_ns, origin_ns=self._part.clock.origin_ns, rows=self._rows(slice(None)))
+
+    def drawn(self, incident: IncidentPart) -> IncidentPart:
+        """The incident with its figure, and with what its frames' verdicts say."""
+        own = [frame for frame in self._frames[self._around(incident, 0)] if self._belongs(frame, incident)]
+        return replace(
+            incident,
+            figure=self._figure(incident),
+            states=tuple(Counter(frame["e"] for frame in own).most_common(MOST_STATES)),
+            reasons=tuple(Counter(frame["reason"] for frame in own if frame["reason"]).most_common(MOST_STATES)),
+        )
+
+    def agreement(self) -> Agreement:
+        """Compare verdicts with the ground truth, frame by frame."""
+        labelled = [frame for frame in self._frames if frame["truth"]]
+        others = [frame for frame in self._frames if not frame["truth"]]
+        return Agreement(
+            labelled=len(labelled),
+            exact=sum(
+                frame["kind"] == VerdictKind.ATTACKED and frame["attacked"] == frame["truth"] for frame in labelled
+            ),
+            unlabelled=len(others),
+            raised=sum(frame["kind"] in FINDINGS for frame in others),
+        )
+
+    def remarks(self) -> tuple[Remark, ...]:
+        """What the verdicts without a finding add, the most frequent first."""
+        counts = Counter(
+            (VerdictKind(frame["kind"]), frame["reason"])
+            for frame in self._frames
+            if frame["reason"] and frame["kind"] not in FINDINGS
+        )
+        return tuple(Remark(kind, reason, frames) for (kind, reason), frames in counts.most_common())
+
+    def _around(self, incident: IncidentPart, margin_ns: float) -> slice:
+        bounds = [incident.from_ns - margin_ns, incident.to_ns + margin_ns + 1]
+        low, high = np.searchsorted(np.array(self._stamps_ns), bounds)
+        return slice(int(low), int(high))
+
+    def _figure(self, incident: IncidentPart) -> Figure:
+        """E or local ratios against theta, verdicts and e around an incident."""
+        part = self._around(incident, max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns)))
+        return draw(
+            self._stamps_ns[part],
+            origin_ns=self._part.clock.origin_ns,
+            series=[
+                Series(line.name, line.indices, _known(self._values[part, place]), line.theta)
+                for place, line in self._charted(self._around(incident, 0))
+            ],
+            rows=[*self._rows(part), *self._element_rows(part)],
+            shaded=[(incident.from_ns, incident.to_ns)],
+        )
+
+    def _charted(self, during: slice) -> list[tuple[int, ThresholdLine]]:
+        """All triples; by the robust method the elements that lie above theta in most frames."""
+        lines = list(enumerate(self._part.provenance.thresholds))
+        if not self._robust:
+            return lines
+        theta = np.array([np.nan if line.theta is None else line.theta for _, line in lines], dtype=np.float64)
+        above = np.count_nonzero(self._values[during] > theta, axis=0)
+        most = sorted(np.flatnonzero(above).tolist(), key=lambda place: -above[place])[:MOST_CHARTS]
+        return [lines[place] for place in sorted(most)]
+
+    def _belongs(self, frame: dict[str, Any], incident: IncidentPart) -> bool:
+        kind, attacked = ("finding", "finding_attacked") if self._robust else ("kind", "attacked")
+        within = incident.first_frame <= frame["frame"] <= incident.last_frame
+        return within and frame[kind] == incident.kind and tuple(frame[attacked]) == incident.attacked
+
+    def _rows(self, part: slice) -> list[Row]:
+        stamps_ns, frames = self._stamps_ns[part], self._frames[part]
+        rows = [
+            Row(
+                "verdict",
+                stamps_ns,
+                [frame["kind"] for frame in frames],
+                [_sensors(frame["attacked"]) for frame in frames],
+            )
+        ]
+        if self._robust:
+            around = [frame["finding"] or "" for frame in frames]
+            rows.append(
+                Row("half second", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames])
+            )
+        if self._part.truths:
+            truth = ["truth" if frame["truth"] else "" for frame in frames]
+            rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
+        return rows
+
+    def _element_rows(self, part: slice) -> list[Row]:
+        stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
+        return [
+            Row("", stamps_ns, [e[place] for e in vectors], (), triple)
+            for place, triple in enumerate(self._part.triples)
+        ]
+
+
+def _known(values: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(value) else value for value in values.tolist()]
+
+
+def _sensors(numbers: Sequence[int] | None) -> str:
+    return ", ".join(f"S{number}" for number in numbers or ())

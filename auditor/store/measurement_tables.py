@@ -1,0 +1,353 @@
+"""The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import isnan
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from auditor.errors import StoreError
+from auditor.model.checks import COLUMNS, Element, Pair, PairSymptoms, Witness, rig_elements
+from auditor.model.frames import Skipped
+from auditor.model.measurement import (
+    MIN_VALID_PX,
+    NO_FINGERPRINT,
+    Cells,
+    Counts,
+    Coverage,
+    Measurement,
+    Region,
+    Solid,
+    Statistic,
+)
+from auditor.model.rig import LIDAR, Rig
+from auditor.store.records import FrameErrors, FrameRatios, MeasurementRecord
+from auditor.store.rows import measurement_row
+from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
+
+FrameCells = tuple[int, dict[Element, Cells]]
+"""The number of a frame, and its counts by element."""
+
+
+def cell_rows(measurement_id: str, frame: int, cells: Mapping[Element, Cells], rig: Rig) -> Iterator[Row]:
+    """The rows of one frame, in the order of the rig's elements."""
+    for position, element in enumerate(rig_elements(rig), start=1):
+        if element in cells:
+            of_it = cells[element]
+            rows, columns = of_it.valid.shape
+            yield {
+                "measurement_id": measurement_id,
+                "frame": frame,
+                "position": position,
+                "rows": rows,
+                "columns": columns,
+                "valid": of_it.valid.tobytes(),
+                "against": of_it.against.tobytes(),
+            }
+
+
+def read_cells(path: Path, rig: Rig) -> Iterator[FrameCells]:
+    """The cells of a finished file, frame by frame; frames without any are left out. Raises StoreError."""
+    elements = rig_elements(rig)
+    for frame, rows in groupby(stream_rows("cells", path), key=itemgetter("frame")):
+        yield frame, {elements[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "against")) for row in rows}
+
+
+def _grid(row: Mapping[str, Any], name: str) -> NDArray[np.uint8]:
+    return np.frombuffer(row[name], dtype=np.uint8).reshape(row["rows"], row["columns"])
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSymptoms:
+    """The symptoms of a measurement's F measured frames, skipped ticks left out.
+
+    `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `symptoms.COLUMNS` for the
+    matched `pairs`; `level` and `saturated` are (F, C) by camera. NaN where not measured.
+    """
+
+    frames: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    pairs: tuple[Pair, ...]
+    columns: Mapping[str, NDArray[np.float64]]
+    cameras: tuple[int, ...]
+    level: NDArray[np.float64]
+    saturated: NDArray[np.float64]
+
+
+def symptom_rows(measurement_id: str, frame: int, symptoms: Mapping[Pair, PairSymptoms]) -> Iterator[Row]:
+    """The rows of one frame; NaN becomes NULL."""
+    for (i, k), pair in symptoms.items():
+        values = {name: None if isnan(x) else x for name, x in zip(COLUMNS, pair.values, strict=True)}
+        yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
+
+
+def matched_pairs(rig: Rig) -> tuple[Pair, ...]:
+    """The pairs (i, k) that symptoms are of, in the order of the rig's elements."""
+    return tuple((e.i, e.k) for e in rig_elements(rig) if e.witness is Witness.UNLIKE)
+
+
+def read_symptoms(frames_path: Path, path: Path, rig: Rig) -> FrameSymptoms:
+    """The symptoms of the measured frames of a finished measurement, all NaN where it is older than they are.
+
+    Raises StoreError.
+    """
+    frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
+    pairs = matched_pairs(rig)
+    places = {pair: place for place, pair in enumerate(pairs)}
+    columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
+    if path.is_file():
+        table = read_table("symptoms", path, ["frame", "i", "k", *COLUMNS])
+        row = np.searchsorted(frames, table["frame"].to_numpy())
+        of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
+        column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
+        for name, values in columns.items():
+            values[row, column] = table[name].to_numpy()
+    cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
+    level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
+    return FrameSymptoms(frames, stamps_ns, pairs, columns, cameras, level, saturated)
+
+
+_BOX = ("left_px", "top_px", "right_px", "bottom_px")
+
+
+def region_rows(measurement_id: str, frame: int, regions: Iterable[Region]) -> Iterator[Row]:
+    """The rows of one frame."""
+    for region in regions:
+        solid = region.solid
+        yield {
+            "measurement_id": measurement_id,
+            "frame": frame,
+            "sensor": region.sensor,
+            "view": region.view,
+            **dict(zip(_BOX, region.box_px, strict=True)),
+            "share": region.share,
+            "mask": region.mask,
+            "points": region.points,
+            "centre_m": list(solid.centre_m) if solid else None,
+            "size_m": list(solid.size_m) if solid else None,
+            "yaw_deg": solid.yaw_deg if solid else None,
+        }
+
+
+def read_regions(path: Path, frame: int) -> list[Region]:
+    """The regions of one frame; none where the measurement is older than regions. Raises StoreError."""
+    rows = stream_rows("regions", path) if path.is_file() else ()
+    return [_region(row) for row in rows if row["frame"] == frame]
+
+
+def _region(row: Mapping[str, Any]) -> Region:
+    solid = None
+    if row["centre_m"] is not None:
+        solid = Solid(tuple(row["centre_m"]), tuple(row["size_m"]), row["yaw_deg"])
+    left, top, right, bottom = (row[name] for name in _BOX)
+    box = left, top, right, bottom
+    return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
+
+
+_COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
+
+
+_COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
+
+
+_PIXELS = {
+    Statistic.PLAIN: ("valid_px", "inconsistent_px"),
+    Statistic.GATED: ("gated_valid_px", "gated_inconsistent_px"),
+}
+
+
+def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
+    """The row of a tick without a frame."""
+    return {
+        "measurement_id": measurement_id,
+        "frame": skipped.number,
+        "stamp_ns": skipped.stamp_ns,
+        "skipped": skipped.reason,
+        "skipped_sensor": skipped.sensor,
+    }
+
+
+def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence[float | None], rig: Rig) -> Row:
+    """The row of a measured frame, with its local ratio by element. Raises StoreError where it does not fit the rig."""
+    M = len(rig_elements(rig))
+    if (len(measurement.counts), len(ratios), set(measurement.presence)) != (len(rig.triples), M, set(rig.sensors)):
+        raise StoreError(
+            f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
+            f"{len(rig.triples)} triples, {len(ratios)} ratios for {M} elements, "
+            f"sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
+            where=f"measurement {measurement_id}",
+        )
+    presence = [measurement.presence[sensor] for sensor in rig.sensors]
+    coverage = [measurement.coverage.get(sensor, Coverage()) for sensor in rig.sensors]
+    return {
+        "measurement_id": measurement_id,
+        "frame": measurement.number,
+        "stamp_ns": measurement.stamp_ns,
+        "state": [sensor.state.value for sensor in presence],
+        "state_reason": [sensor.reason or None for sensor in presence],
+        "skew_ns": [sensor.skew_ns for sensor in presence],
+        **{name: [getattr(sensor, name) for sensor in coverage] for name in _COVERAGE},
+        **{name: [_count(counts, name) for counts in measurement.counts] for name in _COUNTS},
+        "ratios": list(ratios),
+        "fingerprint": [measurement.fingerprints.get(sensor) for sensor in rig.sensors],
+    }
+
+
+def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
+    """The disparity errors of a finished frames file, its skipped ticks left out. Raises StoreError."""
+    valid, inconsistent = _PIXELS[statistic]
+    table = _measured(path, ["frame", "stamp_ns", "state", valid, inconsistent])
+    F, T, S = len(table), len(rig.triples), len(rig.sensors)
+    # NULL becomes NaN, which is never >= MIN_VALID_PX.
+    pixels, flagged = (_floats(table[name], F * T, path).reshape(F, T) for name in (valid, inconsistent))
+    E = np.full((F, T), np.nan)
+    np.divide(flagged, pixels, out=E, where=pixels >= MIN_VALID_PX)
+    return FrameErrors(
+        frames=table["frame"].to_numpy(),
+        stamps_ns=table["stamp_ns"].to_numpy(),
+        E=E,
+        states=_texts(table["state"], F * S, path).reshape(F, S),
+    )
+
+
+def read_ratios(path: Path, rig: Rig) -> FrameRatios:
+    """The local ratios of a finished frames file, its skipped ticks left out.
+
+    Raises StoreError, also where the file is older than local ratios.
+    """
+    table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
+    if table["ratios"].null_count:
+        raise StoreError("it was measured before there were local ratios", where=path, remedy="measure it again")
+    F, M, S = len(table), len(rig_elements(rig)), len(rig.sensors)
+    fingerprints = _elements(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
+    return FrameRatios(
+        frames=table["frame"].to_numpy(),
+        stamps_ns=table["stamp_ns"].to_numpy(),
+        ratios=_floats(table["ratios"], F * M, path).reshape(F, M),
+        states=_texts(table["state"], F * S, path).reshape(F, S),
+        fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
+    )
+
+
+def read_coverage(
+    path: Path, rig: Rig, names: Sequence[str]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
+    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL or not there.
+
+    Raises StoreError.
+    """
+    table = _measured(path, ["frame", "stamp_ns", *names])
+    shape = len(table), len(rig.sensors)
+    values = {
+        name: np.full(shape, np.nan)
+        if table[name].null_count
+        else _floats(table[name], shape[0] * shape[1], path).reshape(shape)
+        for name in names
+    }
+    return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
+
+
+def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
+    """These columns of the measured frames."""
+    table = read_table("frames", path, ["skipped", *columns])
+    return table.filter(table["skipped"].is_null())
+
+
+def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
+    """The elements of all lists, NaN where NULL."""
+    return np.asarray(_elements(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+
+
+def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
+    return np.asarray(_elements(column, count, path).to_pylist(), dtype=np.str_)
+
+
+def _count(counts: Counts | None, name: str) -> int | None:
+    return None if counts is None else getattr(counts, name)
+
+
+def _elements(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
+    values = column.combine_chunks().flatten()
+    if len(values) != count:
+        raise StoreError(
+            "its lists do not have the lengths that its rig demands", where=path, remedy="measure its recording again"
+        )
+    return values
+
+
+WRITTEN = ("cells", "symptoms", "regions", "frames")
+"""The tables that a measurement fills, in the order in which they are finished."""
+
+
+class FramesWriter:
+    """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
+
+    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], manifest: Path) -> None:
+        self._manifest = manifest
+        self._measurement_id = measurement_id
+        self._rig = rig
+        self._tables = tables
+        self._measured = 0
+        self._skipped: Counter[str] = Counter()
+        self._first_stamp_ns: int | None = None
+        self._last_stamp_ns: int | None = None
+
+    @property
+    def measured(self) -> int:
+        """How many measured frames were added."""
+        return self._measured
+
+    def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
+        """Take a measured frame and all that goes with it; its local ratios in the order of `rig_elements(rig)`.
+
+        Raises StoreError where they do not fit the rig.
+        """
+        measurement_id = self._measurement_id
+        self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig))
+        for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
+            self._tables["cells"].add(row)
+        for row in symptom_rows(measurement_id, frame.number, frame.symptoms):
+            self._tables["symptoms"].add(row)
+        for row in region_rows(measurement_id, frame.number, frame.regions):
+            self._tables["regions"].add(row)
+        self._measured += 1
+        self._note(frame.stamp_ns)
+
+    def skip(self, tick: Skipped) -> None:
+        """Take a tick without a frame."""
+        self._tables["frames"].add(skipped_row(self._measurement_id, tick))
+        self._skipped[tick.reason] += 1
+        self._note(tick.stamp_ns)
+
+    def commit(self, measurement: MeasurementRecord) -> None:
+        """Put all tables in their place, then write the row that makes the measurement finished.
+
+        Raises StoreError where the record is of another measurement.
+        """
+        if measurement.measurement_id != self._measurement_id:
+            raise StoreError(
+                f"the record is of measurement {measurement.measurement_id}",
+                where=f"measurement {self._measurement_id}",
+            )
+        for table in WRITTEN:
+            self._tables[table].commit()
+        row = {
+            **measurement_row(measurement),
+            "frames": self._measured + self._skipped.total(),
+            "measured": self._measured,
+            "skipped": dict(sorted(self._skipped.items())),
+            "first_stamp_ns": self._first_stamp_ns,
+            "last_stamp_ns": self._last_stamp_ns,
+        }
+        write_rows("measurements", self._manifest, [row])
+
+    def _note(self, stamp_ns: int) -> None:
+        stamps = [stamp for stamp in (self._first_stamp_ns, stamp_ns, self._last_stamp_ns) if stamp is not None]
+        self._first_stamp_ns, self._last_stamp_ns = min(stamps), max(stamps)

@@ -1,0 +1,141 @@
+"""The file that a training lives in: weights that can be used, and all that is needed to go on."""
+
+import dataclasses
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from auditor.errors import SettingError
+from auditor.measurement.disparity.matchers.psmnet.network import PUBLISHED_WIDTH, PSMNet
+from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import METADATA, load_safely
+from auditor.measurement.disparity.matchers.scoring import Score
+
+CHECKPOINT = "checkpoint.pt"
+"""The one file in the folder of a training: weights for `--weights`, and all that is needed to go on."""
+
+_MAY_CHANGE = ("steps", "validate_every", "device")
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """A training run. `crop` (H, W) in the network's pixels, multiples of 16; `steps` batches in all.
+
+    Width 32, range 192 and crops of 256 x 512 make the published network. With `step` 2 the network sees images at
+    half resolution; `max_disparity` is in full-resolution pixels all the same. The learning rate rises to
+    `learning_rate` over the first twentieth of the steps, then falls to nothing along a cosine; where a training goes
+    on with another number of steps, along theirs. `precision` bf16 is for GPUs. `samples` names what it is trained on,
+    so that a training is not taken up with something else.
+    """
+
+    max_disparity: int = 192
+    width: int = PUBLISHED_WIDTH
+    step: int = 1
+    align_corners: bool = False
+    crop: tuple[int, int] = (256, 512)
+    batch: int = 4
+    steps: int = 20_000
+    learning_rate: float = 1e-3
+    validate_every: int = 500
+    seed: int = 0
+    device: str = "cpu"
+    precision: str = "fp32"
+    samples: str = ""
+
+    @property
+    def range_px(self) -> int:
+        """The largest disparity in the network's pixels."""
+        return self.max_disparity // self.step
+
+
+@dataclass(frozen=True)
+class TrainingRow:
+    """A point of the curve: mean loss of the steps since the last one, and the scores on the validation samples."""
+
+    step: int
+    loss: float
+    validation: dict[str, Score]
+
+
+@dataclass(eq=False)
+class Run:
+    """A training between two steps."""
+
+    settings: TrainingSettings
+    network: PSMNet
+    optimiser: torch.optim.Optimizer
+    done: int = 0
+    rows: list[TrainingRow] = field(default_factory=list)
+
+
+def restore(run: Run, checkpoint: Path) -> None:
+    """Bring a run that was just started to where a checkpoint is.
+
+    Raises SettingError where it cannot be read, or was made with settings that would have trained another network.
+    """
+    content = _loaded(checkpoint)
+    before, now = content["settings"], _plain(run.settings)
+    changed = [name for name in now if name not in _MAY_CHANGE and before.get(name) != now[name]]
+    if changed:
+        raise SettingError(
+            "the training was started with other settings: "
+            + ", ".join(f"{name} {before.get(name)} instead of {now[name]}" for name in changed),
+            where=checkpoint,
+            remedy="go on with the same ones, or start again in another folder",
+        )
+    run.network.load_state_dict(content["state_dict"])
+    run.optimiser.load_state_dict(content["optimizer"])
+    run.done = content["step"]
+    run.rows = _rows(content)
+
+
+def write(run: Run, checkpoint: Path) -> None:
+    """Write a run beside the checkpoint, then put it in its place. Raises SettingError where that cannot be done."""
+    settings = run.settings
+    content = {
+        "state_dict": run.network.state_dict(),
+        METADATA: {
+            "align_corners": settings.align_corners,
+            "max_disparity": settings.max_disparity,
+            "step": settings.step,
+            "colour": False,
+        },
+        "optimizer": run.optimiser.state_dict(),
+        "step": run.done,
+        "settings": _plain(settings),
+        "rows": [dataclasses.asdict(row) for row in run.rows],
+    }
+    beside = checkpoint.with_suffix(".part")
+    try:
+        torch.save(content, beside)
+        os.replace(beside, checkpoint)  # noqa: PTH105 - the same in one step on every platform
+    except OSError as error:
+        raise SettingError(error.strerror or str(error), where=checkpoint, remedy="choose another folder") from error
+
+
+def training_curve(folder: Path) -> list[TrainingRow]:
+    """The rows of a training so far, those before interruptions included. Raises SettingError where there is none."""
+    return _rows(_loaded(folder / CHECKPOINT))
+
+
+def _loaded(checkpoint: Path) -> dict[str, Any]:
+    try:
+        loaded = load_safely(checkpoint, checkpoint.read_bytes())
+    except OSError as error:
+        raise SettingError(error.strerror or str(error), where=checkpoint, remedy="name a training's folder") from error
+    if not isinstance(loaded, dict) or not {"settings", "state_dict", "optimizer", "step", "rows"} <= set(loaded):
+        raise SettingError("no checkpoint of a training", where=checkpoint, remedy="name a training's folder")
+    return loaded
+
+
+def _rows(content: dict[str, Any]) -> list[TrainingRow]:
+    return [
+        TrainingRow(row["step"], row["loss"], {name: Score(**score) for name, score in row["validation"].items()})
+        for row in content["rows"]
+    ]
+
+
+def _plain(settings: TrainingSettings) -> dict[str, Any]:
+    return dataclasses.asdict(settings) | {"crop": list(settings.crop)}
