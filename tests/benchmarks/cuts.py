@@ -10,7 +10,7 @@ import tempfile
 from contextlib import redirect_stdout
 from pathlib import Path
 
-from tests.cut_scans import KINDS, scan_cuts
+from tests.making.cut_scans import KINDS, scan_cuts
 
 
 def main() -> None:

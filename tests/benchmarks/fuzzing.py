@@ -25,9 +25,9 @@ from auditor.model.frames import Message
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.recording import Definition
-from tests.recordings.drives import make_frames, make_rig
-from tests.recordings.forms import CONTAINERS
-from tests.recordings.reading_all import decode_all, read_all
+from tests.making.forms import CONTAINERS
+from tests.making.reading_all import decode_all, read_all
+from tests.making.recorded_drives import make_frames, make_rig
 
 INTERESTING = (
     b"\x00",

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from tests.benchmarks.golden_rows import RENAMED_TABLES, canonical, differences
 from tests.benchmarks.real_drives import drive
-from tests.small_drives import write_drive
+from tests.making.small_drives import write_drive
 
 TABLES = ("frames", "cells", "symptoms", "regions", "verdicts")
 """Each has a file a measurement, or a judgement, and a column `frame`."""

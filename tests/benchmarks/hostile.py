@@ -11,9 +11,9 @@ import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
 
-from tests.recordings.reading_all import read_all
+from tests.making.reading_all import read_all
+from tests.making.small_drives import write_drive
 from tests.recordings.test_hostile import ALL, FORGET_PEAK, memory_mb
-from tests.small_drives import write_drive
 
 
 def read_each() -> None:

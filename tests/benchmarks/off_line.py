@@ -26,7 +26,7 @@ from auditor.model.checks import rig_elements
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import VerdictKind
-from tests.evidence.scenes import moved
+from tests.making.scenes import moved
 
 OFFSETS_M = {
     "on the line": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

@@ -44,7 +44,7 @@ from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from auditor.training.checkpoints import TrainingSettings
 from auditor.training.psmnet import train
-from tests.evidence.psmnet_networks import noise, ruled_state
+from tests.making.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192
 WHOLE_FRAMES = 60

@@ -14,8 +14,8 @@ from auditor.model.measurement import Statistic
 from auditor.model.verdict import AttackLabel
 from auditor.store import make_calibration, run_query
 from auditor.store.store import Store
-from tests.clean_frames import clean_frames
-from tests.store.making import (
+from tests.making.clean_frames import clean_frames
+from tests.making.stores import (
     PERIOD_NS,
     PROCEDURE,
     add_judgement,

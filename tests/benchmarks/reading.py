@@ -29,7 +29,7 @@ from auditor.model.rig import Rig
 from auditor.recordings import open_recording, write_mcap
 from auditor.recordings.decoding import Decoders
 from tests.benchmarks.real_drives import frames
-from tests.recordings.drives import make_frames, make_rig
+from tests.making.recorded_drives import make_frames, make_rig
 
 PERIOD_NS = 10**8
 ROUNDS = 7

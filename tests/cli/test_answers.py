@@ -9,7 +9,7 @@ import pytest
 
 from auditor.cli import output, run
 from auditor.store import Store
-from tests.store.report_stores import add_recording, new_store
+from tests.making.report_stores import add_recording, new_store
 
 ATTACK = [((1,), 10, 19)]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from tests.small_drives import write_drive
+from tests.making.small_drives import write_drive
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from auditor.cli import run
 from auditor.errors import AuditorError
 from auditor.pipeline.demo import fleet
 from auditor.reporting import render_incident_report
-from tests.small_drives import write_drive
-from tests.store.report_stores import add_recording, new_store
+from tests.making.report_stores import add_recording, new_store
+from tests.making.small_drives import write_drive
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ from auditor.model.geometry import motion
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import write_mcap, write_rig
-from tests.perturbed_rigs import perturbed
+from tests.making.perturbed_rigs import perturbed
 
 LENSES = (Lens("plumb_bob", (-0.3, 0.1, 0.0005, -0.0003)), Lens("equidistant", (-0.01, 0.0, 0.0, 0.0)), NO_LENS)
 

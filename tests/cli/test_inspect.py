@@ -9,8 +9,8 @@ import pytest
 from auditor.cli import run
 from auditor.model.frames import CameraImage, Frame
 from auditor.recordings import write_mcap
-from tests.evidence.scenes import plane_rig
-from tests.small_drives import FOUR_CAMERAS, PERIOD_NS, drive_frames
+from tests.making.scenes import plane_rig
+from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, drive_frames
 
 RIG = plane_rig(FOUR_CAMERAS)
 LATE_NS = 7_000_000

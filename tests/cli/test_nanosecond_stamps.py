@@ -12,7 +12,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.store import list_queries
-from tests.small_drives import PERIOD_NS, write_drive
+from tests.making.small_drives import PERIOD_NS, write_drive
 
 START_NS = 1_317_042_145_964_389_445
 ATTACKED = {2: range(5, 12)}

@@ -11,8 +11,8 @@ torch = pytest.importorskip("torch")
 
 from auditor.cli import auditor  # noqa: E402
 from auditor.store import Store, run_sql  # noqa: E402
-from tests.evidence.psmnet_networks import ruled_state  # noqa: E402
-from tests.small_drives import write_drive  # noqa: E402
+from tests.making.psmnet_networks import ruled_state  # noqa: E402
+from tests.making.small_drives import write_drive  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

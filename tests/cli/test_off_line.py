@@ -14,8 +14,8 @@ from auditor.model.frames import Frame
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.rig import LIDAR
 from auditor.recordings import write_mcap
-from tests.evidence.scenes import moved
-from tests.perturbed_rigs import perturbed
+from tests.making.perturbed_rigs import perturbed
+from tests.making.scenes import moved
 
 OFFSETS_M = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
 LENSES = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), NO_LENS, NO_LENS)

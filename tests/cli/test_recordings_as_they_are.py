@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from tests.cut_scans import IN_ONE_CHUNK, KINDS, scan_cuts
-from tests.recordings.foxglove_messages import nuscenes, write_protobuf
-from tests.small_drives import PERIOD_NS, START_NS, write_drive
+from tests.making.cut_scans import IN_ONE_CHUNK, KINDS, scan_cuts
+from tests.making.foxglove_messages import nuscenes, write_protobuf
+from tests.making.small_drives import PERIOD_NS, START_NS, write_drive
 
 FRAMES, PLACES = 10, 5
 

@@ -7,7 +7,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.store import Store
-from tests.small_drives import write_drive
+from tests.making.small_drives import write_drive
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, syste
 from auditor.store import MeasurementRecord, Store
 from auditor.store.queries import run_sql
 from tests.benchmarks.real_drives import frames
-from tests.store.making import NOON
+from tests.making.stores import NOON
 
 FOLDER = Path(__file__).parent
 FRAME, STRETCH = FOLDER / "frame.toml", FOLDER / "stretch.toml"

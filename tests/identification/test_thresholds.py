@@ -10,7 +10,7 @@ from auditor.identification.thresholds import check_calibration, parse_r, resolv
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import RigKind, triples_of
-from tests.clean_frames import clean_frames
+from tests.making.clean_frames import clean_frames
 
 TRIPLES = triples_of(3, lidar=True)
 KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))

@@ -15,7 +15,7 @@ from auditor.lab.attacks.faults import (
     TurnedLidar,
 )
 from auditor.model.frames import CameraImage, PointCloud
-from tests.evidence.scenes import plane_rig
+from tests.making.scenes import plane_rig
 
 RIG = plane_rig()
 

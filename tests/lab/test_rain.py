@@ -7,7 +7,7 @@ from auditor.errors import SettingError
 from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
 from auditor.lab.attacks.rain import Rain
 from auditor.model.frames import PointCloud
-from tests.evidence.scenes import plane_rig
+from tests.making.scenes import plane_rig
 
 RIG = plane_rig()
 BEAMS = 20_000

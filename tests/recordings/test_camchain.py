@@ -8,8 +8,8 @@ from auditor.model.geometry import invert, motion
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
-from tests.perturbed_rigs import perturbed
-from tests.recordings.drives import make_frames, make_rig
+from tests.making.perturbed_rigs import perturbed
+from tests.making.recorded_drives import make_frames, make_rig
 
 LENSES = (Lens("radtan", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
 

@@ -22,7 +22,7 @@ from auditor.recordings import (
     write_db3,
     write_mcap,
 )
-from tests.recordings.drives import make_frames, make_rig, mcap_file, same_frame, split, stream_of
+from tests.making.recorded_drives import make_frames, make_rig, mcap_file, same_frame, split, stream_of
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 4, colour=True)

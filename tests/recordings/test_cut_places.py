@@ -15,8 +15,8 @@ from auditor.recordings import (
     write_db3,
     write_mcap,
 )
-from tests.recordings.drives import make_frames, make_rig, rechunk, same_frame, split
-from tests.recordings.forms import copy_bag
+from tests.making.forms import copy_bag
+from tests.making.recorded_drives import make_frames, make_rig, rechunk, same_frame, split
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 40)

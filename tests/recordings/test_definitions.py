@@ -12,7 +12,7 @@ from auditor.recordings import convert, open_recording
 from auditor.recordings.decoding.ros import RosTypes, parse_definition
 from auditor.recordings.recording import Definition
 from auditor.recordings.schemas import TRANSFORMS
-from tests.recordings.idl import idl_definition
+from tests.making.idl import idl_definition
 
 CODE = "a/msg/B:\n    import sys; sys.hostile = True\nclass c/msg/D"
 

@@ -5,7 +5,7 @@ import pytest
 
 from auditor.errors import RecordingError
 from auditor.recordings import find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
-from tests.recordings.drives import make_frames, make_rig
+from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(2)
 

@@ -16,8 +16,7 @@ from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.foxglove_layouts import LAYOUTS, TIMESTAMP
 from auditor.recordings.decoding.protobuf import MAX_FIELDS, check_schema, decode_protobuf
 from auditor.recordings.recording import Definition
-from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
-from tests.recordings.foxglove_messages import (
+from tests.making.foxglove_messages import (
     cloud_fields,
     json_text,
     nuscenes,
@@ -28,6 +27,7 @@ from tests.recordings.foxglove_messages import (
     write_json,
     write_protobuf,
 )
+from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 6)

@@ -6,9 +6,9 @@ from time import process_time
 
 import pytest
 
-from tests.recordings.hostile import HOSTILE, Hostile
-from tests.recordings.hostile_packed import PACKED
-from tests.recordings.reading_all import read_all
+from tests.making.hostile_files import HOSTILE, Hostile
+from tests.making.hostile_packed import PACKED
+from tests.making.reading_all import read_all
 
 ALL = (*HOSTILE, *PACKED)
 MAX_S = 5.0

@@ -9,7 +9,7 @@ from auditor.errors import RecordingError
 from auditor.model.frames import SensorState
 from auditor.model.rig import Rig
 from auditor.recordings import Recording, convert, find_rigs, open_recording, survey, synchronise
-from tests.recordings.drives import split, stream_of
+from tests.making.recorded_drives import split, stream_of
 
 
 def drive(real_data: Path, number: str) -> Path:

@@ -7,7 +7,7 @@ import pytest
 
 from auditor.errors import RecordingError
 from auditor.recordings import convert, find_recordings, find_rigs, format_of, open_recording, survey
-from tests.recordings.drives import same_frame, split, stream_of
+from tests.making.recorded_drives import same_frame, split, stream_of
 
 RAW = "kitti_raw_2011_09_26_drive_0001/2011_09_26"
 

@@ -15,7 +15,16 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings import open_recording, write_mcap
 from auditor.recordings.formats.mcap.records import unpack_chunk
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion
-from tests.recordings.drives import chunk_ends, make_frames, make_rig, mcap_file, rechunk, same_frame, split, stream_of
+from tests.making.recorded_drives import (
+    chunk_ends,
+    make_frames,
+    make_rig,
+    mcap_file,
+    rechunk,
+    same_frame,
+    split,
+    stream_of,
+)
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 6)

@@ -10,8 +10,8 @@ import zstandard
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_db3
 from auditor.recordings.formats.unpacking import ZSTD_MAGIC
-from tests.recordings.drives import make_frames, make_rig
-from tests.recordings.forms import CONTAINERS
+from tests.making.forms import CONTAINERS
+from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 12)

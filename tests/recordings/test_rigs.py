@@ -16,9 +16,9 @@ from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.recording import Topic
 from auditor.recordings.synchronisation.survey import CloudTopic, ImageTopic, Survey
-from tests.perturbed_rigs import perturbed
-from tests.recordings.drives import make_frames, make_rig
-from tests.small_drives import WRITERS
+from tests.making.perturbed_rigs import perturbed
+from tests.making.recorded_drives import make_frames, make_rig
+from tests.making.small_drives import WRITERS
 
 K = np.array([[700.0, 0, 320], [0, 700, 240], [0, 0, 1]])
 LIDAR_AT = motion(rotation_from_quaternion(0.5, -0.5, 0.5, -0.5), np.array([0.0, -0.1, -0.3]))

@@ -12,7 +12,7 @@ from auditor.errors import RecordingError, RigError
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import find_rigs, open_recording, survey, write_bag, write_db3
 from auditor.recordings.writers.messages import MessageMaker
-from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
+from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 6)

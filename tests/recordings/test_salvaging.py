@@ -15,8 +15,8 @@ from rosbags.rosbag1 import Reader as BagReader
 from auditor.errors import RecordingError
 from auditor.recordings import open_recording, write_bag, write_db3
 from auditor.recordings.formats.unpacking import MAX_BYTES
-from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
-from tests.recordings.forms import copy_bag
+from tests.making.forms import copy_bag
+from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)
 FRAMES = make_frames(RIG, 12)

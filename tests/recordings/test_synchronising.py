@@ -12,7 +12,16 @@ from auditor.model.rig import Rig
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from auditor.recordings.synchronisation import window as windows
 from auditor.recordings.writers.mcap_file import McapFile
-from tests.recordings.drives import PERIOD_NS, START_NS, make_frame, make_frames, make_rig, same_frame, split, stream_of
+from tests.making.recorded_drives import (
+    PERIOD_NS,
+    START_NS,
+    make_frame,
+    make_frames,
+    make_rig,
+    same_frame,
+    split,
+    stream_of,
+)
 
 RIG = make_rig(3)
 OFFSETS = {0: -10_500_000, 1: 6_000_000, 2: -500_000}

@@ -9,8 +9,8 @@ import pytest
 from auditor.recordings import open_recording
 from auditor.recordings.decoding.pictures import encode_picture
 from auditor.recordings.writers.messages import Form
-from tests.recordings.drives import make_frames, make_rig, same_frame, split, stream_of
-from tests.recordings.forms import CONTAINERS, Container
+from tests.making.forms import CONTAINERS, Container
+from tests.making.recorded_drives import make_frames, make_rig, same_frame, split, stream_of
 
 RIG = make_rig(3)
 FRAMES = {False: make_frames(RIG, 4), True: make_frames(RIG, 4, colour=True)}

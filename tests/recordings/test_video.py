@@ -15,8 +15,7 @@ from auditor.model.frames import CameraImage, Frame, Message, SensorState
 from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
-from tests.recordings.drives import make_frames, make_rig, split, stream_of
-from tests.recordings.foxglove_messages import (
+from tests.making.foxglove_messages import (
     Said,
     json_text,
     protobuf_message,
@@ -25,7 +24,8 @@ from tests.recordings.foxglove_messages import (
     write_json,
     write_protobuf,
 )
-from tests.recordings.videos import KEY_EVERY, encoded
+from tests.making.recorded_drives import make_frames, make_rig, split, stream_of
+from tests.making.videos import KEY_EVERY, encoded
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 

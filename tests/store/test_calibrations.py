@@ -11,8 +11,8 @@ from auditor.store.calibrations import OutdatedCalibrationError, make_calibratio
 from auditor.store.queries import run_query
 from auditor.store.schema import table_schema
 from auditor.store.tables import write_rows
-from tests.clean_frames import clean_frames
-from tests.store.making import PROCEDURE, make_rig, new_store
+from tests.making.clean_frames import clean_frames
+from tests.making.stores import PROCEDURE, make_rig, new_store
 
 RIG = make_rig(4)
 SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.triples for s in Statistic}

@@ -1,7 +1,7 @@
 """What a sensor's coverage says of its clock and of when it was there."""
 
 from auditor.store.queries import run_query
-from tests.store.making import add_measurement, make_measurement, make_rig, new_store
+from tests.making.stores import add_measurement, make_measurement, make_rig, new_store
 
 RIG = make_rig(3)
 

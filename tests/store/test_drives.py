@@ -7,7 +7,7 @@ from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import RecordingRecord
-from tests.store.making import add_frames, add_judgement, make_measurement, make_rig, new_store
+from tests.making.stores import add_frames, add_judgement, make_measurement, make_rig, new_store
 
 RIG, OTHER_RIG = make_rig(3), make_rig(4)
 DAY_NS = 1_700_000_000 * 10**9

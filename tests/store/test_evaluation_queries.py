@@ -16,7 +16,7 @@ from auditor.model.measurement import Counts, Statistic
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, finished_part, part_writer
 from auditor.store.queries import run_query
-from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
+from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 R = ",".join(map(str, RATES))

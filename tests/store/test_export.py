@@ -10,7 +10,7 @@ import pytest
 
 from auditor.store import rows_of, run_sql
 from auditor.store.export import encode
-from tests.store.making import new_store
+from tests.making.stores import new_store
 
 NS = 1_317_042_145_964_389_445
 TEXT = "2011-09-26T13:02:25.964389445Z"

@@ -14,7 +14,7 @@ from auditor.identification.thresholds import resolvable, threshold
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart, finished_part, part_writer
 from auditor.store.queries import run_query
-from tests.store.making import PERIOD_NS, make_rig, new_store, part_columns
+from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.1", "0.3", "1")]
 IOUS = ("0.5", "0.7")

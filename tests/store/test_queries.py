@@ -7,8 +7,8 @@ from auditor.model.measurement import Statistic
 from auditor.model.verdict import AttackLabel
 from auditor.store.calibrations import make_calibration
 from auditor.store.queries import list_queries, query, run_query, run_sql
-from tests.clean_frames import clean_frames
-from tests.store.making import (
+from tests.making.clean_frames import clean_frames
+from tests.making.stores import (
     PERIOD_NS,
     PROCEDURE,
     add_judgement,

@@ -14,7 +14,15 @@ from auditor.model.verdict import Finding, VerdictKind
 from auditor.store.describing import describe
 from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord
-from tests.store.making import NOON, add_judgement, add_measurement, make_measurement, make_rig, make_verdict, new_store
+from tests.making.stores import (
+    NOON,
+    add_judgement,
+    add_measurement,
+    make_measurement,
+    make_rig,
+    make_verdict,
+    new_store,
+)
 
 RIG = make_rig(3)
 ELEMENTS = rig_elements(RIG)

@@ -7,7 +7,7 @@ from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import TABLES
 from auditor.store.sql_files import views
 from auditor.store.store import Store
-from tests.store.making import add_judgement, add_measurement, make_measurement, make_rig, new_store
+from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 
 @pytest.fixture

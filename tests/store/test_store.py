@@ -25,7 +25,7 @@ from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingR
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES
-from tests.store.making import (
+from tests.making.stores import (
     NOON,
     PERIOD_NS,
     PROCEDURE,
@@ -428,7 +428,7 @@ import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from auditor.store import frames_writer, store
-from tests.store.making import *
+from tests.making.stores import *
 point, rows = sys.argv[3], 10_000
 die = lambda: os.kill(os.getpid(), signal.SIGKILL)
 

@@ -1,0 +1,357 @@
+"""Attacks in memory: the same counts as measuring the attacked frame, and nothing measured twice."""
+
+import json
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from auditor.cli import auditor
+from auditor.errors import RecordingError, RigError, SettingError
+from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, runner
+from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
+from auditor.evaluation.runner import STRETCH_FRAMES
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Procedure
+from auditor.model.rig import LIDAR, Triple
+from auditor.model.verdict import AttackLabel
+from auditor.recordings import write_mcap
+from auditor.store import Store, run_query, run_sql
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, EvaluationPart
+from tests.making.scenes import plane_frame, plane_rig
+from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive
+
+RIG = plane_rig(FOUR_CAMERAS)
+FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)}
+ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
+FRAMES = 7
+STRETCH = 3
+
+
+class CountingMatcher:
+    """SGBM that counts how often it is asked."""
+
+    def __init__(self):
+        self.asked = 0
+        self._sgbm = find_matcher("sgbm")
+
+    def __getattr__(self, name):
+        return getattr(self._sgbm, name)
+
+    def match(self, left, right):
+        self.asked += 1
+        return self._sgbm.match(left, right)
+
+
+def attacked_frame(frame, attacks):
+    images = {s: attacks[s].apply(i) if s in attacks else i for s, i in frame.images.items()}
+    return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
+
+
+def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
+    frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
+    bench = Bench(frame, RIG, matcher)
+    found = []
+    for size in (0, 1, 2, 3):
+        for attacked in combinations(RIG.sensors, size):
+            attacks = {s: ATTACKS[s] for s in attacked}
+            measured, _ = measure(attacked_frame(frame, attacks), RIG, matcher)
+            assert bench.counts(attacks) == measured.counts
+            found.append(bench.ratios(attacks))
+            assert found[-1] == local_ratios(rig_elements(RIG), measured.cells, measured.shares)
+    assert len(set(found)) >= len(found) - 2  # where cameras are blinded nobody can deny the LiDAR
+
+
+def test_only_what_an_attack_changes_is_matched_again():
+    matcher = CountingMatcher()
+    bench = Bench(plane_frame(RIG), RIG, matcher)
+    asked = []
+    for attacked in ((), (0,), (1,), (0, 1), (4,), (1, 4), (0, 1, 4)):
+        bench.counts({s: ATTACKS[s] for s in attacked})
+        asked.append(matcher.asked)
+    # 5 pairs: (1,4) (2,4) (3,4) (1,3) (2,3). A witness is in two of them, S_4 in three, both of them in one.
+    assert [b - a for a, b in pairwise([0, *asked])] == [5, 0, 2, 0, 3, 1, 0]
+    bench.forget_attacks()
+    bench.counts({})
+    assert matcher.asked == asked[-1]
+    bench.counts({1: ATTACKS[1]})
+    assert matcher.asked == asked[-1] + 2
+
+
+def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice():
+    asked = []
+
+    class Pairing(CountingMatcher):
+        pairs_at_once = 1
+
+        def match_pairs(self, images, pairs):
+            asked.append(len(pairs))
+            return [self.match(images[left], images[right]) for left, right in pairs]
+
+    frame, matcher = plane_frame(RIG, depth_m=7.0), Pairing()
+    bench = Bench(frame, RIG, matcher)
+    cases = [{}, {1: ATTACKS[1]}, {0: ATTACKS[0], 1: ATTACKS[1]}, {1: ATTACKS[1], 4: ATTACKS[4]}]
+    bench.match_together(cases)
+    # 5 pairs; S_1 in two of them, S_4 in three, both in one.
+    assert (asked, matcher.asked) == ([5 + 2 + 3], 10)
+    plain = Bench(frame, RIG, find_matcher("sgbm"))
+    assert [bench.counts(case) for case in cases] == [plain.counts(case) for case in cases]
+    bench.match_together(cases)
+    assert (sum(asked), matcher.asked) == (10, 10)
+
+
+def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
+    bench = Bench(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
+    assert bench.sensors == (0, 1, 3, 4)
+    counts = dict(zip(RIG.triples, bench.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
+    assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
+
+
+def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors_are_there():
+    matcher = find_matcher("sgbm")
+    bench = Bench(plane_frame(RIG), RIG, matcher)
+    asked = {e for e, x in zip(bench.elements, bench.ratios({}, [Triple(0, 1, 4)]), strict=True) if x is not None}
+    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4), ("scattered", 0, 4)}
+    for missing in ({0}, {2}, {0, 4}):
+        frame = plane_frame(RIG, without=frozenset(missing))
+        measured, _ = measure(frame, RIG, matcher)
+        everything = local_ratios(rig_elements(RIG), measured.cells, measured.shares)
+        assert Bench(frame, RIG, matcher).ratios({}) == everything
+
+
+def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can_be_identified():
+    assert len(attacked_sets(plane_rig(FOUR_CAMERAS))) == 5 + 10 + 6
+    assert len(attacked_sets(plane_rig((0.6, 0.3, 0.0)))) == 4 + 6 + 3
+    assert len(attacked_sets(plane_rig((0.6, 0.0)))) == 7
+    assert len(attacked_sets(plane_rig((0.6, 0.3, 0.0), lidar=False))) == 7
+
+
+def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_do_not_depend_on_strength():
+    experiment = next(e for e in EXPERIMENTS if e.name == "combinations")
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 3), ()))
+    for strength in ("mild", "strong", "opaque"):
+        of_it = [case for case in cases if case.strength == strength]
+        assert [case.attacked for case in of_it] == list(attacked_sets(RIG))
+        assert len({case.attacks[1] for case in of_it if 1 in case.attacks}) == 1
+    faculas = {case.attacks[1] for case in cases if case.attacked == (1,)}
+    assert {f.amplitude for f in faculas} == {255.0, 510.0, 2000.0}
+    assert len({(f.radius_px, f.u_px, f.v_px) for f in faculas}) == 1
+    assert len({case.attacks[0] for case in cases if case.attacked == (0,)}) == 1
+    assert list(experiment.cases(RIG, Dice(0, 1, 2, 4), ()))[1].attacks != cases[1].attacks
+
+
+def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_witness():
+    experiment = next(e for e in EXPERIMENTS if e.name == "sensitivity")
+    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 0), ()))
+    assert [c.size for c in cases if c.attacked == (0,)] == [0.5, 1.0, 1.5, 2.0, 2.5]
+    for sensor in (1, 4):
+        sizes = [c.size for c in cases if c.attacked == (sensor,) and c.strength == "mild"]
+        assert sizes == [37.5, 75.0, 112.5, 150.0, 187.5, 225.0]
+    assert experiment.triples(RIG) == (Triple(0, 1, 4),)
+    assert list(experiment.cases(plane_rig(lidar=False), Dice(0, 1, 2, 0), ())) == []
+
+
+def test_the_visible_share_is_that_of_the_disc_inside_the_image():
+    assert disc_share(Facula(255, 10, 50, 50), 100, 100) == pytest.approx(np.pi / 100, rel=0.02)
+    assert disc_share(Facula(255, 10, 0, 50), 100, 100) == pytest.approx(np.pi / 200, rel=0.1)
+    assert disc_share(Facula(255, 500, 50, 50), 100, 100) == 1.0
+
+
+def run(drive, store, **task):
+    return evaluate_source(EvaluateTask(Recorded(drive), store, **task), lambda what, done: None)
+
+
+def content(store):
+    """Everything that was counted, without when."""
+    return run_sql(Store.open(store), "SELECT * FROM cases ORDER BY ALL").to_pylist()
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", FRAMES, positions_m=(0.6, 0.3, 0.0))
+
+
+@pytest.fixture
+def short_stretches(monkeypatch):
+    monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
+
+
+@pytest.mark.usefixtures("short_stretches")
+def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
+    whole = run(drive, tmp_path / "whole")
+    delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
+    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7 + 2 * 5) + delayed)
+    assert not run(drive, tmp_path / "whole").fresh
+
+    killed_at = 5
+    measured = []
+
+    def counts(bench, *arguments, really=Bench.counts):
+        measured.append(bench.frame.number)
+        if len(set(measured)) > killed_at:
+            raise KeyboardInterrupt
+        return really(bench, *arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Bench, "counts", counts)
+        with pytest.raises(KeyboardInterrupt):
+            run(drive, tmp_path / "killed")
+    assert 0 < len(content(tmp_path / "killed")) < whole.cases
+    again = run(drive, tmp_path / "killed")
+    assert again.frames == FRAMES - STRETCH
+    assert content(tmp_path / "killed") == content(tmp_path / "whole")
+
+
+@pytest.mark.usefixtures("short_stretches")
+def test_shares_of_a_recording_make_the_whole(drive, tmp_path):
+    done = [run(drive, tmp_path / "shared", share=share, of=2) for share in (0, 1)]
+    assert [one.frames for one in done] == [STRETCH + 1, STRETCH]
+    run(drive, tmp_path / "alone")
+    assert content(tmp_path / "shared") == content(tmp_path / "alone")
+    assert not run(drive, tmp_path / "shared", share=1, of=3).fresh
+
+
+def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(drive, tmp_path):
+    first = run(drive, tmp_path / "audit")
+    second = run(drive, tmp_path / "audit", seed=1)
+    assert second.cases == first.cases - FRAMES
+    sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
+    drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert len({one["u_px"] for one in drawn if one["radius_px"] > 0}) >= 2
+
+
+@pytest.fixture
+def nothing_measured(monkeypatch):
+    """Cases without counts: which there are takes no matching."""
+    monkeypatch.setattr(Bench, "counts", lambda bench, *_: [None] * len(bench.rig.triples))
+    monkeypatch.setattr(Bench, "ratios", lambda bench, *_: [None] * len(bench.elements))
+
+
+@pytest.mark.usefixtures("short_stretches", "nothing_measured")
+def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alone(drive, tmp_path):
+    def cases(store):
+        columns = "frame, experiment, draw, attacked, attack, strength, size, parameters"
+        return run_sql(Store.open(store), f"SELECT {columns} FROM cases ORDER BY ALL").to_pylist()
+
+    run(drive, tmp_path / "some", attack_every=4)
+    assert not run(drive, tmp_path / "some", attack_every=4).fresh
+    run(drive, tmp_path / "all")
+    some, everything = cases(tmp_path / "some"), cases(tmp_path / "all")
+    kept = [case for case in everything if case["experiment"] in ("clean", "intervals") or case["frame"] in (0, 4)]
+    assert some == kept
+    assert run(drive, tmp_path / "some").cases > 0  # the same attacks in more frames
+    assert cases(tmp_path / "some") == everything  # and nothing twice
+
+
+def test_what_decides_the_attacks_decides_the_id_of_a_part():
+    first = EvaluationPart(
+        recording_id="a" * 64,
+        name="a",
+        synthetic=False,
+        rig_id="rig",
+        procedure=Procedure("sgbm", "{}"),
+        experiment="combinations",
+        seed=0,
+        draws=1,
+        stretch=0,
+        attack_every=1,
+    )
+    others = [replace(first, **one) for one in ({"attack_every": 10}, {"experiments_version": 0}, {"seed": 1})]
+    assert len({part.evaluation_id for part in (first, *others)}) == 4
+
+
+def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
+    rig = plane_rig((0.6, 0.3, 0.0))
+    label = AttackLabel(rig.topic(1), "facula", 0, 2**60, {})
+    path = tmp_path / "attacked.mcap"
+    write_mcap(path, rig, drive_frames(rig, 3), [label])
+    with pytest.raises(RecordingError, match="labels of attacks"):
+        run(path, tmp_path / "audit")
+
+
+def test_a_street_is_opened_without_making_a_frame():
+    with Street(7, 3).open(colour=False) as street:
+        assert (street.synthetic, street.rig.n) == (True, 3)
+    with Street(8, 3).open(colour=False) as other:
+        assert other.recording_id != street.recording_id
+
+
+def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
+    with pytest.raises(RigError, match="street 7: no triple possible: the rig has 1 camera and a LiDAR; evaluate on"):
+        evaluate_source(EvaluateTask(Street(7, 3, cameras=1), tmp_path / "audit"), lambda what, done: None)
+    assert Store.open(tmp_path / "audit").ids("rigs") == Store.open(tmp_path / "audit").ids("evaluations") == []
+
+
+def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
+    arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
+    first = CliRunner().invoke(auditor, arguments)
+    assert first.exit_code == 0, first.stderr
+    rows = json.loads(first.stdout)
+    assert {row["held_out"] for row in rows} == {"nothing"}
+    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3"))
+    second = CliRunner().invoke(auditor, arguments)
+    assert "measured before" in second.stderr
+    assert json.loads(second.stdout) == rows
+
+
+def test_the_command_says_what_it_needs():
+    refused = CliRunner().invoke(auditor, ["evaluate"], standalone_mode=False)
+    assert "name clean recordings, or give --synthetic" in str(refused.exception)
+
+
+def test_a_delayed_sensor_shows_earlier_frames_across_stretches_and_after_a_kill(drive, tmp_path):
+    run(drive, tmp_path / "audit")
+    sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
+    rows = [tuple(row.values()) for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
+
+
+def test_what_is_not_left_to_chance_is_tried_once_however_often_the_rest_is_drawn():
+    experiment = next(e for e in experiments_of(()) if e.name == "further")
+    first, second = (list(experiment.cases(RIG, Dice(0, 1, 2, draw), ())) for draw in (0, 1))
+    once = {"turned LiDAR", "shifted camera"}
+    assert {case.attack for case in first} - {case.attack for case in second} == once
+    assert len(second) == len([case for case in first if case.attack not in once])
+    assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
+
+
+def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_stretch():
+    assert STRETCH_FRAMES % INTERVAL_FRAMES == 0
+    experiment = next(e for e in experiments_of(()) if e.name == "intervals")
+    first, next_one, later = (list(experiment.cases(RIG, Dice(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
+    for case, after, other in zip(first, next_one, later, strict=True):
+        assert (case.attacks == after.attacks) == (case.strength == "still")
+        assert case.attacks != other.attacks
+    sets = [(0,), (1,), (2,), (3,), (4,), (0, 4)]
+    assert [(c.strength, c.attacked) for c in first] == [(v, s) for v in ("still", "moving") for s in sets]
+    assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
+
+
+def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, tmp_path):
+    picture = tmp_path / "laser.png"
+    light = np.zeros((60, 160, 3), dtype=np.uint8)
+    light[20:40] = 255
+    picture.write_bytes(cv2.imencode(".png", light)[1].tobytes())
+    run(drive, tmp_path / "audit")
+    added = run(drive, tmp_path / "audit", patterns=(picture,))
+    assert added.cases == FRAMES * 3
+    assert not run(drive, tmp_path / "audit", patterns=(picture,)).fresh
+    rows = run_query(Store.open(tmp_path / "audit"), "evaluation_further", {"r": "0"}).to_pylist()
+    patterns = [row for row in rows if row["attack"] == "pattern"]
+    assert {row["variant"] for row in patterns} == {"/".join(picture.parts[-3:])}
+    assert [row["attacked"] for row in patterns] == [[1], [2], [3]]
+    assert all(row["detected"] == row["cases"] == FRAMES for row in patterns)
+
+
+def test_what_is_no_picture_is_no_pattern(tmp_path):
+    (tmp_path / "laser.png").write_bytes(b"no picture")
+    with pytest.raises(SettingError, match="no readable picture"):
+        experiments_of([tmp_path / "laser.png"])

@@ -1,0 +1,106 @@
+"""Points that stand alone are told from those of objects, and drops from points at chance ranges."""
+
+from dataclasses import replace
+from math import isnan
+
+import numpy as np
+import pytest
+
+from auditor.lab.attacks.faults import HiddenSector
+from auditor.lab.attacks.paper import BogusWall
+from auditor.lab.attacks.rain import Rain
+from auditor.measurement import Watch, measure
+from auditor.measurement.checks.point_distribution import isolated, scatter, specks
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.checks import Element, Specks, Witness
+from auditor.model.frames import PointCloud
+from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
+
+RIG = plane_rig()
+PLANE = PointCloud(0, plane_cloud(20.0))
+
+
+def seen(cloud):
+    view = lidar_view(cloud, RIG, 3)
+    return specks(view, isolated(view, FOCAL), WIDTH)
+
+
+def pulled(share, nearest_m, farthest_m, columns=slice(None)):
+    """The plane, a share of its beams ending at chance ranges before it, in some columns of the view only."""
+    rng = np.random.default_rng(1)
+    xyz = PLANE.xyz_m.reshape(HEIGHT // 2, WIDTH // 2, 3).copy()
+    part = xyz[:, columns]
+    chosen = rng.random(part.shape[:2]) < share
+    distance = np.linalg.norm(part, axis=2)
+    scale = np.where(chosen, rng.uniform(nearest_m, farthest_m, distance.shape) / distance, 1)
+    xyz[:, columns] = part * scale[:, :, None]
+    return PointCloud(0, xyz.reshape(-1, 3).astype(np.float32))
+
+
+def test_a_point_alone_at_its_range_is_isolated_and_a_surface_is_not():
+    xyz = plane_cloud(20.0)
+    place = (HEIGHT // 4) * (WIDTH // 2) + WIDTH // 4
+    xyz[place] *= 0.2
+    view = lidar_view(PointCloud(0, xyz), RIG, 3)
+    alone = isolated(view, FOCAL)
+    assert np.linalg.norm(view.point_m[alone], axis=1).round(1).tolist() == [4.0]
+
+
+def test_a_dry_view_has_no_specks():
+    assert seen(PLANE) == (0, 0)
+
+
+def test_drops_stand_alone_near_the_lidar_and_not_beyond():
+    few, many = (seen(Rain(rate, seed=1).apply(PLANE, RIG)) for rate in (2, 25))
+    assert 0.005 < few.specks_near < many.specks_near
+    assert few.specks_beyond < few.specks_near / 10, "what drops leave of the plane is thin, but holds together"
+    assert many.specks_beyond < many.specks_near / 10
+
+
+def test_points_at_chance_ranges_stand_alone_beyond_as_well():
+    near, beyond = seen(pulled(0.05, 4, 19))
+    assert beyond > near / 2 > 0
+
+
+def test_drops_in_one_part_of_the_view_are_no_rain():
+    assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).specks_near == 0
+    assert seen(pulled(0.05, 1.5, 6)).specks_near > 0.01
+
+
+def test_objects_real_or_bogus_and_a_hidden_sector_are_no_specks():
+    for attack in (BogusWall(8.0, 0.0), HiddenSector(10, 0)):
+        assert seen(attack.apply(PLANE, RIG)).specks_near == 0
+
+
+def test_a_view_of_hardly_any_points_says_nothing():
+    assert all(isnan(value) for value in seen(PointCloud(0, PLANE.xyz_m[:150])))
+
+
+def test_they_are_watched_where_a_pair_may_deny_the_lidar():
+    frame = plane_frame(RIG)
+    wet = replace(frame, cloud=Rain(25, seed=1).apply(frame.cloud, RIG))
+    watch = Watch()
+    for given, raining in ((frame, False), (wet, True)):
+        found = watch.observe(measure(given, RIG, SgbmMatcher())[1])
+        assert {pair.specks for pair in found.values()} == {found[1, 3].specks}
+        assert (found[1, 3].specks.specks_near > 0.01) is raining
+    rig = plane_rig(lidar=False)
+    blind = Watch().observe(measure(replace(plane_frame(rig), cloud=None), rig, SgbmMatcher())[1])
+    assert isnan(blind[1, 3].specks.specks_near)
+
+
+def test_scattered_points_are_told_and_neither_drops_nor_a_dry_view():
+    dry, rain, scattered = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
+    assert scatter(dry) == scatter(rain) == 0
+    assert scatter(scattered) > 0.6
+    assert scatter(Specks()) is None
+
+
+@pytest.mark.parametrize("xyz", [np.zeros((0, 3)), [[-5, 0, 0]], [[5, 0, 0]]], ids=["none", "behind", "one"])
+def test_a_cloud_of_hardly_any_points_is_measured(xyz):
+    frame = plane_frame(RIG)
+    bare = replace(frame, cloud=PointCloud(0, np.asarray(xyz, dtype=np.float32)))
+    measurement, _ = measure(bare, RIG, SgbmMatcher())
+    assert measurement.shares[Element(Witness.EMPTY, 0, 3)] == 1.0
+    assert Element(Witness.SCATTERED, 0, 3) not in measurement.shares

@@ -1,0 +1,262 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.measurement.checks import lidar_conflict
+from auditor.measurement.checks.lidar_conflict import adjudicate
+from auditor.measurement.checks.photometric_consistency import Likeness, likeness
+from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.measurement.disparity.stereo import StereoMap, stereo_map, textured
+from auditor.model.frames import PointCloud
+from tests.making.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_images, plane_rig
+
+DEPTH_M = 9.0
+BORDER_PX = 4  # the last columns have nothing beside them to be matched by
+
+
+def judged(cloud, images=None):
+    """Adjudicate S_1 and S_3's pictures of a plane 9 m away against a cloud."""
+    rig = plane_rig()
+    images = images or plane_images(rig, DEPTH_M)
+    halves = halve(images[3]), halve(images[1])
+    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in halves))
+    view = lidar_view(PointCloud(0, cloud), rig, 3)
+    return adjudicate(view, stereo, likeness(*halves, stereo), rig, 1, halves)
+
+
+def with_wall(cloud, depth_m=5.0):
+    """Everything between two columns moved nearer along its ray."""
+    inside = np.abs(cloud[:, 1]) < 1.0
+    return np.where(inside[:, None], cloud * np.float32(depth_m / DEPTH_M), cloud)
+
+
+def test_a_cloud_that_agrees_is_not_contradicted():
+    result = judged(plane_cloud(DEPTH_M))
+    assert result.valid.sum() > 5000
+    assert not result.contradicted[result.column < WIDTH - BORDER_PX].any()
+
+
+def test_a_bogus_wall_is_contradicted_where_it_stands_and_nowhere_else():
+    result = judged(with_wall(plane_cloud(DEPTH_M)))
+    inside = np.abs(result.column - WIDTH / 2) < 25
+    assert result.contradicted[result.valid & inside].mean() > 0.9
+    outside = (np.abs(result.column - WIDTH / 2) > 45) & (result.column < WIDTH - BORDER_PX)
+    assert not result.contradicted[outside].any()
+
+
+def test_a_facula_on_a_camera_contradicts_nothing():
+    images = plane_images(plane_rig(), DEPTH_M)
+    images[1] = images[1].copy()
+    images[1][20:100, 100:220] = 255
+    result = judged(plane_cloud(DEPTH_M), images)
+    assert result.contradicted.sum() < 0.01 * result.valid.sum()
+
+
+def test_points_moved_by_one_period_of_a_texture_are_denied_only_by_a_pair_of_another_baseline():
+    rig, period = plane_rig(), 24
+    texture = np.tile(np.random.default_rng(0).integers(0, 256, (HEIGHT, period)), 40).astype(np.uint8)
+    shifts = {1: 20, 2: 10, 3: 0}
+    images = {n: np.ascontiguousarray(texture[:, WIDTH + s : 2 * WIDTH + s]) for n, s in shifts.items()}
+    near_m = 300 * 0.6 / (20 + period)  # 44 px instead of 20 between S_1 and S_3, 22 instead of 10 between S_2 and S_3
+    view = lidar_view(PointCloud(0, plane_cloud(near_m)), rig, 3)
+    denied = {}
+    for witness in (1, 2):
+        halves = halve(images[3]), halve(images[witness])
+        stereo = stereo_map(SgbmMatcher(), images[3], images[witness], *(textured(half) for half in halves))
+        found = adjudicate(view, stereo, likeness(*halves, stereo), rig, witness, halves)
+        denied[witness] = int(found.contradicted[found.column < WIDTH - period].sum())
+    assert denied[2] > 3000
+    assert denied[1] < denied[2] / 50
+
+
+def test_only_points_that_the_pictures_can_judge_are_valid():
+    images = {n: np.full_like(image, 128) for n, image in plane_images(plane_rig(), DEPTH_M).items()}
+    for n, left in ((1, 100), (3, 120)):
+        images[n][:, left : left + 100] = plane_images(plane_rig(), DEPTH_M)[3][:, 120:220]
+    result = judged(plane_cloud(DEPTH_M), images)
+    assert result.valid[(result.column > 130) & (result.column < 210)].mean() > 0.9
+    assert not result.valid[result.column > 235].any()
+
+
+def test_points_beyond_the_matcher_s_range_are_not_valid():
+    near = judged(plane_cloud(1.4))  # 300 px 0.6 m / 1.4 m = 129 px
+    assert not near.valid.any()
+
+
+def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
+    cloud = with_wall(plane_cloud(DEPTH_M))
+    everything = judged(cloud).contradicted
+    monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=50))
+    asked = []
+    original = lidar_conflict.likeness_at
+    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))
+    few = judged(cloud).contradicted
+    assert asked[0] <= 50
+    assert few.sum() == pytest.approx(everything.sum(), rel=0.1)
+
+
+def test_a_surface_that_the_beam_passes_over_is_no_contradiction():
+    # Stereo sees a post 4.5 m away. The LiDAR stands 2 m higher and sees the plane behind the post's upper part.
+    rig = plane_rig()
+    up = np.eye(4)
+    up[2, 3] = 2.0
+    lifted = replace(rig, lidar=replace(rig.lidar, rig_SE3_lidar=rig.lidar.rig_SE3_lidar @ up))
+    images = {n: image.copy() for n, image in plane_images(rig, DEPTH_M).items()}
+    near = plane_images(rig, 4.5, seed=1)
+    top = HEIGHT // 2
+    for number, left in ((1, 140 - 40), (3, 140)):
+        images[number][top:, left : left + 60] = near[number][top:, left : left + 60]
+    halves = halve(images[3]), halve(images[1])
+    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in halves))
+    cloud = plane_cloud(DEPTH_M)
+    cloud[:, 2] -= 2.0
+    results = {}
+    for name, vehicle in (("above", lifted), ("beside", rig)):
+        points = cloud if name == "above" else plane_cloud(DEPTH_M)
+        view = lidar_view(PointCloud(0, points), vehicle, 3)
+        result = adjudicate(view, stereo, likeness(*halves, stereo), vehicle, 1, halves)
+        band = (result.row > top + 8) & (result.row < top + 20) & (result.column > 155) & (result.column < 190)
+        results[name] = int(result.contradicted[band].sum())
+    # The beam from the camera's own place would have to go through the post: there it is a contradiction.
+    assert results["beside"] > 50
+    assert results["above"] < results["beside"] / 5
+
+
+BASELINE_M = 0.6
+NO_IMAGES = (np.zeros((HEIGHT // 2, WIDTH // 2), np.uint8),) * 2
+
+
+def lidar_at(x, y, z):
+    """A rig of the plane whose LiDAR stands there in the reference's frame: right, down, ahead."""
+    rig = plane_rig()
+    placed = rig.lidar.rig_SE3_lidar.copy()
+    placed[:3, 3] = x, y, z
+    return replace(rig, lidar=replace(rig.lidar, rig_SE3_lidar=placed))
+
+
+def seen_at(rig, row, column, u, d0):
+    """A view with points at these pixels and of these disparities at S_1."""
+    depth = FOCAL * BASELINE_M / d0
+    x, y, z = (u - WIDTH / 2) / FOCAL * depth, (row - HEIGHT / 2) / FOCAL * depth, depth
+    right, down, ahead = np.array([x, y, z]) - rig.lidar.rig_SE3_lidar[:3, 3:]
+    points = np.stack([ahead, -right, -down], axis=1).astype(np.float32)
+    return WrittenDown(
+        3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, np.float32(d0)
+    )
+
+
+def passes_over(rig, row, u, d0, disparity):
+    """Whether the beam to the point at (u, row) runs, at the depth that stereo sees there, through a clear pixel."""
+    origin, depth = rig.lidar.rig_SE3_lidar[:3, 3], FOCAL * BASELINE_M / d0
+    ds = disparity[row // 2, int(u) // 2]
+    point = np.array([(u - WIDTH / 2) / FOCAL * depth, (row - HEIGHT / 2) / FOCAL * depth, depth])
+    surface = FOCAL * BASELINE_M / ds
+    if surface >= depth:
+        return False
+    x, y, z = origin + (point - origin) * (surface - origin[2]) / (point[2] - origin[2])
+    column_there, row_there = round((WIDTH / 2 + FOCAL * x / z) / 2), round((HEIGHT / 2 + FOCAL * y / z) / 2)
+    inside = 0 <= row_there < disparity.shape[0] and 0 <= column_there < disparity.shape[1]
+    return bool(inside and disparity[row_there, column_there] < ds - 3)
+
+
+@pytest.mark.parametrize("most", [1000, 5, 2])
+@pytest.mark.parametrize("seed", range(12))
+def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
+    rng = np.random.default_rng(seed)
+    rig = lidar_at(*rng.choice([-0.7, -0.2, 0.0, 0.3, 0.8], 3))
+    row = np.arange(1, HEIGHT, 8)  # so far apart that none hides another
+    count = row.size
+    u = rng.integers(0, WIDTH, count).astype(np.float64)
+    column = u.astype(np.int64)
+    grid = HEIGHT // 2, WIDTH // 2
+    disparity = rng.choice([8.0, 15.0, 17.0, 20.0, 24.0], grid).astype(np.float32)
+    valid, textured = rng.random(grid) < 0.9, rng.random(grid) < 0.9
+    alike = rng.choice([0.7, 0.71, 0.9, 1.0], grid, p=[0.1, 0.3, 0.3, 0.3]).astype(np.float32)
+    d0 = rng.choice([5.0, 12.0, 17.0, 20.0, 40.0, 125.0, 124.0], count)
+    near_edge = rng.random(count) < 0.2
+    d0[near_edge] = np.maximum(u[near_edge] - rng.choice([0.5, 1.0], near_edge.sum()), 1.0)
+    confident = alike[row // 2, column // 2]
+    n0 = confident - rng.choice([0.0, 0.25, 0.3, 0.35, 0.9], count).astype(np.float32)
+    n0_at = {(r, c): value for r, c, value in zip((row // 2).tolist(), (column // 2).tolist(), n0, strict=True)}
+    monkeypatch.setattr(lidar_conflict, "MOST_ADJUDICATED", most)
+    monkeypatch.setattr(
+        lidar_conflict,
+        "likeness_at",
+        lambda _, __, r, c, ___: np.array([n0_at[at] for at in zip(r.tolist(), c.tolist(), strict=True)], np.float32),
+    )
+    found = adjudicate(
+        seen_at(rig, row, column, u, d0),
+        StereoMap(disparity, valid, textured, 2, 128),
+        Likeness(alike, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
+        rig,
+        1,
+        NO_IMAGES,
+    )
+
+    can_be, over, denies = np.zeros((3, count), np.bool_)
+    for n in range(count):
+        cell = row[n] // 2, column[n] // 2
+        ds = disparity[cell]
+        inside = 0 <= round((u[n] - d0[n]) / 2) < grid[1]
+        can_be[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
+        can_be[n] &= alike[cell] > np.float32(0.7)
+        over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
+        denies[n] = n0[n] < alike[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
+    flagged = np.flatnonzero(can_be & over)
+    stride = max(int(np.ceil(flagged.size / most)), 1)
+    contradicted = np.zeros(count, np.bool_)
+    for place, n in enumerate(flagged):
+        contradicted[n] = denies[flagged[place - place % stride]]
+    np.testing.assert_array_equal(found.contradicted, contradicted)
+    np.testing.assert_array_equal(found.valid, can_be & (contradicted | ~over))
+
+
+@pytest.mark.parametrize(
+    ("lidar", "column", "row", "hidden"),
+    [
+        # 12.5 px beside the point at half of the resolution is 6 cells farther left or right, up or down.
+        ((0, -0.5, 0), 160, 60, True),
+        ((0, -0.5, 0), 160, 12, True),
+        ((0, -0.5, 0), 160, 11, False),
+        ((0, 0.5, 0), 160, 106, True),
+        ((0, 0.5, 0), 160, 107, False),
+        ((-0.5, 0, 0), 12, 60, True),
+        ((-0.5, 0, 0), 11, 60, False),
+        ((0.5, 0, 0), 306, 60, True),
+        ((0.5, 0, 0), 307, 60, False),
+        ((0, 0, 0), 160, 60, False),
+    ],
+)
+def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, lidar, column, row, hidden):
+    grid = HEIGHT // 2, WIDTH // 2
+    disparity = np.full(grid, 16.9, np.float32)
+    disparity[row // 2, column // 2] = 20.0
+    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
+    rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
+    view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
+    found = adjudicate(
+        view, StereoMap(disparity, ones, ones, 2, 128), Likeness(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
+    )
+    assert found.contradicted.tolist() == [not hidden]
+
+
+@pytest.mark.parametrize(("flagged", "asked"), [(1000, 1000), (1001, 501), (2001, 667)])
+def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th(monkeypatch, flagged, asked):
+    grid = HEIGHT // 2, WIDTH // 2
+    sizes = []
+
+    def remembered(*arguments):
+        sizes.append(arguments[2].size)
+        return np.zeros(arguments[2].size, np.float32)
+
+    monkeypatch.setattr(lidar_conflict, "likeness_at", remembered)
+    row, column = (part[:flagged] for part in np.divmod(np.arange(HEIGHT * 200), 200))
+    rig, ones = plane_rig(), np.ones(grid, np.bool_)
+    view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))
+    stereo = StereoMap(np.full(grid, 20.0, np.float32), ones, ones, 2, 128)
+    found = adjudicate(view, stereo, Likeness(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES)
+    assert sizes == [asked]
+    assert found.contradicted.sum() == flagged

@@ -1,0 +1,148 @@
+from dataclasses import replace
+from itertools import pairwise
+from math import isnan
+
+import cv2
+import numpy as np
+import pytest
+
+from auditor.lab.attacks.faults import DimmedCamera, ShiftedCamera
+from auditor.measurement import Watch, measure
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.checks import COLUMNS, PairSymptoms
+from auditor.model.frames import CameraImage
+from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
+
+DEPTH_M, NEAR_M = 9.0, 6.0
+RIG = plane_rig()
+
+
+def scene(down_px=0, depth_m=DEPTH_M):
+    """A plane whose texture corners can be followed, seen so many rows lower."""
+    noise = np.random.default_rng(1).integers(0, 256, (HEIGHT + 40, 3 * WIDTH)).astype(np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 2.5)
+    texture = np.clip((smooth - smooth.mean()) * 5 + 128, 0, 255).astype(np.uint8)[20 - down_px : 20 - down_px + HEIGHT]
+    frame = plane_frame(RIG, depth_m)
+    images = {}
+    for camera in RIG.cameras:
+        left = WIDTH + round(300 * float(camera.centre_m[0]) / depth_m)
+        images[camera.number] = CameraImage(camera.number, 0, np.ascontiguousarray(texture[:, left : left + WIDTH]))
+    return replace(frame, images=images)
+
+
+def with_image(frame, sensor, fault):
+    return replace(frame, images={**frame.images, sensor: fault.apply(frame.images[sensor])})
+
+
+def observed(*frames, rig=RIG):
+    watch = Watch()
+    for frame in frames:
+        _, evidence = measure(frame, rig, SgbmMatcher())
+        seen = watch.observe(evidence)
+    return seen
+
+
+def test_cameras_that_see_one_moment_are_in_step_and_nothing_is_said_of_a_frame_before_the_first():
+    seen = observed(scene())
+    assert set(seen) == {(1, 3), (2, 3)}
+    for pair in seen.values():
+        assert pair.rows.tracked > 30
+        assert pair.rows.in_step > 0.9
+        assert abs(pair.rows.offset_px) < 0.5
+        assert isnan(pair.rows.late_i)
+        assert isnan(pair.rows.late_k)
+        assert isnan(pair.agreement.before_only)
+        assert pair.agreement.agreeing > 0.9
+
+
+def test_a_tilted_camera_moves_all_rows_of_its_pairs_alike():
+    seen = observed(with_image(scene(), 1, ShiftedCamera(6)))
+    assert seen[1, 3].rows.in_step < 0.1
+    assert seen[1, 3].rows.offset_px == pytest.approx(6, abs=0.5)
+    assert seen[1, 3].rows.offset_share > 0.8
+    assert seen[2, 3].rows.in_step > 0.9
+
+
+def test_a_camera_a_frame_behind_is_on_its_rows_with_the_frame_before():
+    before, now = scene(), scene(down_px=6)
+    rows = observed(before, replace(now, images={**now.images, 1: before.images[1]}))[1, 3].rows
+    assert rows.in_step < 0.1
+    assert rows.late_i > 0.9
+    steady = observed(before, now)[1, 3].rows
+    assert steady.in_step > 0.9
+    assert max(steady.late_i, steady.late_k) < 0.1
+
+
+def test_a_reference_a_frame_behind_all_along_is_on_its_rows_with_the_others_frame_before():
+    moments = [scene(down_px=rows) for rows in (0, 6, 12)]
+    late = [replace(now, images={**now.images, 3: before.images[3]}) for before, now in pairwise(moments)]
+    for pair in observed(*late).values():
+        assert pair.rows.in_step < 0.1
+        assert pair.rows.late_k > 0.8
+        assert pair.rows.late_i < 0.1
+
+
+def test_a_camera_turned_aside_biases_its_disparities_by_a_constant():
+    agreement = observed(with_image(scene(), 1, ShiftedCamera(0, -6)))[1, 3].agreement
+    assert agreement.agreeing < 0.1
+    assert agreement.bias_px == pytest.approx(6, abs=1)
+    assert agreement.biased > 0.9
+
+
+def step(aside_px=0):
+    """A plane whose right half stands nearer: a plane alone would not tell where the LiDAR looks."""
+    far, near = scene(), scene(depth_m=NEAR_M)
+    images = {}
+    for number, image in far.images.items():
+        edge = WIDTH // 2 - round(300 * float(RIG.camera(number).centre_m[0]) / NEAR_M)
+        pixels = image.pixels.copy()
+        pixels[:, edge:] = near.images[number].pixels[:, edge:]
+        images[number] = replace(image, pixels=pixels)
+    cloud = plane_cloud(DEPTH_M)
+    right = cloud[:, 1] < -aside_px / 300 * DEPTH_M
+    cloud = np.where(right[:, None], cloud * np.float32(NEAR_M / DEPTH_M), cloud)
+    return replace(far, images=images, cloud=replace(far.cloud, xyz_m=cloud))
+
+
+def test_a_turned_lidar_agrees_once_all_its_points_are_moved():
+    straight, turned = (observed(step(aside))[2, 3].agreement for aside in (0, 16))
+    assert straight.agreeing > 0.9
+    assert max(straight.turned, straight.biased) < straight.agreeing + 0.01
+    assert turned.agreeing < straight.agreeing - 0.02
+    assert turned.turned > turned.agreeing + 0.02
+    assert (turned.right_px, turned.down_px) == (-16, 0)
+    assert turned.turned_only > 5 * turned.unturned_only
+    assert straight.turned_only < turned.turned_only / 10
+
+
+def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
+    far, near = scene(), scene(depth_m=NEAR_M)
+    in_step, late = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
+    assert in_step.now_only > 500
+    assert in_step.before_only == 0
+    assert late.before_only > 500
+    assert late.now_only == 0
+
+
+def test_dirt_makes_a_camera_the_darker_one_where_the_pictures_are_unlike():
+    for sensor, sign in ((1, 1), (3, -1)):
+        frame = scene()
+        pixels = frame.images[sensor].pixels.copy()
+        pixels[10:110, 110:270] = 30
+        frame = replace(frame, images={**frame.images, sensor: replace(frame.images[sensor], pixels=pixels)})
+        contrast = observed(frame)[1, 3].contrast
+        assert contrast.unlike_px > 200
+        assert sign * contrast.difference > 15
+    assert observed(scene())[1, 3].contrast.unlike_px < 200
+
+
+def test_a_camera_with_less_light_is_not_taken_for_a_dirty_one():
+    assert observed(with_image(scene(), 1, DimmedCamera(0.6)))[1, 3].contrast.unlike_px < 200
+
+
+def test_without_a_lidar_nothing_is_said_of_it():
+    rig = plane_rig(lidar=False)
+    pair = observed(replace(scene(), cloud=None), rig=rig)[1, 3]
+    assert all(isnan(value) for value in pair.agreement)
+    assert len(PairSymptoms().values) == len(COLUMNS)
+    assert all(isnan(value) for value in PairSymptoms().values)

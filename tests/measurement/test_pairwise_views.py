@@ -1,0 +1,166 @@
+"""Cameras that do not stand on one line: every pair is matched in its own view, and the whole rig is measured."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.evaluation.attacked_frame import Bench
+from auditor.identification.statistics import local_ratios
+from auditor.lab.attacks.paper import BogusWall, Facula
+from auditor.lab.simulation.drives import SyntheticDrive, make_drive
+from auditor.measurement import Watch, draw, localise, measure, measure_stream
+from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.disparity.rectification import rectification
+from auditor.model.checks import rig_elements
+from auditor.model.frames import Frame, Presence, SensorState
+from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig
+from tests.making.perturbed_rigs import perturbed
+from tests.making.scenes import moved
+
+ONE_ABOVE_ONE_AHEAD = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
+ON_THE_LINE = ((0.0, 0.0, 0.0),) * 3
+BENT = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), Lens("equidistant", (0.01, 0.0, 0.0, 0.0)), NO_LENS)
+SMALL = {"width_px": 414, "height_px": 126}
+
+
+def through(drive: SyntheticDrive, rig: Rig) -> SyntheticDrive:
+    return replace(drive, vehicle=replace(drive.vehicle, rig=rig))
+
+
+def beside(seed: int, frames: int, offsets_m=ONE_ABOVE_ONE_AHEAD, **size: int) -> SyntheticDrive:
+    drive = make_drive(seed, frames, **size)
+    return through(drive, moved(drive.rig, offsets_m))
+
+
+def without(frame: Frame, *missing: int) -> Frame:
+    presence = {**frame.presence, **{sensor: Presence(SensorState.MISSING) for sensor in missing}}
+    images = {number: image for number, image in frame.images.items() if number not in missing}
+    return replace(frame, presence=presence, images=images, cloud=None if LIDAR in missing else frame.cloud)
+
+
+@pytest.fixture(scope="module")
+def bent() -> SyntheticDrive:
+    drive = make_drive(2, 2, **SMALL)
+    return through(drive, moved(perturbed(drive.rig, BENT, 2), ONE_ABOVE_ONE_AHEAD))
+
+
+def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matched() -> None:
+    rig = make_drive(2, 1, **SMALL).rig
+    assert not rectification(moved(rig, ON_THE_LINE)).pairs
+    off = rectification(moved(rig, ONE_ABOVE_ONE_AHEAD))
+    assert list(off.pairs) == [(1, 3), (2, 3)]
+    for pair in off.pairs.values():
+        assert pair.seen.rig.is_rectified
+        assert all(sight.mean() > 0.5 for sight in pair.sights.values())
+
+
+def test_a_street_measures_like_the_same_street_along_one_line() -> None:
+    apart = []
+    for seed in (2, 3):
+        E = {}
+        for name, offsets in (("line", ON_THE_LINE), ("beside", ONE_ABOVE_ONE_AHEAD)):
+            drive = beside(seed, 2, offsets, width_px=621, height_px=188)
+            counts = [measure(frame, drive.rig, SgbmMatcher())[0].counts for frame in drive.frames()]
+            assert all(c is not None and c.gated_valid_px > 2000 for row in counts for c in row)
+            E[name] = np.mean([[[c.disparity_error(s) for s in Statistic] for c in row] for row in counts], axis=(0, 1))
+        apart.append(E["beside"] - E["line"])
+    print("mean E, all and gated, beside the line less along it:", np.round(apart, 4).tolist())
+    assert np.abs(np.mean(apart, axis=0)).max() < 0.02
+
+
+def cases() -> Iterator[dict[int, object]]:
+    facula = Facula(510.0, 60.0, 220.0, 70.0)
+    yield {}
+    for camera in (1, 2, 3):
+        yield {camera: facula}
+    yield {LIDAR: BogusWall(8.0, 0.0)}
+    yield {LIDAR: BogusWall(8.0, 0.0), 2: facula}
+
+
+@pytest.mark.parametrize("missing", [(), (LIDAR,), (1,)])
+def test_a_bench_gives_what_measuring_the_attacked_frame_gives(bent: SyntheticDrive, missing: tuple[int, ...]) -> None:
+    rig, matcher = bent.rig, SgbmMatcher()
+    frame = without(bent.frame(0), *missing)
+    bench = Bench(frame, rig, matcher)
+    for attacks in cases():
+        if set(attacks) & set(missing):
+            continue
+        images = {n: attacks[n].apply(image) if n in attacks else image for n, image in frame.images.items()}
+        cloud = attacks[LIDAR].apply(frame.cloud, rig) if LIDAR in attacks else frame.cloud
+        measured, _ = measure(replace(frame, images=images, cloud=cloud), rig, matcher)
+        assert bench.counts(attacks) == measured.counts
+        assert bench.ratios(attacks) == local_ratios(rig_elements(rig), measured.cells, measured.shares)
+
+
+class Pairing(SgbmMatcher):
+    pairs_at_once = 8
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[int] = []
+
+    def match_pairs(self, images, pairs):
+        self.asked.append(len(pairs))
+        return [self.match(images[left], images[right]) for left, right in pairs]
+
+
+def test_a_matcher_of_many_pairs_sees_those_of_several_frames_at_once(bent: SyntheticDrive) -> None:
+    frames, matcher = [without(bent.frame(0)), without(bent.frame(1), LIDAR)], Pairing()
+    plain = [measure(frame, bent.rig, SgbmMatcher())[0] for frame in frames]
+    streamed = [item[0] for item in measure_stream(frames, bent.rig, matcher)]
+    assert [m.counts for m in streamed] == [m.counts for m in plain]
+    assert matcher.asked == [4]
+    bench = Bench(frames[0], bent.rig, matcher)
+    bench.match_together(list(cases()))
+    asked = sum(matcher.asked)
+    assert bench.counts({}) == plain[0].counts
+    assert sum(matcher.asked) == asked
+
+
+def test_without_a_lidar_three_cameras_are_compared(bent: SyntheticDrive) -> None:
+    rig = Rig(None, bent.rig.cameras)
+    frame = without(bent.frame(0), LIDAR)
+    measured, evidence = measure(frame, rig, SgbmMatcher())
+    with_lidar, _ = measure(bent.frame(0), bent.rig, SgbmMatcher())
+    assert measured.counts == (with_lidar.counts[2],)
+    assert Watch().observe(evidence).keys() == {(1, 3), (2, 3)}
+    assert Bench(frame, rig, SgbmMatcher()).counts({}) == measured.counts
+
+
+def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() -> None:
+    drive = beside(3, 1, width_px=621, height_px=188)
+    rig, frame = drive.rig, drive.frame(0)
+    facula, wall = Facula(510.0, 60.0, 330.0, 90.0), BogusWall(7.0, 0.0)
+    dazzled = replace(frame, images={**frame.images, 3: facula.apply(frame.images[3])})
+    everything = rig_elements(rig)
+    _, evidence = measure(dazzled, rig, SgbmMatcher())
+    left, top, right, bottom = next(r.box_px for r in localise(evidence, everything) if r.sensor == 3)
+    cut = (rig.camera(3).intrinsics - evidence.rig.camera(3).intrinsics)[:2, 2]  # the reference view's own window
+    assert (left + right) / 2 == pytest.approx(330 - cut[0], abs=25)
+    assert (top + bottom) / 2 == pytest.approx(90 - cut[1], abs=25)
+    assert draw(evidence) is not None
+    walls = []
+    for one in (drive, through(drive, moved(drive.rig, tuple((-x, -y, -z) for x, y, z in ONE_ABOVE_ONE_AHEAD)))):
+        walled = replace(one.frame(0), cloud=wall.apply(frame.cloud, one.rig))
+        _, evidence = measure(walled, one.rig, SgbmMatcher())
+        walls.append(next(r for r in localise(evidence, everything) if r.sensor == LIDAR))
+    beside_line, on_line = walls
+    assert beside_line.points == pytest.approx(on_line.points, rel=0.02)
+    assert beside_line.solid.centre_m == pytest.approx(on_line.solid.centre_m, abs=0.05)
+    assert beside_line.solid.size_m[2] < 0.2
+
+
+def test_symptoms_are_those_of_the_pairs_own_views_and_a_pair_that_was_away_begins_anew(bent: SyntheticDrive) -> None:
+    watch = Watch()
+    seen = [
+        watch.observe(measure(frame, bent.rig, SgbmMatcher())[1])
+        for frame in (bent.frame(0), without(bent.frame(1), 1), bent.frame(1))
+    ]
+    assert [set(symptoms) for symptoms in seen] == [{(1, 3), (2, 3)}, {(2, 3)}, {(1, 3), (2, 3)}]
+    assert seen[0][1, 3].rows.in_step > 0.45
+    assert np.isnan(seen[2][1, 3].rows.late_i)
+    assert not np.isnan(seen[2][2, 3].rows.late_i)

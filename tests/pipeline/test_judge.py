@@ -1,0 +1,95 @@
+"""Judging what a store holds: what is current afterwards, what is refused, and how much is read for it."""
+
+from collections import Counter
+from decimal import Decimal
+
+import pytest
+
+from auditor.cli.judging import Judging, Tally, judge_all
+from auditor.errors import StoreError
+from auditor.model.verdict import Method
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.reporting.incident.loading import load_page
+from auditor.store import Store, tables
+from auditor.store.queries import run_sql
+from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
+
+RIG = make_rig(3)
+ZERO = Decimal(0)
+YEARS = 20 * 365 * 24 * 60
+"""In minutes."""
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    """The files that are opened, one entry each time."""
+    opened, parquet_file = [], tables.pq.ParquetFile
+
+    def counted(path):
+        opened.append(path)
+        return parquet_file(path)
+
+    monkeypatch.setattr(tables.pq, "ParquetFile", counted)
+    return opened
+
+
+def measured(store, recording="a"):
+    ratios = [0.01 * place for place in range(20)]
+    frames = [make_measurement(RIG, f, [10 + f] * len(RIG.triples), ratios=ratios) for f in range(6)]
+    return add_measurement(store, RIG, frames, recording=recording)
+
+
+def judged(folder, count):
+    """A store with so many measurements, a judgement each, and a calibration."""
+    store = new_store(folder)
+    known = [measured(store, f"{number:x}") for number in range(count)]
+    calibration = calibrate([(store, known[0])])
+    store.write_calibration(calibration)
+    for one in known:
+        add_judgement(store, RIG, one, "c" * 6, calibration_id=calibration.calibration_id)
+    return store, known
+
+
+@pytest.mark.parametrize("method", Method)
+def test_what_was_judged_last_is_current_also_where_the_clock_was_ahead_before(tmp_path, method):
+    store = new_store(tmp_path)
+    known = measured(store)
+    add_judgement(store, RIG, known, "1" * 6, minutes=YEARS)
+    calibration = calibrate([(store, known)])
+    for r in ("0", "0.5"):
+        returned = judge_measurement(store, known, calibration, Criteria(Decimal(r), method))
+        assert store.current_judgements()[known] == returned
+        sql = "SELECT method, CAST(r AS DOUBLE) AS r FROM judgements WHERE current"
+        assert run_sql(store, sql).to_pylist() == [{"method": method, "r": float(r)}]
+
+
+def test_nothing_is_kept_of_a_judgement_whose_r_has_too_many_decimals(tmp_path):
+    store = new_store(tmp_path)
+    known = measured(store)
+    calibration = calibrate([(store, known)])
+    with pytest.raises(StoreError, match="more than 17 decimals; round it"):
+        judge_measurement(store, known, calibration, Criteria(Decimal("0.0100000000000000000001")))
+    for table in ("judgements", "verdicts", "calibrations"):
+        assert not list((store.folder / table).glob("*"))
+
+
+@pytest.mark.parametrize("method", Method)
+def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_symptoms(tmp_path, reads, method):
+    store, known = judged(tmp_path, 7)
+    reads.clear()
+    judge_all(Store.open(store.folder), known, Judging(ZERO, method=method), Tally())
+    opened = Counter(reads)
+    of_each = ("measurements", "judgements", "recordings", "frames", *(["symptoms"] if method is Method.ROBUST else []))
+    assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
+    often = 2 if method is Method.ROBUST else 1
+    assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", often)}
+
+
+def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_path, reads):
+    counts = []
+    for count in (3, 6):
+        store, _ = judged(tmp_path / str(count), count)
+        reads.clear()
+        load_page(store)
+        counts.append(sum(path.parent.name == "judgements" for path in reads))
+    assert counts[1] == 2 * counts[0]

@@ -1,0 +1,91 @@
+"""A scan that is killed loses nothing that was finished, and the next one completes it."""
+
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from auditor.store.schema import TABLES
+from tests.making.small_drives import write_drive
+
+KILLS = 10
+
+
+@pytest.fixture(scope="module")
+def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
+    """A store with thresholds, and three recordings of which one is attacked."""
+    folder = tmp_path_factory.mktemp("night")
+    drives = [
+        write_drive(folder / "one.mcap", count=16, seed=1),
+        write_drive(folder / "two.mcap", count=16, seed=1, attacked={1: range(4, 12)}),
+        write_drive(folder / "three.bag", count=16, seed=1),
+    ]
+    assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
+    for table in set(TABLES) - {"calibrations"}:
+        shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
+    return folder / "thresholds", drives
+
+
+def scan(store: Path, drives: list[Path]) -> subprocess.Popen[str]:
+    command = [
+        sys.executable,
+        "-m",
+        "auditor",
+        "scan",
+        *map(str, drives),
+        "-r",
+        "0",
+        "--store",
+        str(store),
+        "--jobs",
+        "1",
+    ]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def tables(store: Path) -> dict[str, bytes]:
+    """What must be the same whatever happened in between: frames and verdicts, by their ids."""
+    return {
+        f"{t}/{p.name}": p.read_bytes()
+        for t in ("frames", "cells", "symptoms", "regions", "verdicts")
+        for p in sorted((store / t).glob("*.parquet"))
+    }
+
+
+def files(store: Path) -> int:
+    """How far a scan has come: files there, finished or under way."""
+    return sum(path.is_file() for path in store.rglob("*"))
+
+
+def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_bytes(
+    night: tuple[Path, list[Path]], tmp_path: Path
+) -> None:
+    thresholds, drives = night
+    undisturbed = shutil.copytree(thresholds, tmp_path / "undisturbed")
+    first = files(undisturbed)
+    with scan(undisturbed, drives) as process:
+        process.communicate()
+    expected = tables(undisturbed)
+    assert len(expected) == 15
+    points = random.Random(7).sample(range(first + 1, files(undisturbed)), KILLS)
+    finished = []
+    for kill, point in enumerate(points):
+        store = shutil.copytree(thresholds, tmp_path / f"killed{kill}")
+        with scan(store, drives) as process:
+            while files(store) < point and process.poll() is None:
+                time.sleep(0.001)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+        finished.append(len(list((store / "measurements").glob("*.parquet"))))
+        with scan(store, drives) as process:
+            _, remarks = process.communicate()
+        assert process.returncode == 1, remarks
+        assert remarks.count("measured before") == finished[-1], remarks
+        assert tables(store) == expected
+    assert 0 < sum(finished) < KILLS * len(drives), "kills fell before and after finished recordings"

@@ -1,0 +1,92 @@
+"""What a scan keeps of a frame is enough to work out its local ratios without the images, and to judge by them."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.identification import statistics
+from auditor.model.checks import Witness, rig_elements
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, ratios_from_cells
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.store import Store, run_sql
+from tests.making.small_drives import write_drive
+
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scanned")
+    drive = write_drive(folder / "drive.mcap", count=FRAMES, seed=1, attacked={1: range(2, FRAMES)})
+    measured = measure_recording(MeasureTask(drive, folder / "audit"), lambda what, done: None)
+    return Store.open(folder / "audit"), measured.measurement_ids[0]
+
+
+def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
+    store, measurement = scanned
+    stored = store.load_ratios(measurement).ratios
+    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
+    assert stored.shape == (FRAMES, len(elements))
+    # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
+    unlike = [place for place, e in enumerate(elements) if e.witness is Witness.UNLIKE and e.i == 1]
+    assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
+    np.testing.assert_array_equal(ratios_from_cells(store, measurement), stored)
+
+
+def test_other_windows_give_other_local_ratios_of_what_has_cells_and_of_nothing_else(scanned, monkeypatch):
+    store, measurement = scanned
+    stored = store.load_ratios(measurement).ratios
+    smaller = {witness: statistics.Window(2, 2, 10) for witness in statistics.WINDOWS}
+    monkeypatch.setattr(statistics, "WINDOWS", smaller)
+    changed = ratios_from_cells(store, measurement)
+    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
+    counted = np.array([element.witness in smaller for element in elements])
+    assert (changed[:, counted] != stored[:, counted]).any()
+    np.testing.assert_array_equal(changed[:, ~counted], stored[:, ~counted])
+
+
+def judged(store, measurement, *, recount):
+    """A judgement of the attacked frames by the clean ones, and its verdicts."""
+    clean = calibrate([(store, measurement)], range(2), recount=recount)
+    judgement = judge_measurement(store, measurement, clean, Criteria(Decimal(0), recount=recount))
+    sql = f"SELECT kind, margin, evidence FROM verdicts WHERE judgement_id = '{judgement.judgement_id}' ORDER BY frame"
+    return judgement, run_sql(store, sql).to_pylist()
+
+
+def witnesses(verdicts):
+    return {evidence["witness"] for verdict in verdicts for evidence in verdict["evidence"]}
+
+
+def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_says_that_it_was_recounted(scanned):
+    store, measurement = scanned
+    (plain, as_measured), (again, recounted) = (judged(store, measurement, recount=r) for r in (False, True))
+    assert recounted == as_measured
+    assert plain.judgement_id != again.judgement_id
+    assert (plain.recounted, again.recounted) == (False, True)
+    assert store.current_judgements()[measurement] == again
+
+
+def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_what_was_measured(scanned, monkeypatch):
+    store, measurement = scanned
+    before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
+    assert {"unlike", "light"} <= witnesses(as_measured)
+    demanding = {witness: statistics.Window(6, 8, 10**9) for witness in statistics.WINDOWS}
+    monkeypatch.setattr(statistics, "WINDOWS", demanding)
+    assert witnesses(judged(store, measurement, recount=True)[1]) == {"light"}
+    assert judged(store, measurement, recount=False)[1] == as_measured
+    np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)
+
+
+def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, capfd):
+    store, measurement = scanned
+    folder = str(store.folder)
+    assert (
+        run(["calibrate", str(store.folder.parent / "drive.mcap"), "--store", folder, "--frames", "0:2", "--recount"])
+        == 0
+    )
+    assert run(["judge", folder, "-r", "0", "--recount"]) == 1
+    assert store.current_judgements()[measurement].recounted
+    assert run(["judge", folder, "-r", "0", "--recount", "--method", "paper"]) == 2
+    assert "--recount: the paper's method has no statistics that come from cells" in capfd.readouterr().err

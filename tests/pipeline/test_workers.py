@@ -1,0 +1,171 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from auditor.errors import LimitError, RecordingError
+from auditor.pipeline.workers import Limits, Outcome, Progress, limits_of, run_all
+
+
+def square(item: int, progress: Progress) -> int:
+    progress("squaring", item)
+    if item == 3:
+        raise RecordingError("cannot be read", where=item)
+    if item == 7:
+        raise ValueError(f"{item} is no square")
+    if item == 4:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item * item
+
+
+def outcomes(items: Sequence[int], jobs: int) -> tuple[dict[int, Outcome[int, int]], list[tuple[int, str, int]]]:
+    heard: list[tuple[int, str, int]] = []
+    done = {
+        o.item: o for o in run_all(square, items, jobs, lambda item, what, count: heard.append((item, what, count)))
+    }
+    return done, heard
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_item_has_an_outcome_and_an_error_stays_with_its_item(jobs: int) -> None:
+    done, heard = outcomes([1, 2, 3, 5], jobs)
+    assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 2: 4, 3: None, 5: 25}
+    assert str(done[3].error) == "3: cannot be read"
+    assert (2, "squaring", 2) in heard
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_nobody_foresaw_is_its_item_s_error_in_one_line(jobs: int) -> None:
+    done, _ = outcomes([1, 7, 5], jobs)
+    assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 7: None, 5: 25}
+    told = str(done[7].error)
+    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (engines/test_processes.py:")
+    assert "please report" in told
+    assert "\n" not in told
+
+
+def test_a_killed_process_loses_its_item_alone() -> None:
+    done, _ = outcomes([1, 4, 2, 5, 6], jobs=2)
+    assert "its process died" in str(done[4].error)
+    assert {item: outcome.result for item, outcome in done.items() if item != 4} == {1: 1, 2: 4, 5: 25, 6: 36}
+
+
+def stop_at_the_first_progress(item: int, progress: Progress) -> int:
+    progress("begun", 0)
+    signal.pause()
+    return item
+
+
+def test_an_interrupt_stops_the_workers_and_is_raised() -> None:
+    def interrupt(item: int, what: str, count: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(run_all(stop_at_the_first_progress, [1, 2], 2, interrupt))
+
+
+def greedy(item: str, progress: Progress) -> str:
+    if item == "hungry":
+        kept = bytearray(600 << 20)
+        kept[:: 1 << 12] = bytes(len(kept) >> 12)
+    if item in ("hungry", "silent"):
+        signal.pause()
+    while item == "endless":
+        time.sleep(0.05)
+        progress("slowly", 0)
+    return item
+
+
+@pytest.mark.parametrize(
+    ("item", "limits", "says"),
+    [
+        ("hungry", Limits(memory_mb=500), "more than 500 MB of memory"),
+        ("endless", Limits(seconds=0.5), "longer than 0.5 s"),
+        ("silent", Limits(silent_s=0.5), "no frame came for"),
+    ],
+)
+def test_a_task_over_its_budget_is_one_error_and_the_others_go_on(item: str, limits: Limits, says: str) -> None:
+    """Only the task that never ends has a budget: however busy the machine, the others come to their end."""
+    items = ["modest", item, "modest too"]
+    outcomes = run_all(greedy, items, 2, lambda *_: None, lambda one: limits if one == item else Limits())
+    done = {o.item: o for o in outcomes}
+    assert isinstance(done[item].error, LimitError)
+    assert says in str(done[item].error)
+    assert "--" in str(done[item].error)
+    assert {one: outcome.result for one, outcome in done.items() if one != item} == {
+        "modest": "modest",
+        "modest too": "modest too",
+    }
+
+
+def twenty_frames(item: str, progress: Progress) -> str:
+    for frame in range(20):
+        progress("measuring", frame)
+    return item
+
+
+def test_frames_that_come_keep_a_task_alive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on by 400 s with every frame: 8000 s in all, and never 500 s of silence."""
+    now = [0.0]
+    monkeypatch.setattr("auditor.pipeline.workers.monotonic", lambda: now[0])
+
+    def goes_on(item: str, what: str, count: int) -> None:
+        now[0] += 400
+
+    [done] = run_all(twenty_frames, ["patient"], 1, goes_on, lambda _: Limits(silent_s=500))
+    assert done.result == "patient"
+    assert now[0] == 8000
+
+
+def test_large_recordings_may_be_silent_longer() -> None:
+    assert limits_of(10**11).silent_s == pytest.approx(10_600)
+    assert limits_of(10**11, seconds=5).silent_s is None
+
+
+def test_workers_end_with_their_parent() -> None:
+    program = (
+        "from tests.pipeline.test_workers import report_and_wait; from auditor.pipeline.workers import run_all\n"
+        "list(run_all(report_and_wait, [1, 2], 2, lambda item, what, done: print(what, flush=True)))"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        workers = [int(parent.stdout.readline()) for _ in range(2)]
+        parent.kill()
+    deadline = time.monotonic() + 300  # which only a failing test waits for
+    while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(is_running(pid) for pid in workers)
+
+
+def test_an_interrupt_while_workers_start_leaves_none_behind_that_complains() -> None:
+    """They start when the process that they are forked from has imported everything, which takes a second."""
+    program = (
+        "import os, signal, sys, threading\n"
+        "from tests.pipeline.test_workers import report_and_wait; from auditor.pipeline.workers import run_all\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "try:\n"
+        "    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "    list(run_all(report_and_wait, [1, 2], 2, lambda *_: None))\n"
+        "except KeyboardInterrupt:\n    sys.exit('interrupted')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stderr == "interrupted\n"
+
+
+def report_and_wait(item: int, progress: Progress) -> int:
+    progress(str(os.getpid()), 0)
+    signal.pause()
+    return item
+
+
+def is_running(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"

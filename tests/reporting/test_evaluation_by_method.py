@@ -1,0 +1,199 @@
+"""What the evaluation tables say of the robust method equals Python from the stored local ratios, exactly."""
+
+from collections import Counter
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from auditor.evaluation import judge_cases
+from auditor.identification.robust import System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.model.checks import rig_elements
+from auditor.model.verdict import VerdictKind
+from auditor.store.queries import run_query, run_sql
+from tests.making.stores import new_store
+from tests.store.test_evaluation_queries import RIG, case_of, make_evaluation, part, write
+
+R = Decimal("0.01")
+BLOCK = 10
+ELEMENTS = rig_elements(RIG)
+LARGE = ((0, 1, 2, 4), (0, 1, 2, 3, 4))
+SMALL = tuple(tuple(triple) for triple in RIG.triples if triple.k == 4)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    store, cases = make_evaluation(tmp_path_factory.mktemp("evaluation"))
+    judge_cases(store)
+    return store, cases
+
+
+@pytest.fixture(scope="module")
+def told(made):
+    """(held_out, system, experiment, case, verdict): the definition, spelled out."""
+    _, cases = made
+    everything = [(e, recording, case) for (e, recording), of_it in cases.items() for case in of_it]
+    kept = {
+        "nothing": lambda other, here: True,
+        "block": lambda other, here: other != here,
+        "recording": lambda other, here: other[0] != here[0],
+    }
+    found = []
+    for here in {(recording, case.frame // BLOCK) for _, recording, case in everything}:
+        mine = [(e, case) for e, recording, case in everything if (recording, case.frame // BLOCK) == here]
+        for held_out, keeps in kept.items():
+            clean = [
+                case.ratios
+                for e, recording, case in everything
+                if e == "clean" and keeps((recording, case.frame // BLOCK), here)
+            ]
+            scales = yardsticks(np.array(clean, dtype=np.float64), ELEMENTS, R)
+            for system in (*SMALL, *LARGE):
+                inside = [place for place, e in enumerate(ELEMENTS) if set(e.needed) <= set(system)]
+                triples = tuple(t for t in RIG.triples if set(t) <= set(system))
+                elements = tuple(ELEMENTS[place] for place in inside)
+                chosen = [(e, case) for e, case in mine if is_asked(e, case, system)]
+                ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
+                z = margins(ratios, [scales[place] for place in inside])
+                present = [
+                    {s for e, x in zip(elements, row, strict=True) if not np.isnan(x) for s in e.needed}
+                    for row in ratios
+                ]
+                missing = [frozenset(system) - there for there in present]
+                verdicts = accuse(z, System(elements, triples, system), missing)
+                found += [(held_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
+    return found
+
+
+def is_asked(experiment, case, system):
+    if not set(case.attacked) <= set(system):
+        return False
+    if len(system) == 3:
+        return experiment in ("clean", "combinations") or (experiment == "sensitivity" and system == (0, 1, 4))
+    return experiment in ("clean", "further") or (
+        experiment == "combinations" and len(case.attacked) <= len(system) - 3
+    )
+
+
+def raised(verdict):
+    return verdict.kind not in (VerdictKind.CLEAN, VerdictKind.NOT_AUDITABLE)
+
+
+def answer(made, name, **parameters):
+    rows = run_query(made[0], name, {"r": "0.01", **parameters}).to_pylist()
+    assert {row["method"] for row in rows} == {"paper", "robust"}
+    return [row for row in rows if row["method"] == "robust"]
+
+
+def test_detection_equals_python(made, told):
+    expected = Counter()
+    for held_out, system, experiment, case, verdict in told:
+        if experiment == "combinations" and len(system) == 3:
+            for attacked in (case.attacked, None):
+                key = held_out, system, case.strength, attacked
+                expected[*key, "cases"] += 1
+                expected[*key, "detected"] += raised(verdict)
+                expected[*key, "not_measured"] += verdict.kind is VerdictKind.NOT_AUDITABLE
+    rows = answer(made, "evaluation_detection")
+    assert len(rows) == 3 * len(SMALL) * 2 * 8
+    for row in rows:
+        attacked = None if row["attacked"] is None else tuple(row["attacked"])
+        key = row["held_out"], (row["i"], row["j"], row["k"]), row["strength"], attacked
+        for column in ("cases", "detected", "not_measured"):
+            assert row[column] == expected[*key, column], (key, column)
+        assert row["rate"] == row["detected"] / row["cases"]
+    assert 0.5 < np.mean([row["rate"] for row in rows]) < 1
+
+
+def test_identification_equals_python(made, told):
+    expected = Counter()
+    for held_out, system, experiment, case, verdict in told:
+        if experiment == "combinations" and len(system) > 3:
+            key = held_out, system, case.strength, case.attacked
+            expected[*key, "cases"] += 1
+            expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
+    rows = [row for row in answer(made, "evaluation_identification") if row["attacked"] is not None]
+    assert len(rows) == 3 * 2 * (4 + 5 + 10)
+    for row in rows:
+        key = row["held_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
+        assert (row["cases"], row["named"]) == (expected[*key, "cases"], expected[*key, "named"])
+        assert row["identified"] == row["named"]
+    assert 0 < sum(row["named"] for row in rows) < sum(row["cases"] for row in rows)
+
+
+def test_false_alarms_equal_python(made, told):
+    expected = Counter()
+    for held_out, system, experiment, _, verdict in told:
+        if experiment == "clean":
+            expected[held_out, system, "frames"] += 1
+            expected[held_out, system, "raised"] += raised(verdict)
+            expected[held_out, system, "accused"] += verdict.kind is VerdictKind.ATTACKED
+    rows = answer(made, "evaluation_false_alarms")
+    assert len(rows) == 3 * 8
+    for row in rows:
+        for column in ("frames", "raised", "accused"):
+            assert row[column] == expected[row["held_out"], tuple(row["system"]), column]
+
+
+def test_sensitivity_and_further_attacks_equal_python(made, told):
+    expected = Counter()
+    for held_out, system, experiment, case, verdict in told:
+        key = experiment, held_out, system, case.attacked, case.size
+        expected[*key, "cases"] += 1
+        expected[*key, "detected"] += raised(verdict)
+        expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
+    rows = answer(made, "evaluation_sensitivity")
+    assert len(rows) == 3 * 4
+    for row in rows:
+        attacked = ({"lidar": 0, "witness": 1, "reference": 4}[row["sensor"]],)
+        key = "sensitivity", row["held_out"], (0, 1, 4), attacked, row["size"]
+        assert (row["cases"], row["detected"]) == (expected[*key, "cases"], expected[*key, "detected"])
+    rows = answer(made, "evaluation_further")
+    assert len(rows) == 3 * 3 * 2
+    for row in rows:
+        key = "further", row["held_out"], tuple(row["system"]), tuple(row["attacked"]), row["size"]
+        for column in ("cases", "detected", "named"):
+            assert row[column] == expected[*key, column], (key, column)
+
+
+def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
+    expected = Counter(
+        (held_out, system, case.strength, case.attacked, v.kind.value, v.attacked)
+        for held_out, system, experiment, case, v in told
+        if experiment in ("clean", "combinations") and len(system) > 3
+    )
+    names = ("held_out", "system", "strength", "attacked", "verdict", "accused")
+    rows = answer(made, "evaluation_confusion")
+    found = {tuple(tuple(x) if isinstance(x := row[n], list) else x for n in names): row["cases"] for row in rows}
+    assert found == expected
+    summary = {(row["held_out"], row["strength"]): row for row in answer(made, "evaluation_summary")}
+    for row in answer(made, "evaluation_detection"):
+        if row["attacked"] is None and (row["i"], row["j"]) in ((0, 1), (1, 2)):
+            assert summary[row["held_out"], row["strength"]][f"scenario_{row['scenario']}"] == row["rate"]
+
+
+def test_other_rates_and_blocks_were_not_judged(made):
+    for parameters in ({"r": "0.02"}, {"block_frames": 5}):
+        rows = run_query(made[0], "evaluation_false_alarms", parameters).to_pylist()
+        robust = {row["held_out"] for row in rows if row["method"] == "robust"}
+        assert robust == (set() if "r" in parameters else {"nothing", "recording"})
+
+
+def test_judging_again_after_another_recording_replaces_what_was_said(tmp_path):
+    store, rng = new_store(tmp_path), np.random.default_rng(1)
+    store.write_rig(RIG)
+
+    def add(recording):
+        write(store, part(recording, "clean"), [case_of(rng, frame, ()) for frame in range(12)])
+        judge_cases(store)
+        sql = "SELECT held_out, count(*) AS n, max(samples) AS N FROM case_verdicts GROUP BY held_out ORDER BY held_out"
+        return [tuple(row.values()) for row in run_sql(store, sql).to_pylist()]
+
+    systems = len(SMALL) + len(LARGE)
+    assert add("a") == [("block", 12 * systems, 10), ("nothing", 12 * systems, 12)]
+    assert add("b") == [
+        ("block", 24 * systems, 22),
+        ("nothing", 24 * systems, 24),
+        ("recording", 24 * systems, 12),
+    ]

@@ -1,0 +1,143 @@
+"""Incidents of an evaluation equal those that Python makes of the same cases, exactly."""
+
+from collections import defaultdict
+from dataclasses import replace
+from decimal import Decimal
+from math import exp, factorial
+
+import numpy as np
+import pytest
+
+from auditor.evaluation import judge_cases
+from auditor.identification.robust import WINDOW_S, System, accuse
+from auditor.identification.scores import margins, yardsticks
+from auditor.identification.statistics import window_means
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import FINDINGS
+from auditor.store.evaluation_tables import INTERVAL_FRAMES
+from auditor.store.queries import run_query, run_sql
+from tests.making.stores import PERIOD_NS, new_store
+from tests.store.test_evaluation_queries import BLOCK as PAPER_BLOCK
+from tests.store.test_evaluation_queries import FRAMES, RIG, case_of, errors, folds, part, said, state, write
+
+R = Decimal("0.05")
+ROBUST_R, ROBUST_BLOCK = Decimal("0.01"), 10
+ELEMENTS = rig_elements(RIG)
+SYSTEM = System(ELEMENTS, RIG.triples, RIG.sensors)
+SETS = [((1,), "still"), ((1,), "moving"), ((0, 4), "still")]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    store, rng = new_store(tmp_path_factory.mktemp("evaluation")), np.random.default_rng(3)
+    store.write_rig(RIG)
+    cases = defaultdict(list)
+    for recording, frames in FRAMES.items():
+        for frame in range(frames):
+            drawn = [("clean", (), None), *(("intervals", attacked, variant) for attacked, variant in SETS)]
+            for experiment, attacked, variant in drawn:
+                late = frame % INTERVAL_FRAMES < 3 or rng.random() < 0.2  # not all frames of an interval show it
+                shown = () if late else attacked
+                case = replace(case_of(rng, frame, shown, None, variant), attacked=attacked, stamp_ns=frame * PERIOD_NS)
+                cases[experiment, recording].append(case)
+    for (experiment, recording), of_it in cases.items():
+        write(store, part(recording, experiment), of_it)
+    judge_cases(store)
+    return store, cases
+
+
+def lines(cases):
+    """Clean drives, and intervals under one attack each, in order: (attacked, variant), recording, cases."""
+    for recording in FRAMES:
+        yield ((), None), recording, cases["clean", recording]
+        intervals = defaultdict(list)
+        for case in cases["intervals", recording]:
+            intervals[case.attacked, case.strength, case.frame // INTERVAL_FRAMES].append(case)
+        for (attacked, variant, _), of_it in intervals.items():
+            yield (attacked, variant), recording, of_it
+
+
+def by_paper(cases, held_out, recording, line):
+    """What is said of each frame."""
+    theta_of = folds(cases, Statistic.GATED)
+    for case in line:
+        theta, _ = theta_of[held_out, recording, case.frame // PAPER_BLOCK, R]
+        pairs = zip(errors(case, Statistic.GATED), theta, strict=True)
+        kind, named, _ = said("".join(state(*pair) for pair in pairs))
+        yield kind, named if kind == "attacked" else ()
+
+
+def by_robust(cases, held_out, recording, line):
+    """What is said of each frame and the half second around it, in an otherwise clean drive."""
+    drive = {case.frame: case for case in cases["clean", recording]} | {case.frame: case for case in line}
+    for case in line:
+        kept = {
+            "nothing": lambda *_: True,
+            "block": lambda r, f, f0=case.frame: (r, f // ROBUST_BLOCK) != (recording, f0 // ROBUST_BLOCK),
+            "recording": lambda r, _: r != recording,
+        }[held_out]
+        clean = [c.ratios for r in FRAMES for c in cases["clean", r] if kept(r, c.frame)]
+        scales = yardsticks(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
+        z = margins(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
+        around = window_means(z, np.arange(len(z)) * PERIOD_NS, WINDOW_S)
+        alone, moment = (accuse(x[[case.frame]], SYSTEM, [frozenset()])[0] for x in (z, around))
+        found = alone.kind in FINDINGS and moment.kind in FINDINGS
+        yield (moment.kind.value, moment.attacked) if found else ("clean", ())
+
+
+def incidents(line, told, gap_s):
+    """(frames, first stamp, accused) of each run of frames of which the same is said."""
+    stamps = defaultdict(list)
+    for case, (kind, accused) in zip(line, told, strict=True):
+        if kind in ("attacked", "unidentified", "suspect"):
+            stamps[kind, accused].append(case.stamp_ns)
+    for (_, accused), of_it in stamps.items():
+        starts = [n for n, at in enumerate(of_it) if n == 0 or at - of_it[n - 1] > gap_s * 1e9]
+        for first, end in zip(starts, [*starts[1:], len(of_it)], strict=True):
+            yield end - first, of_it[first], accused
+
+
+@pytest.mark.parametrize("gap_s", [0.15, 0.5])
+@pytest.mark.parametrize(
+    ("method", "r", "block", "judge"),
+    [("paper", R, PAPER_BLOCK, by_paper), ("robust", ROBUST_R, ROBUST_BLOCK, by_robust)],
+)
+def test_incidents_their_names_and_delays_equal_python(made, method, r, block, judge, gap_s):
+    store, cases = made
+    expected = defaultdict(lambda: defaultdict(list))
+    for held_out in ("nothing", "block", "recording"):
+        for what, recording, line in lines(cases):
+            found = sorted(incidents(line, list(judge(cases, held_out, recording, line)), gap_s), key=lambda i: i[1])
+            longest = max(found, key=lambda i: i[0], default=(0, 0, None))[2]
+            tally = expected[held_out, *what]
+            tally["frames"].append(len(line))
+            tally["incidents"].append(len(found))
+            tally["found"].append(bool(found))
+            tally["named"].append(longest == what[0])
+            tally["delay_s"] += [(found[0][1] - line[0].stamp_ns) / 1e9] if found else []
+    parameters = {"r": str(r), "block_frames": block, "gap_s": gap_s}
+    rows = [row for row in run_query(store, "evaluation_incidents", parameters).to_pylist() if row["method"] == method]
+    assert {(row["held_out"], tuple(row["attacked"]), row["variant"]) for row in rows} == expected.keys()
+    for row in rows:
+        tally = expected[row["held_out"], tuple(row["attacked"]), row["variant"]]
+        assert (row["frames"], row["incidents"]) == (sum(tally["frames"]), sum(tally["incidents"]))
+        if row["attacked"]:
+            assert row["intervals"] == len(tally["found"]) == 3
+            assert (row["found"], row["named"]) == (sum(tally["found"]), sum(tally["named"]))
+            assert row["delay_s"] == (np.median(tally["delay_s"]) if tally["delay_s"] else None)
+            assert row["hours"] is None
+        else:
+            hours = 26 * 0.1 / 3600
+            assert row["hours"] == pytest.approx(hours)
+            assert row["incidents_an_hour"] == pytest.approx(row["incidents"] / hours)
+            assert row["at_most_an_hour"] > row["incidents_an_hour"]
+            assert row["found"] is None
+    assert sum(row["found"] or 0 for row in rows) > 0
+    assert any(row["longest_delay_s"] for row in rows)
+
+
+@pytest.mark.parametrize("k", [0, 1, 7, 120])
+def test_the_upper_bound_leaves_five_per_cent_below(made, k):
+    [row] = run_sql(made[0], f"SELECT poisson_at_most({k}) AS mean, count(*) FROM evaluations").to_pylist()
+    assert sum(exp(-row["mean"]) * row["mean"] ** n / factorial(n) for n in range(k + 1)) == pytest.approx(0.05)

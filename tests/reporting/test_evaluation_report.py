@@ -1,0 +1,248 @@
+"""The evaluation page: whole, escaped, and saying what the queries say."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from auditor.cli import auditor
+from auditor.errors import StoreError
+from auditor.evaluation import judge_cases
+from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS, Dice
+from auditor.model.checks import rig_elements
+from auditor.model.measurement import Counts
+from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
+from auditor.reporting.evaluation.page import Grid, Rate
+from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
+from auditor.reporting.evaluation.render import percent, render_evaluation, render_evaluation_report
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
+from auditor.store.queries import run_query
+from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
+from tests.reporting.test_report import HOSTILE, Page
+from tests.reporting.test_report_browser import BROWSER, browse
+
+
+def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
+    """A store in which an attack raises the E of its triples, in a share of its cases."""
+    store = new_store(folder)
+    store.write_rig(rig)
+    rng = np.random.default_rng(5)
+    for number, name in enumerate(names):
+        for experiment in experiments:
+            drawn = 1 if experiment.drawn else None
+            part = EvaluationPart(**part_columns(rig, f"{number}", experiment.name, drawn=drawn, name=name))
+            with part_writer(store, part) as writer:
+                for frame in range(frames):
+                    for case in experiment.cases(rig, Dice(0, number, frame, 0), ()):
+                        writer.add(measured(rig, frame, case, rng, seen))
+                writer.commit(
+                    frames=frames,
+                    skipped=1,
+                    last=True,
+                    seconds=2.0,
+                    versions={},
+                    evaluated_at=datetime(2026, 1, 1, tzinfo=UTC),
+                )
+    judge_cases(store)
+    return store
+
+
+def measured(rig, frame, case, rng, seen):
+    counts = []
+    for triple in rig.triples:
+        raised = set(case.attacked) & set(triple) and rng.random() < seen
+        E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
+        counts.append(Counts(2000, E, 1000, E, 0))
+    said = case.attacked, case.attack, case.strength, case.size, case.visible_share
+    ratios = [
+        rng.uniform(0.6, 1)
+        if set(case.attacked) & set(element.accusable) and rng.random() < seen
+        else rng.uniform(0, 0.2)
+        for element in rig_elements(rig)
+    ]
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return evaluated(tmp_path_factory.mktemp("evaluated"), make_rig(4, name=HOSTILE), names=(HOSTILE, "b.mcap"))
+
+
+@pytest.fixture(scope="module")
+def page(store):
+    return load_evaluation(store)
+
+
+def grid_of(page, kind, number=0) -> Grid:
+    return page.setups[0].grids[kind][number]
+
+
+def test_the_page_is_well_nested_whole_and_escaped(page):
+    shown = Page(render_evaluation(page))
+    assert "Identification (Table II)" in shown.text
+    assert "What the audit cannot see on this rig" in shown.text
+    assert not [tag for tag, _ in shown.elements if tag == "script"]
+    assert not [attributes for _, attributes in shown.elements if {"src", "href", "onload"} & attributes.keys()]
+
+
+def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
+    rows = run_query(store, "evaluation_detection", {}).to_pylist()
+    row = next(
+        r
+        for r in rows
+        if (r["held_out"], r["i"], r["j"], r["strength"], r["attacked"], r["r"]) == ("block", 0, 1, "mild", None, 0.05)
+    )
+    table = grid_of(page, "detection", 1)
+    assert table.groups == (("Scenario 1: S_0, S_1, S_4", 4), ("Scenario 2: S_1, S_2, S_4", 4))
+    assert [one.label for one in table.rows] == ["r = 0 %", "r = 1 %", "r = 2 %", "r = 3 %", "r = 5 %"]
+    assert table.rows[-1].cells[:2] == (
+        "99.91 %",
+        Rate(row["detected"], row["cases"], row["low"], row["high"], row["resolvable"]),
+    )
+    assert f"{row['detected']}/{row['cases']}" in Page(render_evaluation(page)).text
+
+
+def test_both_methods_stand_side_by_side(store, page):
+    attacks, sizes = page.setups[0].grids["methods"]
+    assert attacks.columns == ("E", "robust") * 3
+    rows = {row.label: row.cells for row in attacks.rows}
+    for at, mode in enumerate(("nothing", "block", "recording")):
+        for method, cell in zip(("paper", "robust"), rows["two named of 5 sensors, opaque"][2 * at :], strict=False):
+            [row] = [
+                row
+                for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
+                if (row["method"], row["held_out"], len(row["system"]), row["strength"], row["attacked"])
+                == (method, mode, 5, "opaque", None)
+                and row["attacked_sensors"] == 2
+            ]
+            assert cell == Rate(row["named"], row["cases"], row["low"], row["high"], row["resolvable"])
+    assert rows["two named of 5 sensors, opaque"][0] != rows["two named of 5 sensors, opaque"][1]
+    assert len(sizes.rows) == 5 + 2 * 2 * 6
+    assert not [row for table in (attacks, sizes) for row in table.rows if None in row.cells]
+    assert "Both methods" in Page(render_evaluation(page)).text
+
+
+def test_what_is_not_judged_by_the_robust_method_is_not_compared(tmp_path):
+    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4)
+    for path in (store.folder / "case_verdicts").iterdir():
+        path.unlink()
+    setup = load_evaluation(store).setups[0]
+    assert setup.grids["methods"] == ()
+    assert setup.grids["detection"][0].rows[1].cells[1] is not None
+
+
+def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
+    store = evaluated(tmp_path, make_rig(3), frames=20, experiments=(*EXPERIMENTS[:1], INTERVALS))
+    shown = load_evaluation(store)
+    [false] = shown.setups[0].grids["false_incidents"]
+    assert [row.label for row in false.rows] == ["E and Algorithm 2", "robust"]
+    assert not [row for row in false.rows if None in row.cells]
+    rows = run_query(store, "evaluation_incidents", {}).to_pylist()
+    for method, table in zip(("paper", "robust"), shown.setups[0].grids["intervals"], strict=True):
+        [row] = [
+            row
+            for row in rows
+            if (row["method"], row["held_out"], row["attacked"], row["variant"]) == (method, "block", [1], "still")
+        ]
+        cells = next(one.cells for one in table.rows if one.label == "S_1, still")
+        assert cells[3] == Rate(row["found"], 4, row["low"], row["high"], row["resolvable"])
+        assert cells[4].k == row["named"]
+    assert "Intervals of one second" in Page(render_evaluation(shown)).text
+
+
+def test_an_attack_that_is_raised_no_oftener_than_clean_frames_cannot_be_seen():
+    row = {"detected": 3, "cases": 40, "low": 0.026}
+    assert _how_seldom(row, 0.03).startswith(
+        "cannot be seen on this rig, as far as 40 frames tell: it was detected in 3,"
+    )
+    assert _how_seldom(row, 0.02) == "was detected in 3 of 40 frames."
+
+
+def test_a_rate_below_one_in_n_is_flagged(page):
+    table = grid_of(page, "detection")
+    assert [one.cells[1].resolvable for one in table.rows] == [True, False, False, False, True]
+    assert table.unresolved
+    assert "is not resolvable with" in Page(render_evaluation(page)).text
+
+
+def test_there_is_a_panel_for_every_figure_of_the_paper(page):
+    sheets = page.setups[0].sheets
+    assert [len(sheet.panels) for sheet in sheets["detection"]] == [7, 7]
+    assert [len(sheet.panels) for sheet in sheets["distribution"]] == [7, 7, 15]
+    assert [len(sheet.panels) for sheet in sheets["identification"]] == [4]
+    assert [len(sheet.panels) for sheet in sheets["sensitivity"]] == [3]
+
+
+def test_all_marks_lie_inside_their_panels(page):
+    for sheets in page.setups[0].sheets.values():
+        for plot in (panel for sheet in sheets for panel in sheet.panels):
+            for bar in plot.bars:
+                assert LEFT_PX <= bar.x_px < bar.x_px + bar.width_px <= RIGHT_PX + 0.01
+                assert TOP_PX - 0.01 <= bar.y_px <= bar.y_px + bar.height_px <= BOTTOM_PX + 0.01
+            for tick in (*plot.x_ticks, *plot.y_ticks):
+                assert TOP_PX <= tick.at_px <= RIGHT_PX
+
+
+def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
+    assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), frames=4, seen=1.0)).setups[0].unseen == ()
+    blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), frames=4, seen=0.2)).setups[0].unseen
+    assert any(s.startswith("A bogus wall, 0.5 m wide, on the LiDAR was detected in") for s in blind)
+    assert any(s.startswith("Scenario 2: attacks with opaque faculas on S_1") for s in blind)
+
+
+@pytest.mark.parametrize(("n", "lidar"), [(2, True), (3, True), (3, False), (4, False)])
+def test_rigs_of_every_make_have_a_page(tmp_path, n, lidar):
+    store = evaluated(tmp_path, make_rig(n, lidar=lidar), frames=3)
+    shown = Page(render_evaluation(load_evaluation(store)))
+    assert ("Identification (Table II)" in shown.text) == (n + lidar >= 4)
+    assert ("Wall on the LiDAR" in shown.text) == lidar
+
+
+def test_an_evaluation_that_has_only_begun_has_a_page(tmp_path):
+    store = evaluated(tmp_path, make_rig(3), experiments=EXPERIMENTS[:1])
+    assert "False alarms" in Page(render_evaluation(load_evaluation(store))).text
+
+
+def test_a_store_without_an_evaluation_says_what_to_do(tmp_path):
+    with pytest.raises(StoreError, match="attack clean recordings with auditor evaluate"):
+        load_evaluation(new_store(tmp_path))
+
+
+def test_the_command_writes_the_page_and_refuses_a_recording(store, tmp_path):
+    out = tmp_path / "page.html"
+    arguments = ["report", "evaluation", "--store", str(store.folder), "--out", str(out)]
+    done = CliRunner().invoke(auditor, arguments)
+    assert done.exit_code == 0, done.stderr
+    assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
+    refused = CliRunner().invoke(auditor, [*arguments, "--recording", "a"])
+    assert refused.exit_code == 2
+    assert "pools all recordings" in refused.stderr
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the page in")
+def test_the_page_opens_in_a_browser_without_a_message_or_a_request(store, tmp_path):
+    page = render_evaluation_report(store, out=tmp_path / "page.html")
+    console, addresses, dom = browse(page, tmp_path)
+    assert "What the audit cannot see" in dom
+    assert console == []
+    assert addresses == []
+
+
+def test_curves_and_bars_reach_where_they_should():
+    line = Axes(0, 1).line([Point(0, 0, 0, 0.1), Point(1, 1, 0.9, 1)], "line", marked=True)
+    assert line.path == f"M{LEFT_PX:.1f} {BOTTOM_PX}L{RIGHT_PX:.1f} {TOP_PX}"
+    assert line.whiskers.endswith(f"V{TOP_PX}")
+    first, second = histogram_panel("", [("bar", [3, 0, 1, 0])]).bars
+    assert (first.y_px, second.x_px) == (TOP_PX, Axes(0, 1).x(0.5))
+    assert second.height_px == pytest.approx((BOTTOM_PX - TOP_PX) / 3, abs=0.01)
+
+
+def test_a_percentage_is_never_rounded_to_none_or_all():
+    assert [percent(share).replace("\u00a0", " ") for share in (0, 0.0002, 0.5, 0.9998, 1)] == [
+        "0.0 %",
+        "0.02 %",
+        "50.0 %",
+        "99.98 %",
+        "100.0 %",
+    ]
