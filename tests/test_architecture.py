@@ -13,36 +13,37 @@ from statistics import median
 
 PACKAGE = Path(__file__).resolve().parent.parent / "auditor"
 
-ABOVE = (("cli",), ("evaluation", "learning"), ("demo", "engines", "judging", "pipeline"))
+ABOVE = (("cli",), ("evaluation", "training"), ("pipeline", "reporting"))
 """Layers over the rooms, the highest first: a box imports from lower ones only."""
 
-ROOMS = ("recordings", "evidence", "identification", "store", "lab")
+ROOMS = ("recordings", "measurement", "identification", "store", "lab")
 """Rooms import words only."""
 
-WORDS = (
-    *("elements", "results", "thresholds", "common_view", "rig", "lenses", "fields", "frames", "geometry"),
-    *("regions", "rig_kind", "symptoms", "errors", "resources"),
-)
+WORDS = ("model", "errors", "resources")
 """Words import words only."""
 
-MOST_BOXES = 26  # to become 15
-MOST_LEVELS = 10  # to become 7
-MOST_FILES = 44  # in a folder; to become 20, cli's verbs apart
+MOST_BOXES = 15
+MOST_LEVELS = 7
+MOST_FILES = 20  # in a folder, the verbs of the command line apart
 MOST_LINES = 400
 MEDIAN_FUNCTION_LINES = 8
 
 HOMES = {
-    "torch": ("evidence/matchers/psmnet/", "evidence/matchers/torchscript.py"),
-    "onnxruntime": ("evidence/onnx_models.py",),
-    "cv2": ("evidence/", "recordings/"),
+    "torch": (
+        "measurement/disparity/matchers/psmnet/",
+        "measurement/disparity/matchers/torchscript.py",
+        "training/",
+    ),
+    "onnxruntime": ("measurement/disparity/matchers/onnx_models.py",),
+    "cv2": ("measurement/", "recordings/", "evaluation/object_baseline/detectors/"),
     "duckdb": ("store/",),
     "pyarrow": ("store/",),
     "mcap": ("recordings/",),
     "rosbags": ("recordings/",),
-    "jinja2": ("store/",),
+    "jinja2": ("reporting/",),
     "click": ("cli/",),
     "rich": ("cli/",),
-    "pebble": ("engines/",),
+    "pebble": ("pipeline/workers.py",),
 }
 """Where each heavy library lives."""
 

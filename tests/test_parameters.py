@@ -32,68 +32,117 @@ PACKAGE = ROOT / "auditor"
 COUNTED = {4: ("78da6eae4208", "bc27e7641c4b")}
 """By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
 
-JUDGED = {1: "ed11aa9d7f10"}
+JUDGED = {1: "17f705da4e39"}
 """By JUDGING_VERSION the digest of what judges."""
 
-SHARED = (
-    "common_view",
-    "elements",
-    "fields",
-    "geometry",
-    "lenses",
-    "regions",
-    "results",
-    "rig",
-    "rig_kind",
-    "symptoms",
-    "thresholds",
+SCANNED = tuple(
+    path for room in ("model", "measurement", "identification") for path in sorted((PACKAGE / room).rglob("*.py"))
 )
-SCANNED = (
-    *sorted((PACKAGE / "evidence").rglob("*.py")),
-    *sorted((PACKAGE / "identification").rglob("*.py")),
-    *(PACKAGE / f"{name}.py" for name in SHARED),
-)
-PARAMETER_FILES = ("evidence/parameters.py", "identification/parameters.py")
+PARAMETER_FILES = ("model/parameters.py", "measurement/parameters.py", "identification/parameters.py")
 ELSEWHERE = {
-    "evidence/detectors/": "the object baseline keeps its settings with every evaluation",
-    "evidence/matchers/psmnet/": "the architecture of PSMNet, and how it is trained and run",
-    "evidence/pictures.py": "thumbnails for the report",
+    "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
+    "measurement/thumbnails.py": "thumbnails for the report",
 }
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
-    "common_view.py": ((3,), "dimensions"),
-    "evidence/ahead.py": ((0.05,), "seconds between two looks at a queue"),
-    "evidence/bringing_back.py": ((0.5,), "the centre of a pixel"),
-    "evidence/damaged_images.py": ((3, 255), "OpenCV's mask of a distance transform; white"),
-    "evidence/damaged_points.py": ((45, 90, 180), "degrees of a rectangle's turn"),
-    "evidence/fingerprints.py": ((255,), "white"),
-    "evidence/likeness.py": ((255,), "white"),
-    "evidence/localising.py": ((255,), "white"),
-    "evidence/model_description.py": ((3, 255.0), "channels; white"),
-    "evidence/matchers/onnx.py": ((4,), "axes"),
-    "evidence/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
-    "evidence/matchers/sgbm.py": ((16,), "OpenCV's unit of a disparity"),
-    "evidence/onnx_models.py": ((3,), "a log level"),
-    "evidence/photometric.py": ((255,), "white"),
-    "evidence/rectifying.py": ((0.5, 8), "the centre of a pixel; rigs remembered"),
-    "evidence/registration.py": ((3,), "an axis"),
-    "evidence/specks.py": ((3,), "a cell and its neighbours, in three dimensions"),
-    "evidence/texture.py": ((3, 8), "the smallest Sobel kernel and the sum of its weights"),
-    "geometry.py": ((3, 4), "dimensions"),
-    "identification/accusing.py": ((3,), "N - 3"),
-    "identification/algorithm2.py": ((4,), "N - 3 is positive"),
-    "identification/codewords.py": ((3,), "N - 3"),
-    "identification/false_alarms.py": (
-        (1.959963984540054, 4, 9, 10, 3600),
+    "identification/algorithm2.py": (
+        (
+            4,
+            3,
+        ),
+        "N - 3 is positive; N - 3",
+    ),
+    "identification/cross_validation.py": (
+        (
+            1.959963984540054,
+            4,
+            9,
+            10,
+            3600,
+        ),
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
+    "identification/paper.py": ((3,), "N - 3"),
+    "identification/robust.py": ((3,), "N - 3"),
+    "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
-    "identification/verdicts.py": ((3,), "N - 3"),
-    "identification/windows.py": ((10**9,), "nanoseconds"),
-    "lenses.py": ((4, 5, 8, 12, 60, 1e-9), "coefficients of the models; the inversion's rounds and accuracy"),
-    "results.py": ((COUNTING_VERSION,), "a version"),
-    "rig.py": ((3, 4), "dimensions, and N - 3"),
+    "measurement/checks/brightness.py": ((255,), "white"),
+    "measurement/checks/photometric_consistency.py": ((255,), "white"),
+    "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
+    "measurement/disparity/matchers/model_description.py": (
+        (
+            3,
+            255.0,
+        ),
+        "channels; white",
+    ),
+    "measurement/disparity/matchers/onnx.py": ((4,), "axes"),
+    "measurement/disparity/matchers/onnx_models.py": ((3,), "a log level"),
+    "measurement/disparity/matchers/scoring.py": ((3.0,), "a matcher's score against known disparities, after KITTI"),
+    "measurement/disparity/matchers/sgbm.py": ((16,), "OpenCV's unit of a disparity"),
+    "measurement/disparity/rectification.py": (
+        (
+            0.5,
+            8,
+        ),
+        "the centre of a pixel; rigs remembered",
+    ),
+    "measurement/disparity/stereo.py": (
+        (
+            3,
+            8,
+        ),
+        "the smallest Sobel kernel and the sum of its weights",
+    ),
+    "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
+    "measurement/fault_features/frozen_data.py": ((255,), "white"),
+    "measurement/fault_features/row_alignment.py": ((3,), "an axis"),
+    "measurement/frame.py": ((0.05,), "seconds between two looks at a queue"),
+    "measurement/localisation/images.py": (
+        (
+            3,
+            255,
+        ),
+        "OpenCV's mask of a distance transform; white",
+    ),
+    "measurement/localisation/points.py": (
+        (
+            45,
+            90,
+            180,
+        ),
+        "degrees of a rectangle's turn",
+    ),
+    "measurement/localisation/regions.py": ((255,), "white"),
+    "model/common_view.py": ((3,), "dimensions"),
+    "model/geometry.py": (
+        (
+            3,
+            4,
+        ),
+        "dimensions",
+    ),
+    "model/lenses.py": (
+        (
+            4,
+            5,
+            8,
+            12,
+            60,
+            1e-09,
+        ),
+        "coefficients of the models; the inversion's rounds and accuracy",
+    ),
+    "model/measurement.py": ((COUNTING_VERSION,), "a version"),
+    "model/parameter.py": ((12,), "characters of a digest"),
+    "model/rig.py": (
+        (
+            3,
+            4,
+        ),
+        "dimensions, and N - 3",
+    ),
 }
 """By module the numbers that are definitions, not choices."""
 
@@ -197,10 +246,10 @@ def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
 
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
-    for name, listed in (("evidence", (*MEASURING, *WARNING)), ("identification", JUDGING)):
+    for name, listed in (("measurement", (*MEASURING, *WARNING)), ("identification", JUDGING)):
         classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
         assert set(classes) <= {type(group).__name__ for group in listed}
-    shared = re.findall(r"^class (\w+):", (PACKAGE / "shared_parameters.py").read_text(), re.MULTILINE)
+    shared = re.findall(r"^class (\w+):", (PACKAGE / "model" / "parameters.py").read_text(), re.MULTILINE)
     assert set(shared) <= {type(group).__name__ for group in (*MEASURING, *JUDGING)}
 
 

@@ -9,7 +9,7 @@ import click
 from auditor.cli.output import emit, print_rows, say
 
 if TYPE_CHECKING:
-    from auditor.identification.cross_validation import HeldOut
+    from auditor.identification.cross_validation import LeftOut
     from auditor.identification.robust import System
     from auditor.model.calibration import Calibration
     from auditor.store import Store
@@ -18,20 +18,20 @@ _MOST_ROWS = 20
 _MOST_NAMED = 5
 _ROBUST_COLUMNS = ("witness", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
-_HELD_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
+_LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
 
 
 def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
     """The thresholds of the robust method at r, one row an element."""
     from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
 
-    rows = list(_elements(calibration, system, r))
+    rows = list(_pair_checks(calibration, system, r))
     if form != "table":
         emit(table_of(rows), form)
         return
     _head(calibration)
-    told = [{**row, "sensors": f"S_{row['i']} S_{row['k']}", "max": row["largest"]} for row in rows]
-    print_rows(told, _ROBUST_COLUMNS)
+    shown = [{**row, "sensors": f"S_{row['i']} S_{row['k']}", "max": row["largest"]} for row in rows]
+    print_rows(shown, _ROBUST_COLUMNS)
 
 
 def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str) -> None:
@@ -44,23 +44,23 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
         return
     _head(calibration)
     rows = rows_of(thresholds)
-    told = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in rows]
-    print_rows(told, _PAPER_COLUMNS)
+    shown = [{**row, "triple": f"{row['i']},{row['j']},{row['k']}", "max": row["largest"]} for row in rows]
+    print_rows(shown, _PAPER_COLUMNS)
 
 
-def show_held_out(
+def show_left_out(
     calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
 ) -> None:
     """How often clean recordings are raised by thresholds of the others, by both methods; `names` are by recording."""
-    from auditor.identification.cross_validation import hold_out_paper, hold_out_robust  # noqa: PLC0415 - NumPy is heavy
+    from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
     frames = sum(one.frames for one in calibration.clean)
     if len(calibration.recordings) < 2:
         say(f"one clean recording of {frames} frames: nothing can be held out to tell how often others would be raised")
         return
-    robust = hold_out_robust(calibration, system, r)
-    paper = hold_out_paper(calibration, Statistic.GATED, r)
+    robust = leave_one_out_robust(calibration, system, r)
+    paper = leave_one_out_paper(calibration, Statistic.GATED, r)
     if form == "table":
         _table(robust, paper, names)
     hours = sum(one.hours for one in robust)
@@ -77,19 +77,19 @@ def _head(calibration: "Calibration") -> None:
     click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
 
 
-def _elements(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":
+def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":
     import numpy as np  # noqa: PLC0415 - keeps --help quick
 
-    from auditor.identification.scores import yardsticks  # noqa: PLC0415
+    from auditor.identification.scores import scales_of  # noqa: PLC0415
     from auditor.identification.thresholds import resolvable  # noqa: PLC0415
 
-    ratios = calibration.ratios_of(system.elements)
+    ratios = calibration.ratios_of(system.pair_checks)
     return [
         {
             "calibration_id": calibration.calibration_id,
-            "witness": element.witness.value,
-            "i": element.i,
-            "k": element.k,
+            "witness": pair_check.check.value,
+            "i": pair_check.i,
+            "k": pair_check.k,
             "N": scale.samples,
             "median": float(np.nanmedian(column)),
             "largest": float(np.nanmax(column)),
@@ -98,14 +98,14 @@ def _elements(calibration: "Calibration", system: "System", r: Decimal) -> "list
             "scale": scale.scale,
             "resolvable": resolvable(r, scale.samples),
         }
-        for element, column, scale in zip(
-            system.elements, ratios.T, yardsticks(ratios, system.elements, r), strict=True
+        for pair_check, column, scale in zip(
+            system.pair_checks, ratios.T, scales_of(ratios, system.pair_checks, r), strict=True
         )
         if scale is not None
     ]
 
 
-def _table(robust: "Sequence[HeldOut]", paper: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
+def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:
     """The recordings that are raised most, and all together."""
     rows: list[dict[str, Any]] = [
         {
@@ -119,14 +119,14 @@ def _table(robust: "Sequence[HeldOut]", paper: "Sequence[HeldOut]", names: Mappi
         for one, other in zip(robust, paper, strict=True)
     ]
     worst = sorted(rows, key=lambda row: (-row["raised"], -row["raised by paper"]))[:_MOST_ROWS]
-    whole = {column: sum(row[column] for row in rows) for column in _HELD_OUT_COLUMNS[1:]}
+    whole = {column: sum(row[column] for row in rows) for column in _LEFT_OUT_COLUMNS[1:]}
     title = "Held out: each recording judged by the others"
     if len(rows) > len(worst):
         title += f"; the {len(worst)} raised most of {len(rows)}"
-    print_rows([*worst, {"recording": "all together", **whole}], _HELD_OUT_COLUMNS, title=title)
+    print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
 
 
-def _warn_of_incidents(results: "Sequence[HeldOut]", names: Mapping[str, str]) -> None:
+def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:
     """A recording in which the others find incidents may not be clean, or not like them."""
     suspects = [
         f"{names.get(one.recording, one.recording)} ({one.incidents})"
@@ -141,7 +141,7 @@ def _warn_of_incidents(results: "Sequence[HeldOut]", names: Mapping[str, str]) -
         )
 
 
-def _share(results: "Sequence[HeldOut]") -> str:
+def _share(results: "Sequence[LeftOut]") -> str:
     from auditor.identification.cross_validation import wilson  # noqa: PLC0415 - NumPy is heavy
 
     raised, frames = sum(one.raised for one in results), sum(one.frames for one in results)
@@ -150,6 +150,6 @@ def _share(results: "Sequence[HeldOut]") -> str:
     return f"{raised} of {frames} frames raised ({share:.2%}, 95 % interval {low:.2%} to {high:.2%})"
 
 
-def _incidents(results: "Sequence[HeldOut]", hours: float) -> str:
+def _incidents(results: "Sequence[LeftOut]", hours: float) -> str:
     count = sum(one.incidents for one in results)
     return f"{count} incident{'' if count == 1 else 's'} in {hours:.2g} h"

@@ -10,14 +10,18 @@ Pair = tuple[int, int]
 
 def short_pairs(rig: "Rig") -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to deny the LiDAR."""
-    from auditor.model.checks import Witness, rig_elements  # noqa: PLC0415 - NumPy is heavy
+    from auditor.model.checks import Check, rig_pair_checks  # noqa: PLC0415 - NumPy is heavy
 
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     denying = _pairs(rig)
-    return [(e.i, e.k) for e in elements if rig.lidar and e.witness is Witness.UNLIKE and (e.i, e.k) not in denying]
+    return [
+        (e.i, e.k)
+        for e in pair_checks
+        if rig.lidar and e.check is Check.PHOTOMETRIC_INCONSISTENCY and (e.i, e.k) not in denying
+    ]
 
 
-def abilities(rig: "Rig") -> list[str]:
+def capabilities(rig: "Rig") -> list[str]:
     """What can be identified at most, who can deny the LiDAR, and what is missing for more."""
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
@@ -56,9 +60,9 @@ def _of_cameras() -> list[str]:
 
 
 def _pairs(rig: "Rig") -> list[Pair]:
-    from auditor.model.checks import Witness, rig_elements  # noqa: PLC0415 - NumPy is heavy
+    from auditor.model.checks import Check, rig_pair_checks  # noqa: PLC0415 - NumPy is heavy
 
-    return [(e.i, e.k) for e in rig_elements(rig) if e.witness is Witness.CONTRADICTED]
+    return [(e.i, e.k) for e in rig_pair_checks(rig) if e.check is Check.LIDAR_CONFLICT]
 
 
 def _told(pairs: list[Pair]) -> str:

@@ -72,8 +72,8 @@ def measure_all(
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
-                for misfit in outcome.result.misfits:
-                    finished(f"{outcome.item}: WARNING: {misfit}")
+                for warning in outcome.result.misfits:
+                    finished(f"{outcome.item}: WARNING: {warning}")
     return [measured[task] for task in tasks if task in measured]
 
 

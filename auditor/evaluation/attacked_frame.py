@@ -8,8 +8,8 @@ from typing import Protocol, TypeVar, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.statistics import local_ratios
-from auditor.measurement.checks.collect import Testimony, testify
+from auditor.identification.statistics import windowed_ratios
+from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
@@ -19,7 +19,7 @@ from auditor.measurement.disparity.rectification import PairView, Rectification,
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.pairwise_views import OF_TWO, joined
 from auditor.measurement.shared_view import matched
-from auditor.model.checks import Pair, rig_elements
+from auditor.model.checks import Pair, rig_pair_checks
 from auditor.model.frames import CameraImage, Frame, PointCloud
 from auditor.model.measurement import Counts
 from auditor.model.rig import LIDAR, Rig, Triple
@@ -54,7 +54,7 @@ Attacks = Mapping[int, Attack]
 """What is done to each attacked sensor."""
 
 
-class Bench:
+class AttackedFrame:
     """Measures one clean frame under one set of attacks after the other.
 
     Counts and local ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
@@ -64,11 +64,11 @@ class Bench:
     def __init__(self, frame: Frame, rig: Rig, matcher: Matcher) -> None:
         self.frame = frame
         self.rig = rig
-        self.elements = rig_elements(rig)
+        self.pair_checks = rig_pair_checks(rig)
         self._matcher = matcher
         self._made: dict[tuple[object, ...], object] = {}
         self._seen = self._rectification()
-        self._pairs = {pair: _PairBench(self, view) for pair, view in self._seen.pairs.items()}
+        self._pairs = {pair: _AttackedPair(self, view) for pair, view in self._seen.pairs.items()}
 
     @property
     def sensors(self) -> tuple[int, ...]:
@@ -94,10 +94,10 @@ class Bench:
         wanted = self._measurable(triples)
         pairs = matched(wanted)
         cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
-        heard = [self.testimony(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
-        cells = {element: of_it for one in heard for element, of_it in one.cells.items()}
-        shares = {element: share for one in heard for element, share in one.shares.items()}
-        return local_ratios(self.elements, cells, shares)
+        collected = [self.frame_checks(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
+        cells = {pair_check: of_it for one in collected for pair_check, of_it in one.cells.items()}
+        shares = {pair_check: share for one in collected for pair_check, share in one.shares.items()}
+        return windowed_ratios(self.pair_checks, cells, shares)
 
     def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
         """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
@@ -117,8 +117,8 @@ class Bench:
         of_image = {image: attacks for key, attacks in missing.items() for image in key}
         images = {image: self._matched(image[0], attacks) for image, attacks in of_image.items()}
         texture = {image: self._texture(image[0], attacks) for image, attacks in of_image.items()}
-        for (witness, reference), found in stereo_maps(self._matcher, images, texture, missing).items():
-            self._made[_map_key(witness, reference)] = found
+        for (source, reference), found in stereo_maps(self._matcher, images, texture, missing).items():
+            self._made[_map_key(source, reference)] = found
 
     def forget_attacks(self) -> None:
         """Keep only what was made of clean data."""
@@ -129,8 +129,8 @@ class Bench:
     def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
         """Those of the triples asked for whose sensors are all there."""
         present = frozenset(self.sensors)
-        asked = self.rig.triples if triples is None else triples
-        return tuple(triple for triple in asked if present.issuperset(triple))
+        wanted = self.rig.triples if triples is None else triples
+        return tuple(triple for triple in wanted if present.issuperset(triple))
 
     def _counts(self, triple: Triple, attacks: Attacks) -> Counts:
         def count() -> Counts:
@@ -145,24 +145,24 @@ class Bench:
             baselines = rig.baseline_m(i, k), rig.baseline_m(j, k)
             return compare_cameras(self.stereo_map(i, k, attacks), second, *baselines).counts
 
-        return self.once("counts", triple, attacks, triple, count)
+        return self.memoise("counts", triple, attacks, triple, count)
 
-    def testimony(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> Testimony:
+    def frame_checks(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> FrameChecks:
         """What the witnesses say of two cameras i < k under these attacks, and the LiDAR in k's view if it is there.
 
         Without having `matched` them that is only what needs no disparities.
         """
 
-        def hear() -> Testimony:
-            halves = {camera: self._half(camera, attacks) for camera in (i, k)}
+        def collect() -> FrameChecks:
+            half_res = {camera: self._half(camera, attacks) for camera in (i, k)}
             maps = {(i, k): self.stereo_map(i, k, attacks)} if matched else {}
             views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
             if self._pairs:
-                told = {pair: self._pairs[pair].testimony(*OF_TWO, of_two(attacks, pair)) for pair in maps}
-                return joined(told, halves, views, self._seen.rig)
-            return testify(halves, maps, views, self._seen.rig)
+                of_pairs = {pair: self._pairs[pair].frame_checks(*OF_TWO, of_two(attacks, pair)) for pair in maps}
+                return joined(of_pairs, half_res, views, self._seen.rig)
+            return collect_checks(half_res, maps, views, self._seen.rig)
 
-        return self.once("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), hear)
+        return self.memoise("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), collect)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{i,k} under these attacks, in the common view."""
@@ -171,14 +171,14 @@ class Bench:
             if self._pairs:
                 own = self._pairs[i, k].stereo_map(*OF_TWO, of_two(attacks, (i, k)))
                 return self._seen.pairs[i, k].back.stereo(own)
-            reference, witness = self._matched(k, attacks), self._matched(i, attacks)
-            return stereo_map(self._matcher, reference, witness, self._texture(k, attacks), self._texture(i, attacks))
+            reference, source = self._matched(k, attacks), self._matched(i, attacks)
+            return stereo_map(self._matcher, reference, source, self._texture(k, attacks), self._texture(i, attacks))
 
-        return self.once("map", (i, k), attacks, (i, k), match)
+        return self.memoise("map", (i, k), attacks, (i, k), match)
 
     def lidar_view(self, k: int, attacks: Attacks) -> LidarView:
         """The LiDAR's points in the view of camera k under these attacks."""
-        return self.once("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self._seen.rig, k))
+        return self.memoise("view", k, attacks, (LIDAR,), lambda: lidar_view(self.cloud(attacks), self._seen.rig, k))
 
     def cloud(self, attacks: Attacks) -> PointCloud:
         """The data of the LiDAR under these attacks."""
@@ -188,13 +188,13 @@ class Bench:
             assert cloud is not None
             return cloud if attack is None else cast(LidarAttack, attack).apply(cloud, self.rig)
 
-        return self.once("cloud", LIDAR, attacks, (LIDAR,), change)
+        return self.memoise("cloud", LIDAR, attacks, (LIDAR,), change)
 
     def _texture(self, camera: int, attacks: Attacks) -> NDArray[np.bool_]:
-        return self.once("texture", camera, attacks, (camera,), lambda: textured(self._half(camera, attacks)))
+        return self.memoise("texture", camera, attacks, (camera,), lambda: textured(self._half(camera, attacks)))
 
     def _half(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
-        return self.once("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
+        return self.memoise("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
 
     def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         """The rectified image as the matcher wants it."""
@@ -203,7 +203,7 @@ class Bench:
             pixels = self.rectified(camera, attacks)
             return pixels if self._matcher.colour else grey(pixels)
 
-        return self.once("matched", camera, attacks, (camera,), change)
+        return self.memoise("matched", camera, attacks, (camera,), change)
 
     def rectified(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         """The rectified image of a camera under these attacks, (H, W) or (H, W, 3)."""
@@ -212,7 +212,7 @@ class Bench:
             image = replace(self.frame.images[camera], pixels=self.pixels(camera, attacks))
             return self._seen.image(image).pixels
 
-        return self.once("rectified", camera, attacks, (camera,), change)
+        return self.memoise("rectified", camera, attacks, (camera,), change)
 
     def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         """The image of a camera under these attacks, (H, W) or (H, W, 3) as the frame holds it."""
@@ -221,9 +221,9 @@ class Bench:
             image, attack = self.frame.images[camera], attacks.get(camera)
             return image.pixels if attack is None else cast(CameraAttack, attack).apply(image).pixels
 
-        return self.once("pixels", camera, attacks, (camera,), change)
+        return self.memoise("pixels", camera, attacks, (camera,), change)
 
-    def once(
+    def memoise(
         self, what: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
     ) -> Made:
         """What depends on the data of these sensors only, made once for each attack on them."""
@@ -233,10 +233,10 @@ class Bench:
         return cast(Made, self._made[key])
 
 
-class _PairBench(Bench):
+class _AttackedPair(AttackedFrame):
     """The bench of a pair with a view of its own: a rig of two, whose attacked data is the whole bench's."""
 
-    def __init__(self, whole: Bench, view: PairView) -> None:
+    def __init__(self, whole: AttackedFrame, view: PairView) -> None:
         self._whole, self._view = whole, view
         super().__init__(view.recorded(whole.frame), whole.rig.pair(*view.cameras), whole._matcher)
 
@@ -245,8 +245,8 @@ class _PairBench(Bench):
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{1,2}, where both see."""
-        found, sights = super().stereo_map(i, k, attacks), self._view.sights
-        return self.once("seen map", (i, k), attacks, (i, k), lambda: within(found, sights[k], sights[i]))
+        found, valid_masks = super().stereo_map(i, k, attacks), self._view.valid_masks
+        return self.memoise("seen map", (i, k), attacks, (i, k), lambda: within(found, valid_masks[k], valid_masks[i]))
 
     def cloud(self, attacks: Attacks) -> PointCloud:
         """That of the whole bench."""
@@ -266,7 +266,7 @@ def of_two(attacks: Attacks, pair: Pair) -> Attacks:
 AttackedCamera = tuple[int, Attack | None]
 
 
-def _map_key(witness: AttackedCamera, reference: AttackedCamera) -> tuple[object, ...]:
+def _map_key(source: AttackedCamera, reference: AttackedCamera) -> tuple[object, ...]:
     """The key of `once` for a disparity map."""
-    (i, on_i), (k, on_k) = witness, reference
+    (i, on_i), (k, on_k) = source, reference
     return ("map", (i, k), on_i, on_k)

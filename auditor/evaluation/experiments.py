@@ -69,7 +69,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Dice:
+class SeededDraws:
     """Chance that depends on nothing but these numbers: a repeated evaluation draws the same attacks."""
 
     seed: int
@@ -93,7 +93,7 @@ class Experiment:
 
     name: str
     triples: Callable[[Rig], tuple[Triple, ...]]
-    cases: Callable[[Rig, Dice, Sequence[Frame]], Iterator[Case]]
+    cases: Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[Case]]
     drawn: bool = True
     inputs: str | None = None
     attacks: bool = True
@@ -133,14 +133,14 @@ def _scenario_1_only(rig: Rig) -> tuple[Triple, ...]:
     return () if triple is None else (triple,)
 
 
-def _clean(_rig: Rig, _dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+def _clean(_rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
     yield Case()
 
 
-def _combinations(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+def _combinations(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
     """Each sensor has one attack in a draw, whatever others are attacked with it; strengths change nothing else."""
     for strength in STRENGTHS:
-        attacks = {sensor: drawn_attack(rig, sensor, strength, dice.of(sensor)) for sensor in rig.sensors}
+        attacks = {sensor: drawn_attack(rig, sensor, strength, draws.of(sensor)) for sensor in rig.sensors}
         for attacked in attacked_sets(rig):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, strength)
 
@@ -153,17 +153,17 @@ def drawn_attack(rig: Rig, sensor: int, strength: str, rng: np.random.Generator)
     return draw_facula(rng, camera.width_px, camera.height_px, strength)
 
 
-def _sensitivity(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+def _sensitivity(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
     """Walls of several widths on S_0; faculas of several radii on the reference camera, then on the witness."""
     triple = scenario_1(rig)
     if triple is None:
         return
-    wall = draw_wall(dice.of(LIDAR))
+    wall = draw_wall(draws.of(LIDAR))
     for width in WALL_WIDTHS_M:
         yield Case({LIDAR: replace(wall, width_m=width)}, size=width)
     for sensor, strength in product((triple.k, triple.j), SENSITIVITY_STRENGTHS):
         camera = rig.camera(sensor)
-        drawn = draw_facula(dice.of(sensor), camera.width_px, camera.height_px, strength)
+        drawn = draw_facula(draws.of(sensor), camera.width_px, camera.height_px, strength)
         for radius in RADII_PX:
             facula = replace(drawn, radius_px=radius * camera.width_px / PAPER_WIDTH_PX)
             yield Case({sensor: facula}, strength, radius, disc_share(facula, camera.width_px, camera.height_px))
@@ -208,24 +208,24 @@ STRIPES_PX = 40.0
 STRIPE_LEVELS = (60.0, 120.0)
 
 
-def further_cases(rig: Rig, dice: Dice, past: Sequence[Frame]) -> Iterator[Case]:
+def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[Case]:
     """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it.
 
     What is not left to chance comes with the first draw only, so that nothing counts twice.
     """
     if rig.lidar:
-        yield from _drawn_on_lidar(dice)
+        yield from _drawn_on_lidar(draws)
     for sensor in (1, rig.n):
-        phase = dice.of(sensor).uniform(0, STRIPES_PX)
+        phase = draws.of(sensor).uniform(0, STRIPES_PX)
         for level in STRIPE_LEVELS:
             yield Case({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
             yield Case({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
-    if dice.draw == 0:
+    if draws.draw == 0:
         yield from _certain(rig, past)
 
 
-def _drawn_on_lidar(dice: Dice) -> Iterator[Case]:
-    rng = dice.of(LIDAR)
+def _drawn_on_lidar(draws: SeededDraws) -> Iterator[Case]:
+    rng = draws.of(LIDAR)
     azimuth, seed = float(rng.uniform(*SECTOR_AZIMUTHS_DEG)), int(rng.integers(1 << 31))
     for width in SECTORS_DEG:
         yield Case({LIDAR: HiddenSector(width, azimuth)}, size=width)
@@ -265,10 +265,10 @@ def read_patterns(paths: Sequence[Path]) -> tuple[LaserPattern, ...]:
     return tuple(patterns)
 
 
-def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, Dice, Sequence[Frame]], Iterator[Case]]:
+def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraws, Sequence[Frame]], Iterator[Case]]:
     """Each pattern on each camera."""
 
-    def on_each(rig: Rig, _dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+    def on_each(rig: Rig, _draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
         for camera in rig.cameras:
             for pattern in patterns:
                 yield Case({camera.number: pattern}, pattern.title)
@@ -283,11 +283,11 @@ STRENGTH = "mild"
 """Of the faculas: the weakest that the combinations try."""
 
 
-def interval_cases(rig: Rig, dice: Dice, _past: Sequence[Frame]) -> Iterator[Case]:
+def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
     """One sensor at a time, then the first and the last together; what holds still is drawn for the whole interval."""
-    held = replace(dice, frame=dice.frame - dice.frame % INTERVAL_FRAMES)
+    held = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
     together = (LIDAR if rig.lidar else 1, rig.n)
-    for variant, chance in (("still", held), ("moving", dice)):
+    for variant, chance in (("still", held), ("moving", draws)):
         attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, chance.of(sensor)) for sensor in rig.sensors}
         for attacked in (*((sensor,) for sensor in rig.sensors), together):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)

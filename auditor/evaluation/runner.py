@@ -15,15 +15,15 @@ from typing import Any
 
 from auditor import __version__
 from auditor.errors import RigError
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.experiments import (
     DELAYS,
     EXPERIMENTS,
     FURTHER,
     INTERVALS,
     Case,
-    Dice,
     Experiment,
+    SeededDraws,
     all_triples,
     pattern_cases,
     read_patterns,
@@ -39,11 +39,11 @@ from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
 from auditor.store.records import content_id
 
-STRETCH_FRAMES = 20
+CHUNK_FRAMES = 20
 """Frames that are finished together: a killed evaluation loses no more than these."""
 
 
-class Stretches:
+class Chunks:
     """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
 
     def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
@@ -52,9 +52,9 @@ class Stretches:
         self.past: deque[Frame] = deque(maxlen=max(DELAYS))
 
     def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
-        for stretch in itertools.count():
-            end = (stretch + 1) * STRETCH_FRAMES
-            yield stretch, self._below(end)
+        for chunk in itertools.count():
+            end = (chunk + 1) * CHUNK_FRAMES
+            yield chunk, self._below(end)
             for _ in self._below(end):  # what the caller left unread
                 pass
             if self.ended:
@@ -78,9 +78,9 @@ def all_finished(parts: Callable[[int], Sequence[bool | None]], *, share: int, o
 
     `parts` are those of a stretch: None where one is not finished, else whether the recording ends in it.
     """
-    for stretch in itertools.count():
-        found = parts(stretch)
-        if (stretch % of == share and None in found) or all(part is None for part in found):
+    for chunk in itertools.count():
+        found = parts(chunk)
+        if (chunk % of == share and None in found) or all(part is None for part in found):
             return False
         if any(found):
             return True
@@ -143,11 +143,13 @@ class Run(ABC):
         self._cases = 0
 
     @abstractmethod
-    def part(self, experiment: Experiment, stretch: int) -> Part:
+    def part(self, experiment: Experiment, chunk: int) -> Part:
         """What the store knows an experiment on a stretch by."""
 
     @abstractmethod
-    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
+    def look(
+        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
+    ) -> Iterator[KeptCase]:
         """What there is to keep of these cases of one frame."""
 
     def versions(self) -> Mapping[str, str]:
@@ -161,13 +163,13 @@ class Run(ABC):
         if self._finished():
             return Evaluated(0, 0)
         self._store.write_rig(self._drive.rig)
-        stretches = Stretches(self._drive.frames)
-        for stretch, frames in stretches:
-            if stretch % self._task.of == self._task.share:
-                self._go_along(stretch, frames, stretches, progress)
+        chunks = Chunks(self._drive.frames)
+        for chunk, frames in chunks:
+            if chunk % self._task.of == self._task.share:
+                self._go_along(chunk, frames, chunks, progress)
         return Evaluated(self._frames, self._cases)
 
-    def shared_columns(self, experiment: Experiment, stretch: int) -> dict[str, Any]:
+    def shared_columns(self, experiment: Experiment, chunk: int) -> dict[str, Any]:
         """What all parts are known by."""
         task, drive = self._task, self._drive
         return {
@@ -179,37 +181,35 @@ class Run(ABC):
             "experiment": experiment.name,
             "seed": task.seed if experiment.drawn else None,
             "draws": task.draws if experiment.drawn else None,
-            "stretch": stretch,
+            "stretch": chunk,
             "attack_every": task.attack_every if experiment.attacks else None,
         }
 
     def _finished(self) -> bool:
         """True where every stretch of this share is there, and the last one is known."""
         return all_finished(
-            lambda stretch: [finished_part(self._store, self.part(one, stretch)) for one in self._experiments],
+            lambda chunk: [finished_part(self._store, self.part(one, chunk)) for one in self._experiments],
             share=self._task.share,
             of=self._task.of,
         )
 
-    def _go_along(
-        self, stretch: int, frames: Iterator[Frame | Skipped], stretches: Stretches, progress: Progress
-    ) -> None:
-        todo = [e for e in self._experiments if finished_part(self._store, self.part(e, stretch)) is None]
+    def _go_along(self, chunk: int, frames: Iterator[Frame | Skipped], chunks: Chunks, progress: Progress) -> None:
+        todo = [e for e in self._experiments if finished_part(self._store, self.part(e, chunk)) is None]
         if not todo:
             return
         with ExitStack() as stack:
-            writers = [stack.enter_context(part_writer(self._store, self.part(e, stretch))) for e in todo]
+            writers = [stack.enter_context(part_writer(self._store, self.part(e, chunk))) for e in todo]
             seconds, counts = [0.0] * len(todo), [0] * len(todo)
             skipped = 0
             for frame in frames:
                 if isinstance(frame, Skipped):
                     skipped += 1
                     continue
-                bench = Bench(frame, self._drive.rig, self._matcher)
+                attacked_frame = AttackedFrame(frame, self._drive.rig, self._matcher)
                 for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
                     if experiment.takes(frame.number, self._task.attack_every):
                         started = perf_counter()
-                        self._look(bench, tuple(stretches.past), experiment, writer)
+                        self._look(attacked_frame, tuple(chunks.past), experiment, writer)
                         seconds[at] += perf_counter() - started
                         counts[at] += 1
                 self._frames += 1
@@ -218,21 +218,27 @@ class Run(ABC):
                 writer.commit(
                     frames=count,
                     skipped=skipped,
-                    last=stretches.ended,
+                    last=chunks.ended,
                     seconds=spent,
                     versions=self.versions(),
                     evaluated_at=datetime.now(UTC),
                 )
 
-    def _look(self, bench: Bench, past: Sequence[Frame], experiment: Experiment, writer: PartWriter) -> None:
-        present = set(bench.sensors)
+    def _look(
+        self, attacked_frame: AttackedFrame, past: Sequence[Frame], experiment: Experiment, writer: PartWriter
+    ) -> None:
+        present = set(attacked_frame.sensors)
         for draw in range(self._task.draws if experiment.drawn else 1):
-            dice = Dice(self._task.seed, int(self._drive.recording_id[:8], 16), bench.frame.number, draw)
-            cases = [case for case in experiment.cases(bench.rig, dice, past) if present.issuperset(case.attacked)]
-            for kept in self.look(bench, experiment, draw, cases):
+            draws = SeededDraws(
+                self._task.seed, int(self._drive.recording_id[:8], 16), attacked_frame.frame.number, draw
+            )
+            cases = [
+                case for case in experiment.cases(attacked_frame.rig, draws, past) if present.issuperset(case.attacked)
+            ]
+            for kept in self.look(attacked_frame, experiment, draw, cases):
                 writer.add(kept)
                 self._cases += 1
-            bench.forget_attacks()
+            attacked_frame.forget_attacks()
 
 
 def _check(rig: Rig, where: Source) -> None:
@@ -267,16 +273,18 @@ def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
 
 
 class _Run(Run):
-    def part(self, experiment: Experiment, stretch: int) -> EvaluationPart:
-        return EvaluationPart(**self.shared_columns(experiment, stretch), inputs=experiment.inputs)
+    def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
+        return EvaluationPart(**self.shared_columns(experiment, chunk), inputs=experiment.inputs)
 
-    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
-        triples = experiment.triples(bench.rig)
-        bench.match_together((case.attacks for case in cases), triples)
+    def look(
+        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
+    ) -> Iterator[MeasuredCase]:
+        triples = experiment.triples(attacked_frame.rig)
+        attacked_frame.match_together((case.attacks for case in cases), triples)
         for case in cases:
             yield MeasuredCase(
-                frame=bench.frame.number,
-                stamp_ns=bench.frame.stamp_ns,
+                frame=attacked_frame.frame.number,
+                stamp_ns=attacked_frame.frame.stamp_ns,
                 draw=draw,
                 attacked=case.attacked,
                 attack=case.attack,
@@ -284,8 +292,8 @@ class _Run(Run):
                 size=case.size,
                 visible_share=case.visible_share,
                 parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
-                counts=bench.counts(case.attacks, triples),
-                ratios=bench.ratios(case.attacks, triples),
+                counts=attacked_frame.counts(case.attacks, triples),
+                ratios=attacked_frame.ratios(case.attacks, triples),
             )
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evaluation.experiments import scenario_1
-from auditor.identification.robust import WINDOW_S, System, accuse
-from auditor.identification.scores import margins, yardsticks
+from auditor.identification.robust import WINDOW_S, System, name_attacked
+from auditor.identification.scores import scales_of, scores
 from auditor.identification.statistics import window_means
-from auditor.model.calibration import Yardstick
-from auditor.model.checks import Element, rig_elements
+from auditor.model.calibration import Scale
+from auditor.model.checks import PairCheck, rig_pair_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.store import Store, rows_of, run_sql
-from auditor.store.evaluation_tables import BLOCK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
+from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES, JUDGED_R, CaseVerdict, write_case_verdicts
 
 _CASES = """
 SELECT
@@ -52,7 +52,7 @@ class Case:
     @property
     def block(self) -> tuple[str, int]:
         """Its recording and the block of time in it."""
-        return self.recording_id, self.frame // BLOCK_FRAMES
+        return self.recording_id, self.frame // CHUNK_FRAMES
 
     @property
     def drive(self) -> tuple[str, str]:
@@ -67,11 +67,11 @@ def judge_cases(store: Store) -> None:
     what is said of all: everything is judged anew.
     """
     rig_of = cache(store.rig)
-    elements_of = cache(lambda rig_id: rig_elements(rig_of(rig_id)))
-    setups: dict[tuple[str, tuple[Element, ...]], list[Case]] = defaultdict(list)
-    rigs: dict[tuple[str, tuple[Element, ...]], Rig] = {}
+    pair_checks_of = cache(lambda rig_id: rig_pair_checks(rig_of(rig_id)))
+    setups: dict[tuple[str, tuple[PairCheck, ...]], list[Case]] = defaultdict(list)
+    rigs: dict[tuple[str, tuple[PairCheck, ...]], Rig] = {}
     for row in rows_of(run_sql(store, _CASES)):
-        setup = row["setup"], elements_of(row["rig_id"])
+        setup = row["setup"], pair_checks_of(row["rig_id"])
         rigs[setup] = rig_of(row["rig_id"])
         setups[setup].append(_case(row))
     for setup, cases in setups.items():
@@ -87,28 +87,28 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
 
     A rig without triples has no systems, so that nothing is said of its cases.
     """
-    elements, of_rig = rig_elements(rig), systems(rig)
-    ratios = np.array([case.ratios for case in cases], dtype=np.float64).reshape(len(cases), len(elements))
+    pair_checks, of_rig = rig_pair_checks(rig), systems(rig)
+    ratios = np.array([case.ratios for case in cases], dtype=np.float64).reshape(len(cases), len(pair_checks))
     clean = np.array([case.experiment == "clean" for case in cases], dtype=np.bool_)
     for held_out, tested, calibrated in _folds(cases, clean):
         if not calibrated.any():
             continue
-        scales = yardsticks(ratios[calibrated], elements, JUDGED_R)
-        z = margins(ratios, scales)
-        around_z = _around(z, cases, np.flatnonzero(tested).tolist())
+        scales = scales_of(ratios[calibrated], pair_checks, JUDGED_R)
+        z = scores(ratios, scales)
+        window_z = _window(z, cases, np.flatnonzero(tested).tolist())
         for sensors in of_rig:
             chosen = [place for place in np.flatnonzero(tested).tolist() if _is_judged(cases[place], sensors, rig)]
-            columns = [c for c, element in enumerate(elements) if set(element.needed) <= set(sensors)]
+            columns = [c for c, pair_check in enumerate(pair_checks) if set(pair_check.needed) <= set(sensors)]
             system = System(
-                tuple(elements[c] for c in columns), tuple(t for t in rig.triples if set(t) <= set(sensors)), sensors
+                tuple(pair_checks[c] for c in columns), tuple(t for t in rig.triples if set(t) <= set(sensors)), sensors
             )
             samples = _fewest([scales[c] for c in columns])
             missing = _missing(ratios[np.ix_(chosen, columns)], system)
-            found = accuse(z[np.ix_(chosen, columns)], system, missing)
-            around = accuse(around_z[np.ix_(chosen, columns)], system, missing)
-            for place, verdict, moment in zip(chosen, found, around, strict=True):
+            found = name_attacked(z[np.ix_(chosen, columns)], system, missing)
+            window = name_attacked(window_z[np.ix_(chosen, columns)], system, missing)
+            for place, verdict, of_window in zip(chosen, found, window, strict=True):
                 case = cases[place]
-                finding = sensors == of_rig[-1] and verdict.kind in FINDINGS and moment.kind in FINDINGS
+                finding = sensors == of_rig[-1] and verdict.kind in FINDINGS and of_window.kind in FINDINGS
                 yield (
                     case.evaluation_id,
                     CaseVerdict(
@@ -124,13 +124,13 @@ def judged(cases: Sequence[Case], rig: Rig) -> Iterator[tuple[str, CaseVerdict]]
                         samples=samples,
                         verdict=verdict.kind,
                         accused=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
-                        lasting=moment.kind if finding else None,
-                        lasting_accused=moment.attacked if finding else (),
+                        lasting=of_window.kind if finding else None,
+                        lasting_accused=of_window.attacked if finding else (),
                     ),
                 )
 
 
-def _around(z: Floats, cases: Sequence[Case], tested: Sequence[int]) -> Floats:
+def _window(z: Floats, cases: Sequence[Case], tested: Sequence[int]) -> Floats:
     """Margins of the half seconds around clean frames, and around those of each attacked interval of a clean drive.
 
     NaN for all other cases: their neighbours were not attacked alike.
@@ -201,10 +201,12 @@ def _is_judged(case: Case, sensors: tuple[int, ...], rig: Rig) -> bool:
 
 def _missing(ratios: Floats, system: System) -> list[frozenset[int]]:
     """The sensors of which nothing was measured in each case."""
-    touching = {s: [s in element.needed for element in system.elements] for s in system.sensors}
-    heard = np.stack([~np.isnan(ratios[:, touching[s]]).all(axis=1) for s in system.sensors], axis=1)
-    return [frozenset(s for s, there in zip(system.sensors, row, strict=True) if not there) for row in heard.tolist()]
+    touching = {s: [s in pair_check.needed for pair_check in system.pair_checks] for s in system.sensors}
+    measured = np.stack([~np.isnan(ratios[:, touching[s]]).all(axis=1) for s in system.sensors], axis=1)
+    return [
+        frozenset(s for s, there in zip(system.sensors, row, strict=True) if not there) for row in measured.tolist()
+    ]
 
 
-def _fewest(scales: Sequence[Yardstick | None]) -> int:
+def _fewest(scales: Sequence[Scale | None]) -> int:
     return min((scale.samples for scale in scales if scale is not None), default=0)

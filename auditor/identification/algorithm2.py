@@ -87,22 +87,22 @@ def identify(e: str, triples: Sequence[Triple], sensors: Iterable[int]) -> Ident
     system = sorted(sensors)
     attacked: list[int] = []
     while True:
-        *witnesses, k = system
-        elements = {(i, j): states.get(Triple(i, j, k), NOT_MEASURED) for i, j in combinations(witnesses, 2)}
-        zero = next((pair for pair, state in elements.items() if state == NOT_ABOVE), None)
+        *sources, k = system
+        pair_checks = {(i, j): states.get(Triple(i, j, k), NOT_MEASURED) for i, j in combinations(sources, 2)}
+        zero = next((pair for pair, state in pair_checks.items() if state == NOT_ABOVE), None)
         if zero is not None:
-            found = _lemma_1(zero, elements, witnesses)
+            found = _lemma_1(zero, pair_checks, sources)
             return Identification(tuple(sorted((*attacked, *found.attacked))), found.undetermined)
-        if len(system) < FEWEST_SENSORS or NOT_MEASURED in elements.values():
+        if len(system) < FEWEST_SENSORS or NOT_MEASURED in pair_checks.values():
             return Identification(tuple(sorted(attacked)), tuple(system))
         attacked.append(k)  # Lemma 2: all elements are 1, therefore s_k = 1
         if len(system) == FEWEST_SENSORS:
             return Identification(tuple(sorted(attacked)))
-        system = witnesses
+        system = sources
 
 
 def _lemma_1(
-    zero: tuple[int, int], elements: Mapping[tuple[int, int], str], witnesses: Sequence[int]
+    zero: tuple[int, int], pair_checks: Mapping[tuple[int, int], str], sources: Sequence[int]
 ) -> Identification:
     """e_{i0,j0,k} = 0 clears S_i0, S_j0 and S_k; each other witness then has s_i = e_{i,i0,k} = e_{i,j0,k}.
 
@@ -110,10 +110,10 @@ def _lemma_1(
     """
     i0, j0 = zero
     s: dict[int, str] = {}
-    for i in witnesses:
+    for i in sources:
         if i in zero:
             continue
-        by_i0, by_j0 = elements[min(i, i0), max(i, i0)], elements[min(i, j0), max(i, j0)]
+        by_i0, by_j0 = pair_checks[min(i, i0), max(i, i0)], pair_checks[min(i, j0), max(i, j0)]
         s[i] = by_j0 if by_i0 == NOT_MEASURED else by_i0
     return Identification(
         attacked=tuple(i for i, state in s.items() if state == ABOVE),

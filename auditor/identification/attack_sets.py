@@ -7,45 +7,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import EXPLANATION
-from auditor.model.checks import OF_THE_LIDAR, Element, Witness
+from auditor.model.checks import LIDAR_CHECKS, Check, PairCheck
 from auditor.model.rig import LIDAR, Triple
 
 Bools = NDArray[np.bool_]
 
 
-def explains(element: Element, attacked: Collection[int]) -> bool:
+def explains(pair_check: PairCheck, attacked: Collection[int]) -> bool:
     """Whether an attack on these sensors can raise the element (Eq. 7, over the sensors it can accuse)."""
-    return not set(element.accusable).isdisjoint(attacked)
+    return not set(pair_check.nameable).isdisjoint(attacked)
 
 
-def explained(element: Element, attacked: Collection[int]) -> float:
+def explained(pair_check: PairCheck, attacked: Collection[int]) -> float:
     """How well an attack on these sensors accounts for the raised element, 0 to 1.
 
     A contradiction says that two cameras agree: an attack on one of them seldom looks like that, say a picture shifted
     sideways, and accounts for most of it, but not for all.
     """
-    if not explains(element, attacked):
+    if not explains(pair_check, attacked):
         return 0.0
-    by_a_camera = element.witness is Witness.CONTRADICTED and LIDAR not in attacked
+    by_a_camera = pair_check.check is Check.LIDAR_CONFLICT and LIDAR not in attacked
     return EXPLANATION.conflict_by_a_camera if by_a_camera else 1.0
 
 
-def demands(element: Element, attacked: Collection[int]) -> float:
+def expects(pair_check: PairCheck, attacked: Collection[int]) -> float:
     """How surely an attack on these sensors raises the element, 0 to 1.
 
     A contradiction needs two good cameras and a bad LiDAR. A camera's attack shows as unlikeness, but may be one that
     keeps its pictures alike; light, empty strips and scattered points are witnesses of one kind of attack each: their
     silence says nothing.
     """
-    if element.witness is Witness.CONTRADICTED:
-        return float(LIDAR in attacked and element.i not in attacked and element.k not in attacked)
-    if element.witness is Witness.UNLIKE:
-        return EXPLANATION.photometric_expected if explains(element, attacked) else 0.0
+    if pair_check.check is Check.LIDAR_CONFLICT:
+        return float(LIDAR in attacked and pair_check.i not in attacked and pair_check.k not in attacked)
+    if pair_check.check is Check.PHOTOMETRIC_INCONSISTENCY:
+        return EXPLANATION.photometric_expected if explains(pair_check, attacked) else 0.0
     return 0.0
 
 
 def triple_states(
-    raised: Bools, measured: Bools, elements: Sequence[Element], triples: Sequence[Triple]
+    fired: Bools, measured: Bools, pair_checks: Sequence[PairCheck], triples: Sequence[Triple]
 ) -> tuple[Bools, Bools]:
     """The paper's triples, (F, T) raised and measured, from the same of (F, M) elements.
 
@@ -53,21 +53,21 @@ def triple_states(
     it, one of cameras where both pairs of the reference were matched; a raised one always is. Algorithm 2 is given
     these states.
     """
-    inside = np.array([[set(e.accusable) <= set(t) for t in triples] for e in elements], dtype=np.bool_)
-    needed = np.array([[e in _needed(t) for t in triples] for e in elements], dtype=np.bool_)
+    inside = np.array([[set(e.nameable) <= set(t) for t in triples] for e in pair_checks], dtype=np.bool_)
+    needed = np.array([[e in _needed(t) for t in triples] for e in pair_checks], dtype=np.bool_)
     found = (measured[:, :, None] & needed).sum(axis=1)
-    above = np.asarray((raised[:, :, None] & inside).any(axis=1))
+    above = np.asarray((fired[:, :, None] & inside).any(axis=1))
     return above, np.asarray(above | (found == [len(_needed(t)) for t in triples]))
 
 
-def _needed(triple: Triple) -> tuple[Element, ...]:
+def _needed(triple: Triple) -> tuple[PairCheck, ...]:
     i, j, k = triple
     if i == LIDAR:
-        return (Element(Witness.CONTRADICTED, j, k),)
-    return (Element(Witness.UNLIKE, i, k), Element(Witness.UNLIKE, j, k))
+        return (PairCheck(Check.LIDAR_CONFLICT, j, k),)
+    return (PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, k), PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, j, k))
 
 
-PRICE = EXPLANATION.penalty_per_sensor
+PENALTY_PER_SENSOR = EXPLANATION.penalty_per_sensor
 """Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
 
 
@@ -106,20 +106,20 @@ class Explanations:
         return [(self.sets[s], float(self.cost[frame, s])) for s in order]
 
 
-def explain(z: Floats, elements: Sequence[Element], sets: Sequence[tuple[int, ...]]) -> Explanations:
+def explain(z: Floats, pair_checks: Sequence[PairCheck], sets: Sequence[tuple[int, ...]]) -> Explanations:
     """Weigh every attack set against (F, M) margins z, NaN where not measured.
 
     A set pays z for each raised element as far as it does not account for it (`explained`), |z| for each element that
     it should have raised and did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that
     lacks points, or has some here and there, need not be contradicted by the others.
     """
-    raised, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
-    own = np.array([e.witness in OF_THE_LIDAR for e in elements], dtype=np.bool_)
-    denied = np.array([e.witness is Witness.CONTRADICTED for e in elements], dtype=np.bool_)
-    silent[np.ix_(raised[:, own].any(axis=1), denied)] = 0
-    unexplained = np.array([[1 - explained(e, s) for s in sets] for e in elements], dtype=np.float64)
-    demanded = np.array([[demands(e, s) for s in sets] for e in elements], dtype=np.float64)
-    if not elements:
-        unexplained = demanded = np.zeros((0, len(sets)))
-    price = PRICE * np.array([len(s) for s in sets], dtype=np.float64)
-    return Explanations(tuple(sets), raised @ unexplained + silent @ demanded + price)
+    fired, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
+    own = np.array([e.check in LIDAR_CHECKS for e in pair_checks], dtype=np.bool_)
+    denied = np.array([e.check is Check.LIDAR_CONFLICT for e in pair_checks], dtype=np.bool_)
+    silent[np.ix_(fired[:, own].any(axis=1), denied)] = 0
+    unexplained = np.array([[1 - explained(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
+    expected_silent = np.array([[expects(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
+    if not pair_checks:
+        unexplained = expected_silent = np.zeros((0, len(sets)))
+    penalty = PENALTY_PER_SENSOR * np.array([len(s) for s in sets], dtype=np.float64)
+    return Explanations(tuple(sets), fired @ unexplained + silent @ expected_silent + penalty)

@@ -36,7 +36,7 @@ Judged = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class LeftOut:
     """Clean frames of one recording raised by thresholds that were calibrated on all the others."""
 
     recording: str
@@ -46,7 +46,7 @@ class HeldOut:
     hours: float
 
 
-def hold_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[HeldOut]:
+def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would. Empty with fewer than two recordings."""
 
     def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
@@ -54,10 +54,10 @@ def hold_out_robust(calibration: Calibration, system: System, r: Decimal) -> lis
         raised = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return raised, count_incidents([verdict.finding for verdict in verdicts], held.stamps_ns)
 
-    return _hold_out(calibration, judged)
+    return _leave_one_out(calibration, judged)
 
 
-def hold_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[HeldOut]:
+def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as the paper does: raised where some E lies above its theta."""
 
     def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
@@ -69,10 +69,10 @@ def hold_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -
                 above |= threshold(samples.tolist(), r) < E
         return int(np.count_nonzero(above)), _runs(above)
 
-    return _hold_out(calibration, judged)
+    return _leave_one_out(calibration, judged)
 
 
-def held_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
+def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
     """The half seconds' scores of all clean frames, each recording by the thresholds of the others, in order of time.
 
     Two recordings are kept apart by a score of -inf. Those of one recording alone are in sample.
@@ -130,21 +130,21 @@ def count_incidents(findings: Sequence[Finding | None], stamps_ns: NDArray[np.in
     return count
 
 
-def _hold_out(calibration: Calibration, judged: Judged) -> list[HeldOut]:
+def _leave_one_out(calibration: Calibration, judged: Judged) -> list[LeftOut]:
     """One result a recording and rig: several rigs of one kind may have measured it."""
     return list(_results(calibration.clean, judged)) if len(calibration.recordings) > 1 else []
 
 
-def _results(clean: Sequence[CleanFrames], judged: Judged) -> Iterator[HeldOut]:
+def _results(clean: Sequence[CleanFrames], judged: Judged) -> Iterator[LeftOut]:
     for held in clean:
         others = [other for other in clean if other.recording_id != held.recording_id]
         raised, incidents = judged(others, held)
-        yield HeldOut(held.recording_id, held.frames, raised, incidents, hours_of(held.stamps_ns))
+        yield LeftOut(held.recording_id, held.frames, raised, incidents, hours_of(held.stamps_ns))
 
 
 def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
-    ratios = np.vstack([one.ratios_of(system.elements) for one in clean])
-    return thresholds_from(ratios, strengths_of(clean), system.elements, r)
+    ratios = np.vstack([one.ratios_of(system.pair_checks) for one in clean])
+    return thresholds_from(ratios, strengths_of(clean), system.pair_checks, r)
 
 
 def _known(columns: Sequence[Floats]) -> Floats:
@@ -169,9 +169,9 @@ def robust_thresholds(
     `transferred` is what `check_calibration` answered. Raises ThresholdsError where no element has clean frames, and
     SettingError where r is not in [0, 1].
     """
-    ratios, known = calibration.ratios_of(system.elements), calibration.calibration_id
-    found = thresholds_from(ratios, calibration.strengths, system.elements, r, known)
-    if not found.yardsticks:
+    ratios, known = calibration.ratios_of(system.pair_checks), calibration.calibration_id
+    found = thresholds_from(ratios, calibration.strengths, system.pair_checks, r, known)
+    if not found.scales_of:
         raise ThresholdsError(
             "no clean local ratios of any element of this rig",
             where=f"calibration {known}",
@@ -179,7 +179,7 @@ def robust_thresholds(
         )
     score = 0.0
     if incidents_per_hour is not None:
-        score = score_threshold(held_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
+        score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
     return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 

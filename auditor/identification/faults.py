@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
-from auditor.identification.scores import margins
+from auditor.identification.scores import scores
 from auditor.identification.statistics import window_means
-from auditor.model.calibration import HIGHEST_MARGIN, Yardstick
-from auditor.model.checks import OF_THE_LIDAR, Element, Pair, Witness, lead
+from auditor.model.calibration import HIGHEST_SCORE, Scale
+from auditor.model.checks import LIDAR_CHECKS, Check, Pair, PairCheck, lead
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, FaultHypothesis, Verdict, VerdictKind
 
 Floats = NDArray[np.float64]
 
@@ -199,23 +199,27 @@ _RAIN_RAISES = FAULT_HYPOTHESES.rain_highest
 """The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
 
 
-def suspicions(strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Yardstick]) -> list[tuple[Suspicion, ...]]:
+def fault_hypotheses(
+    strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Scale]
+) -> list[tuple[FaultHypothesis, ...]]:
     """The causes of each frame worth telling, the likeliest first, from their (F,) strengths.
 
     Their margins are those of the witnesses, above the threshold of clean frames; a score is 0.5 at a margin of zero
     and 1 at the highest. A cause without a yardstick is not told.
     """
     keys = list(strength)
-    z = margins(np.stack([strength[key] for key in keys], axis=1), [scales.get(key) for key in keys])
-    share = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_MARGIN))
-    told: list[tuple[Suspicion, ...]] = [()] * len(share)
+    z = scores(np.stack([strength[key] for key in keys], axis=1), [scales.get(key) for key in keys])
+    share = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_SCORE))
+    hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= _LEAST_TOLD).any(axis=1)).tolist():
         ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
-        told[frame] = tuple(Suspicion(*keys[place], score) for score, place in ranked if score >= _LEAST_TOLD)
-    return told
+        hypotheses[frame] = tuple(
+            FaultHypothesis(*keys[place], score) for score, place in ranked if score >= _LEAST_TOLD
+        )
+    return hypotheses
 
 
-def weigh(verdict: Verdict, causes: Sequence[Suspicion], in_several_pairs: Collection[int] = ()) -> Verdict:
+def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], in_several_pairs: Collection[int] = ()) -> Verdict:
     """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
 
     A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
@@ -223,13 +227,13 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion], in_several_pairs: Colle
     cause does over the whole picture is that place's own: an attack. Of a `suspect` verdict it stays the first of the
     alternatives. `in_several_pairs` are the cameras matched with more than one other.
     """
-    raised = verdict.kind in FINDINGS
-    least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if raised else 0.0
-    kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if raised else _by_itself(one)))
+    fired = verdict.kind in FINDINGS
+    least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if fired else 0.0
+    kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if fired else _by_itself(one)))
     enough = any(
         one.score >= ENOUGH
         and _margin(one) >= least
-        and (one.sensor not in verdict.out_of_system if raised else one.cause in FAULTS)
+        and (one.sensor not in verdict.out_of_system if fired else one.cause in FAULTS)
         for one in kept
     )
     if not enough:
@@ -239,40 +243,40 @@ def weigh(verdict: Verdict, causes: Sequence[Suspicion], in_several_pairs: Colle
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
 
 
-def _margin(suspicion: Suspicion) -> float:
+def _margin(hypothesis: FaultHypothesis) -> float:
     """The margin that a cause's score was made of; rain's is not larger than what it can raise."""
-    margin = (suspicion.score / ENOUGH - 1) * HIGHEST_MARGIN
-    return min(margin, _RAIN_RAISES) if suspicion.cause is Cause.RAIN else margin
+    margin = (hypothesis.score / ENOUGH - 1) * HIGHEST_SCORE
+    return min(margin, _RAIN_RAISES) if hypothesis.cause is Cause.RAIN else margin
 
 
-def _by_itself(suspicion: Suspicion) -> bool:
+def _by_itself(hypothesis: FaultHypothesis) -> bool:
     """Whether a cause is worth telling where nothing was raised: dirt would have raised something."""
-    return suspicion.score >= ENOUGH and suspicion.cause is not Cause.SOILED
+    return hypothesis.score >= ENOUGH and hypothesis.cause is not Cause.SOILED
 
 
-def _explains(suspicion: Suspicion, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
+def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
     """Whether a cause can have raised what a verdict's evidence says."""
-    witnesses = {one.witness for one in verdict.evidence}
-    if suspicion.cause is Cause.SOILED and suspicion.sensor not in verdict.attacked:
+    checks = {one.check for one in verdict.evidence}
+    if hypothesis.cause is Cause.SOILED and hypothesis.sensor not in verdict.attacked:
         # To one pair dirt on a camera looks like light in the other: several must see it, clearer than what was raised.
         strongest = max(one.margin for one in verdict.evidence)
-        seen = suspicion.sensor in in_several_pairs and _margin(suspicion) >= strongest
-        return seen and _raises_most(suspicion.sensor, verdict)
-    if suspicion.cause is Cause.DARK:
-        return Witness.LIGHT.value not in witnesses
-    if suspicion.cause is Cause.RAIN and not witnesses.isdisjoint(OF_THE_LIDAR):
+        seen = hypothesis.sensor in in_several_pairs and _margin(hypothesis) >= strongest
+        return seen and _raises_most(hypothesis.sensor, verdict)
+    if hypothesis.cause is Cause.DARK:
+        return Check.BRIGHTNESS_DIFFERENCE.value not in checks
+    if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
-    if suspicion.sensor is None or suspicion.sensor in verdict.out_of_system:
+    if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
         return True
-    return _raises_most(suspicion.sensor, verdict)
+    return _raises_most(hypothesis.sensor, verdict)
 
 
 def _raises_most(sensor: int | None, verdict: Verdict) -> bool:
     """Whether a fault of a sensor can have raised at least half of the margins."""
-    raised = [(one.margin, sensor in _accusable(one)) for one in verdict.evidence]
-    return sum(margin for margin, own in raised if own) >= _MOSTLY * sum(margin for margin, _ in raised)
+    fired = [(one.margin, sensor in _nameable(one)) for one in verdict.evidence]
+    return sum(margin for margin, own in fired if own) >= _MOSTLY * sum(margin for margin, _ in fired)
 
 
-def _accusable(evidence: Evidence) -> tuple[int, ...]:
+def _nameable(evidence: Evidence) -> tuple[int, ...]:
     """The sensors one of which must be at fault where it is raised."""
-    return Element(Witness(evidence.witness), evidence.i, evidence.k).accusable
+    return PairCheck(Check(evidence.check), evidence.i, evidence.k).nameable

@@ -98,7 +98,7 @@ def judge_frames(
             v.alternatives,
         )
         for e, absent, margin, row in zip(
-            _state_vectors(distances), missing, _margins(distances), distances, strict=True
+            _state_vectors(distances), missing, _scores_of(distances), distances, strict=True
         )
         for v in (judged(e, absent),)
     ]
@@ -125,7 +125,7 @@ def _state_vectors(distances: NDArray[np.float64]) -> list[str]:
     return [row.decode() for row in rows.ravel().tolist()]
 
 
-def _margins(distances: NDArray[np.float64]) -> list[float | None]:
+def _scores_of(distances: NDArray[np.float64]) -> list[float | None]:
     """The smallest measured |E - theta| of each row, None where nothing was measured."""
     smallest = np.where(np.isnan(distances), np.inf, np.abs(distances)).min(axis=1, initial=np.inf)
     return [margin if margin < np.inf else None for margin in smallest.tolist()]

@@ -20,7 +20,7 @@ _FALSE_ALARMS = "docs/decisions.md, causes have thresholds from clean frames"
 
 
 @dataclass(frozen=True)
-class LocalRatio:
+class WindowedRatio:
     """Windows of the count grid, to each of which consistent pixels are added as a pseudo-count."""
 
     conflict_window: tuple[int, int] = parameter((6, 6), unit="cells, rows and columns", source=_CHECKS)
@@ -159,7 +159,7 @@ class Frozen:
     )
 
 
-LOCAL_RATIO = LocalRatio()
+LOCAL_RATIO = WindowedRatio()
 THETA_FLOOR = ThetaFloor()
 THETA_CEILING = ThetaCeiling()
 CHECK_SCALE = CheckScale()

@@ -17,13 +17,13 @@ from auditor.identification.algorithm2 import (
     identify,
     sensors_where,
 )
-from auditor.identification.attack_sets import PRICE, Explanations, explain, explains, triple_states
-from auditor.identification.faults import frozen, suspicions, weigh
+from auditor.identification.attack_sets import PENALTY_PER_SENSOR, Explanations, explain, explains, triple_states
+from auditor.identification.faults import fault_hypotheses, frozen, weigh
 from auditor.identification.parameters import EXPLANATION, TEMPORAL_WINDOW
-from auditor.identification.scores import margins
+from auditor.identification.scores import scores
 from auditor.identification.statistics import runs_of, window_means
 from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.checks import Element, Witness
+from auditor.model.checks import Check, PairCheck
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import (
     FINDINGS,
@@ -31,8 +31,8 @@ from auditor.model.verdict import (
     Cause,
     CauseIn,
     Evidence,
+    FaultHypothesis,
     Finding,
-    Suspicion,
     Verdict,
     VerdictKind,
 )
@@ -44,7 +44,7 @@ _UNEXPLAINED = EXPLANATION.most_uncovered
 _ALTERNATIVES = EXPLANATION.alternatives
 
 
-_UNHEARD = f"nobody could deny what S_{LIDAR} reports: points that it invents pass unnoticed"
+_NOT_MEASURED = f"nobody could deny what S_{LIDAR} reports: points that it invents pass unnoticed"
 
 
 Floats = NDArray[np.float64]
@@ -54,22 +54,22 @@ Floats = NDArray[np.float64]
 class System:
     """What a rig's frames are judged by: its elements, triples and sensors, in their fixed orders."""
 
-    elements: tuple[Element, ...]
+    pair_checks: tuple[PairCheck, ...]
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
 
     @property
     def in_several_pairs(self) -> frozenset[int]:
         """The cameras matched with more than one other: what is wrong with one of them shows in all its pairs."""
-        pairs = Counter(s for e in self.elements if e.witness is Witness.UNLIKE for s in (e.i, e.k))
+        pairs = Counter(s for e in self.pair_checks if e.check is Check.PHOTOMETRIC_INCONSISTENCY for s in (e.i, e.k))
         return frozenset(sensor for sensor, number in pairs.items() if number > 1)
 
 
-def heard(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+def usable(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
     """A copy of (F, M) margins with NaN for the elements that need a sensor missing in their frame."""
     masked = np.array(z, dtype=np.float64)
     gone = {
-        absent: [not absent.isdisjoint(element.needed) for element in system.elements]
+        absent: [not absent.isdisjoint(pair_check.needed) for pair_check in system.pair_checks]
         for absent in set(missing)
         if absent
     }
@@ -79,7 +79,7 @@ def heard(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Float
     return masked
 
 
-def raising_score(z: Floats, explanations: Explanations) -> Floats:
+def candidate_score(z: Floats, explanations: Explanations) -> Floats:
     """(F,) how far each frame is raised, from its margins (F, M) and their explanations.
 
     How much better the best attack explains it than none does; with three sensors, which tell no attacks apart, the
@@ -90,7 +90,9 @@ def raising_score(z: Floats, explanations: Explanations) -> Floats:
     return np.asarray(np.nanmax(z, axis=1, initial=-np.inf))
 
 
-def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], threshold: float = 0.0) -> list[Verdict]:
+def name_attacked(
+    z: Floats, system: System, missing: Sequence[frozenset[int]], threshold: float = 0.0
+) -> list[Verdict]:
     """The verdicts on F frames from (F, M) margins z, NaN where not measured, and the sensors missing in each.
 
     A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's
@@ -99,20 +101,20 @@ def accuse(z: Floats, system: System, missing: Sequence[frozenset[int]], thresho
     `reason` says why a raised frame is not attributed, and where the LiDAR was there but could not be contradicted.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
-    z = heard(z, system, missing)
+    z = usable(z, system, missing)
     for absent, frames in _alike(missing).items():
-        for frame, verdict in zip(frames, _accuse_alike(z[frames], system, absent, threshold), strict=True):
+        for frame, verdict in zip(frames, _name_alike(z[frames], system, absent, threshold), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
 
 
-def raising_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
+def candidate_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
     """(F,) what `accuse` compares with its threshold, from the same (F, M) margins and missing sensors."""
     scores = np.full(len(z), -np.inf)
-    z = heard(z, system, missing)
+    z = usable(z, system, missing)
     for absent, frames in _alike(missing).items():
         sets = allowed_attack_sets(sensor for sensor in system.sensors if sensor not in absent)
-        scores[frames] = raising_score(z[frames], explain(z[frames], system.elements, sets))
+        scores[frames] = candidate_score(z[frames], explain(z[frames], system.pair_checks, sets))
     return scores
 
 
@@ -124,13 +126,13 @@ def _alike(missing: Sequence[frozenset[int]]) -> dict[frozenset[int], list[int]]
     return groups
 
 
-def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: float) -> list[Verdict]:
+def _name_alike(z: Floats, system: System, absent: frozenset[int], threshold: float) -> list[Verdict]:
     """Frames that lack the same sensors."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
     sets = allowed_attack_sets(present)
-    explanations = explain(z, system.elements, sets)
-    score = raising_score(z, explanations)
+    explanations = explain(z, system.pair_checks, sets)
+    score = candidate_score(z, explanations)
     lead = explanations.lead if len(sets) > 1 else score
     ranked = np.argsort(explanations.cost, axis=1, kind="stable")[:, : 1 + _ALTERNATIVES]
     measured = np.count_nonzero(~np.isnan(z), axis=1)
@@ -153,14 +155,14 @@ def _accuse_alike(z: Floats, system: System, absent: frozenset[int], threshold: 
             alternatives=_alternatives(explanations, f, ranked[f]),
         )
         if score[f] > threshold:
-            verdict = _raised(verdict, explanations.sets[ranked[f, 0]], z[f], system.elements, len(present))
+            verdict = _fired(verdict, explanations.sets[ranked[f, 0]], z[f], system.pair_checks, len(present))
         verdicts.append(verdict)
     return verdicts
 
 
-def _raised(verdict: Verdict, attacked: tuple[int, ...], z: Floats, elements: Sequence[Element], N: int) -> Verdict:
+def _fired(verdict: Verdict, attacked: tuple[int, ...], z: Floats, pair_checks: Sequence[PairCheck], N: int) -> Verdict:
     """The verdict on a frame that is raised: with the attacked sensors, or why none can be named."""
-    doubt = _doubt(z, attacked, verdict.margin or 0.0, elements, N)
+    doubt = _doubt(z, attacked, verdict.margin or 0.0, pair_checks, N)
     if not doubt:
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
     likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()
@@ -179,14 +181,14 @@ def _remarks(z: Floats, system: System, present: Sequence[int]) -> list[str]:
     """
     if LIDAR not in present:
         return [""] * len(z)
-    denied = [e.witness is Witness.CONTRADICTED for e in system.elements]
-    unheard = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
-    return [_UNHEARD if alone else "" for alone in unheard.tolist()]
+    denied = [e.check is Check.LIDAR_CONFLICT for e in system.pair_checks]
+    not_measured = np.logical_and.reduce(np.isnan(z[:, denied]), axis=1)
+    return [_NOT_MEASURED if alone else "" for alone in not_measured.tolist()]
 
 
 def _states(z: Floats, system: System) -> list[str]:
     """The e vector of each frame: a triple is raised where an element inside it is, '-' where none was measured."""
-    above, measured = triple_states(z > 0, ~np.isnan(z), system.elements, system.triples)
+    above, measured = triple_states(z > 0, ~np.isnan(z), system.pair_checks, system.triples)
     marks = np.where(measured, np.where(above, ABOVE, NOT_ABOVE), NOT_MEASURED)
     return ["".join(row) for row in marks.tolist()]
 
@@ -198,21 +200,21 @@ def _algorithm_2(e: str, system: System, present: Sequence[int]) -> tuple[int, .
     return None if found.undetermined else found.attacked
 
 
-def _doubt(z: Floats, attacked: tuple[int, ...], lead: float, elements: Sequence[Element], N: int) -> str:
+def _doubt(z: Floats, attacked: tuple[int, ...], lead: float, pair_checks: Sequence[PairCheck], N: int) -> str:
     if N < FEWEST_SENSORS:
         return f"an attack on one of {N} sensors cannot be attributed"
-    left = sum(max(float(v), 0.0) for v, e in zip(z, elements, strict=True) if v == v and not explains(e, attacked))  # noqa: PLR0124 - not NaN
+    left = sum(max(float(v), 0.0) for v, e in zip(z, pair_checks, strict=True) if v == v and not explains(e, attacked))  # noqa: PLR0124 - not NaN
     if left > _UNEXPLAINED:
         return f"no attack on at most {N - 3} of {N} sensors explains what was measured"
-    if lead < PRICE:
+    if lead < PENALTY_PER_SENSOR:
         return "two explanations are as good"
     return ""
 
 
 def _evidence(z: Floats, system: System) -> tuple[Evidence, ...]:
     """The raised elements, the strongest first."""
-    raised = [(float(z[place]), system.elements[place]) for place in np.flatnonzero(z > 0)]
-    return tuple(Evidence(e.witness.value, e.i, None, e.k, v) for v, e in sorted(raised, key=lambda one: -one[0]))
+    fired = [(float(z[place]), system.pair_checks[place]) for place in np.flatnonzero(z > 0)]
+    return tuple(Evidence(e.check.value, e.i, None, e.k, v) for v, e in sorted(fired, key=lambda one: -one[0]))
 
 
 def _alternatives(explanations: Explanations, frame: int, ranked: NDArray[np.intp]) -> tuple[Alternative, ...]:
@@ -268,7 +270,7 @@ class FrameSeries:
             np.stack([of_sensor.get(sensor, nowhere) for sensor in system.sensors], axis=1)
             for of_sensor in (clean.missing, clean.frozen)
         )
-        ratios = clean.ratios_of(system.elements)
+        ratios = clean.ratios_of(system.pair_checks)
         return cls(clean.stamps_ns, runs_of(clean.stamps_ns), ratios, ~missing, still, clean.strengths)
 
 
@@ -289,33 +291,33 @@ def judge_frames(
     """
     chosen = np.arange(len(series.stamps_ns)) if only is None else np.asarray(only, dtype=np.intp)
     left_out = _left_out(series, system)
-    z, around = _scores(series, system, thresholds, left_out)
+    z, window = _scores(series, system, thresholds, left_out)
     missing = [left_out[place] for place in chosen.tolist()]
-    alone = accuse(z[chosen], system, missing)
-    moments = accuse(around[chosen], system, missing, thresholds.score)
+    alone = name_attacked(z[chosen], system, missing)
+    moments = name_attacked(window[chosen], system, missing, thresholds.score)
     faults = [()] * len(chosen) if without_causes else _causes(series, thresholds, chosen)
     still = sensors_where(system.sensors, series.frozen[chosen])
-    told = [_with_frozen(those, others) for those, others in zip(still, faults, strict=True)]
+    hypotheses = [_with_frozen(those, others) for those, others in zip(still, faults, strict=True)]
     several = system.in_several_pairs
     return [
-        _joined(weigh(one, why, several), weigh(moment, why, several))
-        for one, moment, why in zip(alone, moments, told, strict=True)
+        _with_window(weigh(one, why, several), weigh(moment, why, several))
+        for one, moment, why in zip(alone, moments, hypotheses, strict=True)
     ]
 
 
 def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
     """(F,) the score of the half second around each frame: what `judge_frames` compares with `thresholds.score`."""
     left_out = _left_out(series, system)
-    _, around = _scores(series, system, thresholds, left_out)
-    return raising_scores(around, system, left_out)
+    _, window = _scores(series, system, thresholds, left_out)
+    return candidate_scores(window, system, left_out)
 
 
 def _scores(
     series: FrameSeries, system: System, thresholds: RobustThresholds, left_out: Sequence[frozenset[int]]
 ) -> tuple[Floats, Floats]:
     """(F, M) margins of the frames, and their means over the half seconds around them."""
-    scales = [thresholds.yardsticks.get(element) for element in system.elements]
-    z = heard(margins(series.ratios, scales), system, left_out)
+    scales = [thresholds.scales_of.get(pair_check) for pair_check in system.pair_checks]
+    z = usable(scores(series.ratios, scales), system, left_out)
     return z, window_means(z, series.stamps_ns, WINDOW_S, series.runs)
 
 
@@ -326,21 +328,21 @@ def _left_out(series: FrameSeries, system: System) -> list[frozenset[int]]:
 
 def _causes(
     series: FrameSeries, thresholds: RobustThresholds, chosen: NDArray[np.intp]
-) -> Sequence[tuple[Suspicion, ...]]:
+) -> Sequence[tuple[FaultHypothesis, ...]]:
     if not series.fault_scores:
         return [()] * len(chosen)
-    return suspicions({cause: scores[chosen] for cause, scores in series.fault_scores.items()}, thresholds.causes)
+    return fault_hypotheses({cause: scores[chosen] for cause, scores in series.fault_scores.items()}, thresholds.causes)
 
 
-def _with_frozen(still: frozenset[int], others: tuple[Suspicion, ...]) -> tuple[Suspicion, ...]:
+def _with_frozen(still: frozenset[int], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
     """The sensors that stand still first: nothing else that is observed of them means anything."""
     if not still:
         return others
-    first = [Suspicion(Cause.FROZEN, sensor) for sensor in sorted(still)]
+    first = [FaultHypothesis(Cause.FROZEN, sensor) for sensor in sorted(still)]
     return (*first, *(one for one in others if one.sensor not in still))
 
 
-def _joined(alone: Verdict, around: Verdict) -> Verdict:
-    if alone.kind not in FINDINGS or around.kind not in FINDINGS:
+def _with_window(alone: Verdict, window: Verdict) -> Verdict:
+    if alone.kind not in FINDINGS or window.kind not in FINDINGS:
         return alone
-    return replace(alone, finding=Finding(around.kind, around.attacked))
+    return replace(alone, finding=Finding(window.kind, window.attacked))

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from auditor.identification.parameters import CHECK_SCALE, FAULT_SCALE, THETA_CEILING, THETA_FLOOR
 from auditor.identification.thresholds import resolvable, threshold
-from auditor.model.calibration import HIGHEST_MARGIN, LOWEST_MARGIN, RobustThresholds, Yardstick
-from auditor.model.checks import Element, Witness
+from auditor.model.calibration import HIGHEST_SCORE, LOWEST_SCORE, RobustThresholds, Scale
+from auditor.model.checks import Check, PairCheck
 from auditor.model.verdict import CauseIn
 
-CEILINGS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: THETA_CEILING.lidar_conflict,
-    Witness.UNLIKE: THETA_CEILING.photometric,
-    Witness.LIGHT: THETA_CEILING.brightness,
-    Witness.EMPTY: THETA_CEILING.point_dropout,
-    Witness.SCATTERED: THETA_CEILING.isolated_points,
+CEILINGS: Mapping[Check, float] = {
+    Check.LIDAR_CONFLICT: THETA_CEILING.lidar_conflict,
+    Check.PHOTOMETRIC_INCONSISTENCY: THETA_CEILING.photometric,
+    Check.BRIGHTNESS_DIFFERENCE: THETA_CEILING.brightness,
+    Check.POINT_DROPOUT: THETA_CEILING.point_dropout,
+    Check.ISOLATED_POINTS: THETA_CEILING.isolated_points,
 }
 """theta is never larger: attacked frames among the clean ones must not silence a witness.
 
@@ -25,12 +25,12 @@ Only a LiDAR that never fills the view, or whose points always lie far apart, ma
 """
 
 
-FLOORS: Mapping[Witness, float] = {
-    Witness.CONTRADICTED: THETA_FLOOR.lidar_conflict,
-    Witness.UNLIKE: THETA_FLOOR.photometric,
-    Witness.LIGHT: THETA_FLOOR.brightness,
-    Witness.EMPTY: THETA_FLOOR.point_dropout,
-    Witness.SCATTERED: THETA_FLOOR.isolated_points,
+FLOORS: Mapping[Check, float] = {
+    Check.LIDAR_CONFLICT: THETA_FLOOR.lidar_conflict,
+    Check.PHOTOMETRIC_INCONSISTENCY: THETA_FLOOR.photometric,
+    Check.BRIGHTNESS_DIFFERENCE: THETA_FLOOR.brightness,
+    Check.POINT_DROPOUT: THETA_FLOOR.point_dropout,
+    Check.ISOLATED_POINTS: THETA_FLOOR.isolated_points,
 }
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
@@ -38,19 +38,19 @@ FLOORS: Mapping[Witness, float] = {
 Floats = NDArray[np.float64]
 
 
-def yardstick(witness: Witness, samples: Sequence[float], r: Decimal) -> Yardstick:
+def scale_of(check: Check, samples: Sequence[float], r: Decimal) -> Scale:
     """Take theta at r from N clean local ratios in ascending order, and add what carries it to other drives.
 
     A tenth of what is left to 1 is added; then theta is kept between the witness's floor and its ceiling. Raises
     ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
     quantile = threshold(samples, r)
-    theta = min(max(quantile + CHECK_SCALE.margin * (1 - quantile), FLOORS[witness]), CEILINGS[witness])
+    theta = min(max(quantile + CHECK_SCALE.margin * (1 - quantile), FLOORS[check]), CEILINGS[check])
     spread = float(np.quantile(samples, CHECK_SCALE.spread_quantile) - np.median(samples))
-    return Yardstick(theta, max(spread, CHECK_SCALE.smallest_scale * theta), len(samples))
+    return Scale(theta, max(spread, CHECK_SCALE.smallest_scale * theta), len(samples))
 
 
-def strength_yardstick(samples: Sequence[float], r: Decimal) -> Yardstick:
+def fault_scale(samples: Sequence[float], r: Decimal) -> Scale:
     """Take theta of a cause at r from N clean strengths in ascending order, and a quarter more; at least just enough.
 
     No r above 1 % is taken: a fault is a finding by itself, and no other witness has to agree. The scale is a quarter
@@ -58,27 +58,27 @@ def strength_yardstick(samples: Sequence[float], r: Decimal) -> Yardstick:
     always had is its own. Raises ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
     theta = max((1 + FAULT_SCALE.margin) * threshold(samples, min(r, FAULT_SCALE.largest_r)), FAULT_SCALE.least_theta)
-    return Yardstick(theta, FAULT_SCALE.scale * theta, len(samples))
+    return Scale(theta, FAULT_SCALE.scale * theta, len(samples))
 
 
-def strength_yardsticks(samples: Mapping[CauseIn, Sequence[float]], r: Decimal) -> dict[CauseIn, Yardstick]:
+def fault_scales(samples: Mapping[CauseIn, Sequence[float]], r: Decimal) -> dict[CauseIn, Scale]:
     """One yardstick a cause that was measured in clean frames."""
-    return {key: strength_yardstick(values, r) for key, values in samples.items() if values}
+    return {key: fault_scale(values, r) for key, values in samples.items() if values}
 
 
-def yardsticks(ratios: Floats, elements: Sequence[Element], r: Decimal) -> tuple[Yardstick | None, ...]:
+def scales_of(ratios: Floats, pair_checks: Sequence[PairCheck], r: Decimal) -> tuple[Scale | None, ...]:
     """One yardstick an element from (F, M) clean local ratios, NaN where not measured; None where none was."""
     columns = [np.sort(column[~np.isnan(column)]) for column in ratios.T]
     return tuple(
-        yardstick(element.witness, column.tolist(), r) if column.size else None
-        for element, column in zip(elements, columns, strict=True)
+        scale_of(pair_check.check, column.tolist(), r) if column.size else None
+        for pair_check, column in zip(pair_checks, columns, strict=True)
     )
 
 
 def thresholds_from(
     ratios: Floats,
     strengths: Mapping[CauseIn, Sequence[float]],
-    elements: Sequence[Element],
+    pair_checks: Sequence[PairCheck],
     r: Decimal,
     calibration_id: str = "",
 ) -> RobustThresholds:
@@ -86,28 +86,28 @@ def thresholds_from(
 
     Elements and causes without samples have none. The threshold of the half seconds' score is 0.
     """
-    scales = zip(elements, yardsticks(ratios, elements, r), strict=True)
-    known = {element: scale for element, scale in scales if scale is not None}
+    scales = zip(pair_checks, scales_of(ratios, pair_checks, r), strict=True)
+    known = {pair_check: scale for pair_check, scale in scales if scale is not None}
     return RobustThresholds(
         calibration_id=calibration_id,
         r=r,
-        yardsticks=known,
-        causes=strength_yardsticks(strengths, r),
+        scales_of=known,
+        causes=fault_scales(strengths, r),
         resolvable=all(resolvable(r, scale.samples) for scale in known.values()),
     )
 
 
-def margins(ratios: Floats, scales: Sequence[Yardstick | None]) -> Floats:
+def scores(ratios: Floats, scales: Sequence[Scale | None]) -> Floats:
     """(F, M) margins z = (x - theta) / scale, clipped to -2 .. 3: above zero an element is raised.
 
     `ratios` are (F, M) local ratios; NaN where not measured or without a yardstick.
     """
     theta = np.array([np.nan if y is None else y.theta for y in scales], dtype=np.float64)
     scale = np.array([np.nan if y is None else y.scale for y in scales], dtype=np.float64)
-    return np.asarray(np.clip((ratios - theta) / scale, LOWEST_MARGIN, HIGHEST_MARGIN))
+    return np.asarray(np.clip((ratios - theta) / scale, LOWEST_SCORE, HIGHEST_SCORE))
 
 
-def raisable(elements: Sequence[Element], ratios: Sequence[float | None]) -> list[Element]:
+def candidates(pair_checks: Sequence[PairCheck], ratios: Sequence[float | None]) -> list[PairCheck]:
     """The elements whose local ratio lies above the floor of their witness's thresholds; None is not measured."""
-    pairs = zip(elements, ratios, strict=True)
-    return [element for element, ratio in pairs if ratio is not None and ratio > FLOORS[element.witness]]
+    pairs = zip(pair_checks, ratios, strict=True)
+    return [pair_check for pair_check, ratio in pairs if ratio is not None and ratio > FLOORS[pair_check.check]]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import LOCAL_RATIO, TEMPORAL_WINDOW
-from auditor.model.checks import Element, Witness
+from auditor.model.checks import Check, PairCheck
 from auditor.model.measurement import Cells
 
 Grid = NDArray[np.integer]
@@ -19,12 +19,12 @@ class Window:
 
     rows: int
     columns: int
-    prior: int
+    pseudo_count: int
 
 
-WINDOWS: Mapping[Witness, Window] = {
-    Witness.CONTRADICTED: Window(*LOCAL_RATIO.conflict_window, LOCAL_RATIO.conflict_pseudo_count),
-    Witness.UNLIKE: Window(*LOCAL_RATIO.photometric_window, LOCAL_RATIO.photometric_pseudo_count),
+WINDOWS: Mapping[Check, Window] = {
+    Check.LIDAR_CONFLICT: Window(*LOCAL_RATIO.conflict_window, LOCAL_RATIO.conflict_pseudo_count),
+    Check.PHOTOMETRIC_INCONSISTENCY: Window(*LOCAL_RATIO.photometric_window, LOCAL_RATIO.photometric_pseudo_count),
 }
 """By witness, of cells of 8 x 8 px: 48 x 48 px of LiDAR points, 48 x 64 px of half-resolution pixels.
 
@@ -34,7 +34,7 @@ see `fitted`.
 
 
 @dataclass(frozen=True)
-class LocalRatio:
+class WindowedRatio:
     """The largest B / (N + prior), and the first cell (row, column) of the window it was found in."""
 
     ratio: float
@@ -42,37 +42,40 @@ class LocalRatio:
     column: int
 
 
-def local_ratio(valid: Grid, against: Grid, window: Window) -> LocalRatio | None:
+def windowed_ratio(valid: Grid, inconsistent: Grid, window: Window) -> WindowedRatio | None:
     """The largest share B / (N + prior) of pixels that stand against somebody over all windows.
 
     `valid` N and `against` B are (rows, columns) counts a cell. None where no window has as many valid pixels as the
     prior.
     """
-    N, B = _window_sums(valid, window), _window_sums(against, window)
-    if N.max(initial=0) < window.prior:
+    N, B = _window_sums(valid, window), _window_sums(inconsistent, window)
+    if N.max(initial=0) < window.pseudo_count:
         return None
-    ratio = B / (N + window.prior)
+    ratio = B / (N + window.pseudo_count)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    return LocalRatio(float(ratio[row, column]), int(row), int(column))
+    return WindowedRatio(float(ratio[row, column]), int(row), int(column))
 
 
-def local_ratios(
-    elements: Sequence[Element],
-    cells: Mapping[Element, Cells],
-    shares: Mapping[Element, float],
+def windowed_ratios(
+    pair_checks: Sequence[PairCheck],
+    cells: Mapping[PairCheck, Cells],
+    shares: Mapping[PairCheck, float],
 ) -> tuple[float | None, ...]:
     """The statistic of each element in a frame, None where it was not measured.
 
     `cells` holds the counts of the elements that have them, `shares` those statistics that come ready.
     """
-    return tuple(_ratio(element, cells[element]) if element in cells else shares.get(element) for element in elements)
+    return tuple(
+        _ratio(pair_check, cells[pair_check]) if pair_check in cells else shares.get(pair_check)
+        for pair_check in pair_checks
+    )
 
 
-def _ratio(element: Element, cells: Cells) -> float | None:
-    window = WINDOWS[element.witness]
-    if element.witness is Witness.CONTRADICTED:
+def _ratio(pair_check: PairCheck, cells: Cells) -> float | None:
+    window = WINDOWS[pair_check.check]
+    if pair_check.check is Check.LIDAR_CONFLICT:
         window = fitted(window, cells.valid)
-    found = local_ratio(cells.valid, cells.against, window)
+    found = windowed_ratio(cells.valid, cells.inconsistent, window)
     return found.ratio if found else None
 
 
@@ -85,8 +88,8 @@ def fitted(window: Window, valid: Grid) -> Window:
     sums = _window_sums(valid, window)
     held = sums[sums > 0]
     dense = float(np.quantile(held, LOCAL_RATIO.dense_quantile)) if held.size else 0.0
-    prior = max(round(LOCAL_RATIO.share_of_dense * dense), LOCAL_RATIO.smallest_pseudo_count)
-    return replace(window, prior=min(prior, window.prior))
+    pseudo_count = max(round(LOCAL_RATIO.share_of_dense * dense), LOCAL_RATIO.smallest_pseudo_count)
+    return replace(window, pseudo_count=min(pseudo_count, window.pseudo_count))
 
 
 def _window_sums(grid: Grid, window: Window) -> NDArray[np.int64]:

@@ -2,8 +2,8 @@
 
 import cv2
 
-from auditor.measurement.fault_features.calibration_check import Fitting
-from auditor.measurement.fault_features.collect import Watch
+from auditor.measurement.fault_features.calibration_check import CalibrationCheck
+from auditor.measurement.fault_features.collect import FaultFeatures
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
 from auditor.measurement.shared_view import Evidence
@@ -16,11 +16,11 @@ def use_one_thread() -> None:
 
 
 __all__ = [
+    "CalibrationCheck",
     "Evidence",
-    "Fitting",
+    "FaultFeatures",
     "Picture",
     "PictureBook",
-    "Watch",
     "draw",
     "localise",
     "measure",

@@ -16,7 +16,7 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
-from auditor.measurement.shared_view import Evidence, Looked, Maps, compare, look, matched, present
+from auditor.measurement.shared_view import Evidence, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Coverage, Measurement
@@ -80,15 +80,15 @@ Measured = tuple[Measurement, Evidence]
 
 
 @dataclass(frozen=True, eq=False)
-class _Looked:
+class _PreparedFrame:
     """A frame as it is looked at: whole, and where `views` says that pairs have views of their own in `parts`, too."""
 
-    whole: Looked
-    parts: Mapping[Pair, Looked]
+    whole: RectifiedFrame
+    parts: Mapping[Pair, RectifiedFrame]
     views: Mapping[Pair, PairView]
 
     @property
-    def matched(self) -> list[Looked]:
+    def matched(self) -> list[RectifiedFrame]:
         """What the matcher sees."""
         return list(self.parts.values()) if self.views else [self.whole]
 
@@ -99,8 +99,8 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
     Images are (H, W) or (H, W, 3) uint8 of the rig's sizes; cameras that are not rectified are so first. A triple with
     an absent sensor has no counts. Raises RigError where the cameras have no view in common.
     """
-    looked = _look(frame, rig, matcher)
-    return _compare(looked, _match([looked], matcher)[0])
+    prepared = _prepare(frame, rig, matcher)
+    return _compare(prepared, _match([prepared], matcher)[0])
 
 
 def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
@@ -123,39 +123,39 @@ def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher
 
 def _grouped(
     frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher, size: int
-) -> Iterator[list[_Looked | Skipped]]:
-    items = (item if isinstance(item, Skipped) else _look(item, rig, matcher) for item in frames)
+) -> Iterator[list[_PreparedFrame | Skipped]]:
+    items = (item if isinstance(item, Skipped) else _prepare(item, rig, matcher) for item in frames)
     while group := list(islice(items, size)):
         yield group
 
 
 def _matched(
-    groups: Generator[list[_Looked | Skipped]], matcher: Matcher
-) -> Iterator[tuple[list[_Looked | Skipped], list[list[Maps]]]]:
+    groups: Generator[list[_PreparedFrame | Skipped]], matcher: Matcher
+) -> Iterator[tuple[list[_PreparedFrame | Skipped], list[list[Maps]]]]:
     with closing(groups):
         for group in groups:
-            yield group, _match([item for item in group if isinstance(item, _Looked)], matcher)
+            yield group, _match([item for item in group if isinstance(item, _PreparedFrame)], matcher)
 
 
-def _look(frame: Frame, rig: Rig, matcher: Matcher) -> _Looked:
+def _prepare(frame: Frame, rig: Rig, matcher: Matcher) -> _PreparedFrame:
     seen = rectification(rig)
     rectified = seen.frame(frame)
     triples = present(seen.rig.triples, rectified)
     pairs = matched(triples)
-    whole = look(rectified, seen.rig, triples, pairs, colour=matcher.colour)
-    parts = {pair: _look_at_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}
-    return _Looked(whole, parts, seen.pairs)
+    whole = prepare(rectified, seen.rig, triples, pairs, colour=matcher.colour)
+    parts = {pair: _prepare_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}
+    return _PreparedFrame(whole, parts, seen.pairs)
 
 
-def _look_at_pair(view: PairView, frame: Frame, matcher: Matcher) -> Looked:
+def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFrame:
     of_two, rig = view.frame(frame), view.seen.rig
-    looked = look(of_two, rig, present(rig.triples, of_two), [OF_TWO], colour=matcher.colour)
-    return replace(looked, sights=view.sights)
+    prepared = prepare(of_two, rig, present(rig.triples, of_two), [OF_TWO], colour=matcher.colour)
+    return replace(prepared, valid_masks=view.valid_masks)
 
 
-def _match(looked: Sequence[_Looked], matcher: Matcher) -> list[list[Maps]]:
+def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Maps]]:
     """The maps of everything that is matched of each frame; the matcher sees the pairs of all frames at once."""
-    every = [one for frame in looked for one in frame.matched]
+    every = [one for frame in prepared for one in frame.matched]
     images = {(at, number): pixels for at, one in enumerate(every) for number, pixels in one.inputs.items()}
     texture = {(at, number): mask for at, one in enumerate(every) for number, mask in one.texture.items()}
     pairs = [((at, i), (at, k)) for at, one in enumerate(every) for i, k in one.pairs]
@@ -163,49 +163,49 @@ def _match(looked: Sequence[_Looked], matcher: Matcher) -> list[list[Maps]]:
     for ((at, i), (_, k)), stereo in stereo_maps(matcher, images, texture, pairs).items():
         found[at][i, k] = stereo
     of_frames = iter(found)
-    return [list(islice(of_frames, len(frame.matched))) for frame in looked]
+    return [list(islice(of_frames, len(frame.matched))) for frame in prepared]
 
 
-def _compare(looked: _Looked, maps: Sequence[Maps]) -> Measured:
-    if looked.views:
-        parts = {pair: compare(part, its) for (pair, part), its in zip(looked.parts.items(), maps, strict=True)}
-        evidence = join(looked.whole, parts, looked.views)
+def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
+    if prepared.views:
+        parts = {pair: compare(part, its) for (pair, part), its in zip(prepared.parts.items(), maps, strict=True)}
+        evidence = join(prepared.whole, parts, prepared.views)
     else:
-        evidence = compare(looked.whole, maps[0])
-    frame, comparisons = looked.whole.frame, evidence.comparisons
+        evidence = compare(prepared.whole, maps[0])
+    frame, comparisons = prepared.whole.frame, evidence.comparisons
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
         counts=tuple(comparisons[t].counts if t in comparisons else None for t in evidence.rig.triples),
-        coverage=_coverage(looked.whole, evidence),
-        cells=evidence.testimony.cells,
-        shares=evidence.testimony.shares,
+        coverage=_coverage(prepared.whole, evidence),
+        cells=evidence.frame_checks.cells,
+        shares=evidence.frame_checks.shares,
         fingerprints=fingerprints(frame),
     )
     return measurement, evidence
 
 
-def _coverage(looked: Looked, evidence: Evidence) -> dict[int, Coverage]:
+def _coverage(prepared: RectifiedFrame, evidence: Evidence) -> dict[int, Coverage]:
     own = {pair: part.own.maps[OF_TWO] for pair, part in evidence.pairs.items()}
     maps: Maps = own or evidence.maps
     coverage = {
         number: Coverage(
             saturated_share=float(np.mean(pixels >= COVERAGE.saturated)),
-            textureless_share=1.0 - float(np.mean(looked.texture[number])),
+            textureless_share=1.0 - float(np.mean(prepared.texture[number])),
             unmatched_share=_unmatched_share(number, maps),
             level=float(np.mean(pixels)),
         )
-        for number, pixels in looked.greys.items()
+        for number, pixels in prepared.greys.items()
     }
-    if looked.frame.cloud is not None:
+    if prepared.frame.cloud is not None:
         leftmost = max(evidence.lidar, default=None)
         coverage[LIDAR] = Coverage(returns=evidence.lidar[leftmost].returns if leftmost is not None else None)
     return coverage
 
 
-def _unmatched_share(witness: int, maps: Maps) -> float | None:
-    references = [k for i, k in maps if i == witness]
+def _unmatched_share(source: int, maps: Maps) -> float | None:
+    references = [k for i, k in maps if i == source]
     if not references:
         return None
-    return float(np.mean(np.isnan(maps[witness, max(references)].disparity_px)))
+    return float(np.mean(np.isnan(maps[source, max(references)].disparity_px)))

@@ -7,15 +7,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.collect import Testimony, testify
+from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import Comparison, compare_cameras
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.rectification import PairView
-from auditor.measurement.shared_view import Evidence, Looked, OwnEvidence, lidar_views
+from auditor.measurement.shared_view import Evidence, OwnEvidence, RectifiedFrame, lidar_views
 from auditor.model.checks import Pair
 from auditor.model.rig import LIDAR, Rig, Triple
 
-Said = TypeVar("Said")
+Value = TypeVar("Value")
 
 OF_TWO: Pair = (1, 2)
 """The cameras of a rig of two."""
@@ -24,7 +24,7 @@ WITH_LIDAR = Triple(LIDAR, *OF_TWO)
 """What a rig of two compares."""
 
 
-def join(whole: Looked, parts: Mapping[Pair, Evidence], views: Mapping[Pair, PairView]) -> Evidence:
+def join(whole: RectifiedFrame, parts: Mapping[Pair, Evidence], views: Mapping[Pair, PairView]) -> Evidence:
     """The evidence of a frame from that of its pairs (i, k).
 
     E_{0,j,k} is the pair's own. E_{i,j,k} compares the maps of two pairs, brought back to the common view of k: there
@@ -41,30 +41,30 @@ def join(whole: Looked, parts: Mapping[Pair, Evidence], views: Mapping[Pair, Pai
             if i == LIDAR
             else compare_cameras(maps[i, k], maps[j, k], rig.baseline_m(i, k), rig.baseline_m(j, k))
         )
-    testimony = joined({pair: part.testimony for pair, part in parts.items()}, whole.halves, lidar, rig)
+    frame_checks = joined({pair: part.frame_checks for pair, part in parts.items()}, whole.half_res, lidar, rig)
     own = {pair: OwnEvidence(parts[pair], views[pair].back) for pair in whole.pairs}
-    return Evidence(rig, whole.halves, comparisons, maps, lidar, testimony, own)
+    return Evidence(rig, whole.half_res, comparisons, maps, lidar, frame_checks, own)
 
 
 def joined(
-    told: Mapping[Pair, Testimony],
-    halves: Mapping[int, NDArray[np.uint8]],
+    of_pairs: Mapping[Pair, FrameChecks],
+    half_res: Mapping[int, NDArray[np.uint8]],
     views: Mapping[int, LidarView],
     rig: Rig,
-) -> Testimony:
+) -> FrameChecks:
     """What rigs of two told, by the numbers (i, k) of their cameras, and what takes no rows to be seen.
 
     Light, empty strips and scattered points are looked for in the common view, whose pictures and LiDAR's views the
     others are: its cells are larger than what cameras beside a line miss.
     """
     return replace(
-        testify(halves, {}, views, rig),
-        contradicted=_of_pairs({pair: one.contradicted for pair, one in told.items()}),
-        unlike=_of_pairs({pair: one.unlike for pair, one in told.items()}),
-        adjudications=_of_pairs({pair: one.adjudications for pair, one in told.items()}),
-        likenesses=_of_pairs({pair: one.likenesses for pair, one in told.items()}),
+        collect_checks(half_res, {}, views, rig),
+        lidar_conflicts=_of_pairs({pair: one.lidar_conflicts for pair, one in of_pairs.items()}),
+        unlike=_of_pairs({pair: one.unlike for pair, one in of_pairs.items()}),
+        verified_conflicts=_of_pairs({pair: one.verified_conflicts for pair, one in of_pairs.items()}),
+        consistencies=_of_pairs({pair: one.consistencies for pair, one in of_pairs.items()}),
     )
 
 
-def _of_pairs(said: Mapping[Pair, Mapping[Pair, Said]]) -> dict[Pair, Said]:
-    return {pair: one[OF_TWO] for pair, one in said.items() if OF_TWO in one}
+def _of_pairs(of_pairs: Mapping[Pair, Mapping[Pair, Value]]) -> dict[Pair, Value]:
+    return {pair: one[OF_TWO] for pair, one in of_pairs.items() if OF_TWO in one}

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.collect import Testimony, testify
+from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import Comparison, compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
 from auditor.measurement.disparity.stereo import StereoMap, textured, within
-from auditor.measurement.disparity.warping import WayBack
+from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig, Triple
@@ -38,9 +38,9 @@ class Evidence:
     comparisons: Mapping[Triple, Comparison]
     maps: Maps
     lidar: Mapping[int, LidarView]
-    testimony: Testimony
+    frame_checks: FrameChecks
     pairs: Mapping[Pair, "OwnEvidence"] = field(default_factory=dict)
-    sights: Mapping[int, Mask] = field(default_factory=dict)
+    valid_masks: Mapping[int, Mask] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,39 +48,43 @@ class OwnEvidence:
     """The evidence of a pair's own view, in which its cameras are S_1 and S_2, and the way back to the common view."""
 
     own: Evidence
-    back: WayBack
+    back: PairToSharedView
 
 
 @dataclass(frozen=True, eq=False)
-class Looked:
+class RectifiedFrame:
     """A rectified frame with what its pairs of cameras (i, k) are matched from; `sights` as Evidence has them."""
 
     frame: Frame
     rig: Rig
     greys: Mapping[int, NDArray[np.uint8]]
-    halves: Mapping[int, NDArray[np.uint8]]
+    half_res: Mapping[int, NDArray[np.uint8]]
     texture: Mapping[int, Mask]
     inputs: Mapping[int, NDArray[np.uint8]]
     triples: Sequence[Triple]
     pairs: Sequence[Pair]
-    sights: Mapping[int, Mask] = field(default_factory=dict)
+    valid_masks: Mapping[int, Mask] = field(default_factory=dict)
 
 
-def look(frame: Frame, rig: Rig, triples: Sequence[Triple], pairs: Sequence[Pair], *, colour: bool) -> Looked:
+def prepare(
+    frame: Frame, rig: Rig, triples: Sequence[Triple], pairs: Sequence[Pair], *, colour: bool
+) -> RectifiedFrame:
     """Make what these pairs are matched from, in colour or grey, so that the triples can be compared."""
     greys = {number: grey(image.pixels) for number, image in frame.images.items()}
-    halves = {number: halve(pixels) for number, pixels in greys.items()}
-    texture = {number: textured(half) for number, half in halves.items()}
+    half_res = {number: halve(pixels) for number, pixels in greys.items()}
+    texture = {number: textured(half) for number, half in half_res.items()}
     inputs = {number: image.pixels for number, image in frame.images.items()} if colour else greys
-    return Looked(frame, rig, greys, halves, texture, inputs, triples, pairs)
+    return RectifiedFrame(frame, rig, greys, half_res, texture, inputs, triples, pairs)
 
 
-def compare(looked: Looked, maps: Maps) -> Evidence:
+def compare(prepared: RectifiedFrame, maps: Maps) -> Evidence:
     """Compare all disparity maps of the triples, the LiDAR projected once a view, and hear the witnesses."""
-    rig = looked.rig
-    if looked.sights:
-        maps = {(i, k): within(stereo, looked.sights[k], looked.sights[i]) for (i, k), stereo in maps.items()}
-    lidar = lidar_views(looked.frame, rig, looked.triples)
+    rig = prepared.rig
+    if prepared.valid_masks:
+        maps = {
+            (i, k): within(stereo, prepared.valid_masks[k], prepared.valid_masks[i]) for (i, k), stereo in maps.items()
+        }
+    lidar = lidar_views(prepared.frame, rig, prepared.triples)
     comparisons = {
         triple: compare_with_lidar(lidar[triple.k], maps[triple.j, triple.k], triple.j)
         if triple.i == LIDAR
@@ -90,10 +94,10 @@ def compare(looked: Looked, maps: Maps) -> Evidence:
             rig.baseline_m(triple.i, triple.k),
             rig.baseline_m(triple.j, triple.k),
         )
-        for triple in looked.triples
+        for triple in prepared.triples
     }
-    testimony = testify(looked.halves, maps, lidar, rig)
-    return Evidence(rig, looked.halves, comparisons, maps, lidar, testimony, sights=looked.sights)
+    frame_checks = collect_checks(prepared.half_res, maps, lidar, rig)
+    return Evidence(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
 
 
 def present(triples: Sequence[Triple], frame: Frame) -> list[Triple]:
@@ -104,8 +108,8 @@ def present(triples: Sequence[Triple], frame: Frame) -> list[Triple]:
 
 def matched(triples: Collection[Triple]) -> list[Pair]:
     """(i, k) of all cameras that triples compare, each once."""
-    witnesses = ((witness, triple.k) for triple in triples for witness in triple[:2])
-    return list(dict.fromkeys(pair for pair in witnesses if pair[0] != LIDAR))
+    sources = ((source, triple.k) for triple in triples for source in triple[:2])
+    return list(dict.fromkeys(pair for pair in sources if pair[0] != LIDAR))
 
 
 def lidar_views(frame: Frame, rig: Rig, triples: Collection[Triple]) -> dict[int, LidarView]:

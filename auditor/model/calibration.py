@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.model.checks import Element
+from auditor.model.checks import PairCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.parameters import SCORE_LIMITS
 from auditor.model.rig import RigKind, Triple
 from auditor.model.verdict import CauseIn
 
-LOWEST_MARGIN, HIGHEST_MARGIN = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
+LOWEST_SCORE, HIGHEST_SCORE = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
 """Margins z of the robust method are kept between these: no single element decides alone."""
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ class CleanFrames:
     recording_id: str
     stamps_ns: NDArray[np.int64]
     errors: Mapping[tuple[Statistic, Triple], Floats]
-    ratios: Mapping[Element, Floats]
+    ratios: Mapping[PairCheck, Floats]
     strengths: Mapping[CauseIn, Floats]
     missing: Mapping[int, Flags] = field(default_factory=dict)
     frozen: Mapping[int, Flags] = field(default_factory=dict)
@@ -44,10 +44,10 @@ class CleanFrames:
         """F."""
         return len(self.stamps_ns)
 
-    def ratios_of(self, elements: Sequence[Element]) -> Floats:
+    def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
         """(F, M) local ratios in the order of `elements`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
-        return np.stack([self.ratios.get(element, unknown) for element in elements], axis=1)
+        return np.stack([self.ratios.get(pair_check, unknown) for pair_check in pair_checks], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,9 @@ class Calibration:
         keys = dict.fromkeys(key for one in self.clean for key in one.errors)
         return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
 
-    def ratios_of(self, elements: Sequence[Element]) -> Floats:
+    def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
         """(F, M) local ratios of all clean frames in the order of `elements`, NaN where not measured."""
-        return np.vstack([np.empty((0, len(elements))), *(one.ratios_of(elements) for one in self.clean)])
+        return np.vstack([np.empty((0, len(pair_checks))), *(one.ratios_of(pair_checks) for one in self.clean)])
 
     @cached_property
     def strengths(self) -> Mapping[CauseIn, tuple[float, ...]]:
@@ -103,7 +103,7 @@ class Thresholds:
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class Scale:
     """theta of one element or cause and the scale of its margins, from N clean samples."""
 
     theta: float
@@ -121,8 +121,8 @@ class RobustThresholds:
 
     calibration_id: str
     r: Decimal
-    yardsticks: Mapping[Element, Yardstick]
-    causes: Mapping[CauseIn, Yardstick]
+    scales_of: Mapping[PairCheck, Scale]
+    causes: Mapping[CauseIn, Scale]
     resolvable: bool
     score: float = 0.0
     incidents_per_hour: float | None = None

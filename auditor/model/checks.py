@@ -16,65 +16,65 @@ from auditor.model.parameters import PAIR_DEPTH, POINT_LEAD
 from auditor.model.rig import LIDAR, Rig
 
 
-class Witness(StrEnum):
+class Check(StrEnum):
     """Who says something.
 
     CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
     strip of the LiDAR's view has no points. SCATTERED: points stand alone here and there.
     """
 
-    CONTRADICTED = "contradicted"
-    UNLIKE = "unlike"
-    LIGHT = "light"
-    EMPTY = "empty"
-    SCATTERED = "scattered"
+    LIDAR_CONFLICT = "contradicted"
+    PHOTOMETRIC_INCONSISTENCY = "unlike"
+    BRIGHTNESS_DIFFERENCE = "light"
+    POINT_DROPOUT = "empty"
+    ISOLATED_POINTS = "scattered"
 
 
-OF_THE_LIDAR = frozenset({Witness.EMPTY, Witness.SCATTERED})
+LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
 """Of the LiDAR's view in a camera, whatever the cameras see."""
 
 
-class Element(NamedTuple):
+class PairCheck(NamedTuple):
     """One witness's statistic of the camera pair i < k; of OF_THE_LIDAR, whose i is the LiDAR, of the view of k."""
 
-    witness: Witness
+    check: Check
     i: int
     k: int
 
     @property
     def needed(self) -> tuple[int, ...]:
         """The sensors without which it cannot be measured."""
-        return (LIDAR, self.i, self.k) if self.witness is Witness.CONTRADICTED else (self.i, self.k)
+        return (LIDAR, self.i, self.k) if self.check is Check.LIDAR_CONFLICT else (self.i, self.k)
 
     @property
-    def accusable(self) -> tuple[int, ...]:
+    def nameable(self) -> tuple[int, ...]:
         """The sensors one of which must be attacked where the element is raised."""
-        return (LIDAR,) if self.witness in OF_THE_LIDAR else self.needed
+        return (LIDAR,) if self.check in LIDAR_CHECKS else self.needed
 
 
-def elements_of(
+def pair_checks_of(
     cameras: int,
     matched: Iterable[tuple[int, int]],
-    contradicting: Iterable[tuple[int, int]],
+    lidar_conflict_pairs: Iterable[tuple[int, int]],
     views: Iterable[int],
-) -> tuple[Element, ...]:
+) -> tuple[PairCheck, ...]:
     """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
 
     `views` are the reference cameras that the LiDAR is projected into; none without one.
     """
     return (
-        *(Element(Witness.CONTRADICTED, i, k) for i, k in contradicting),
-        *(Element(Witness.UNLIKE, i, k) for i, k in matched),
-        *(Element(Witness.LIGHT, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
-        *(Element(Witness.EMPTY, LIDAR, k) for k in views),
-        *(Element(Witness.SCATTERED, LIDAR, k) for k in views),
+        *(PairCheck(Check.LIDAR_CONFLICT, i, k) for i, k in lidar_conflict_pairs),
+        *(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, k) for i, k in matched),
+        *(PairCheck(Check.BRIGHTNESS_DIFFERENCE, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
+        *(PairCheck(Check.POINT_DROPOUT, LIDAR, k) for k in views),
+        *(PairCheck(Check.ISOLATED_POINTS, LIDAR, k) for k in views),
     )
 
 
-def rig_elements(rig: Rig) -> tuple[Element, ...]:
+def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
     """The elements that frames of a rig are judged by."""
-    contradicting = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
-    return elements_of(rig.n, rig.pairs, contradicting, rig.references if rig.lidar else ())
+    lidar_conflict_pairs = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
+    return pair_checks_of(rig.n, rig.pairs, lidar_conflict_pairs, rig.references if rig.lidar else ())
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
@@ -148,7 +148,7 @@ def lead(these: Number, others: Number) -> Number:
     return (these - others) / (these + others + POINT_LEAD.pseudo_count)
 
 
-class Specks(NamedTuple):
+class IsolatedShares(NamedTuple):
     """LiDAR points that stand alone in the view of k: shares of all its points, 0 to 1.
 
     `specks_near`: of those nearer than 8 m, in all but the most bare quarter of the view's parts. `specks_beyond`: of
@@ -159,18 +159,18 @@ class Specks(NamedTuple):
     specks_beyond: float = nan
 
 
-class PairSymptoms(NamedTuple):
+class PairFaultFeatures(NamedTuple):
     """The symptoms of a matched pair (i, k) in one frame; of the LiDAR only where the pair may deny it."""
 
     rows: Rows = Rows()
     contrast: Contrast = Contrast()
     agreement: Agreement = Agreement()
-    specks: Specks = Specks()
+    isolated_shares: IsolatedShares = IsolatedShares()
 
     @property
     def values(self) -> tuple[float, ...]:
         """All numbers in the order of COLUMNS."""
-        return (*self.rows, *self.contrast, *self.agreement, *self.specks)
+        return (*self.rows, *self.contrast, *self.agreement, *self.isolated_shares)
 
 
-COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *Specks._fields)
+COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *IsolatedShares._fields)

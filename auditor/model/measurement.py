@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.model.checks import Element, Pair, PairSymptoms
+from auditor.model.checks import Pair, PairCheck, PairFaultFeatures
 from auditor.model.frames import Presence
 from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK
 
@@ -118,7 +118,7 @@ class Cells:
     """
 
     valid: NDArray[np.uint8]
-    against: NDArray[np.uint8]
+    inconsistent: NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -135,10 +135,10 @@ class Measurement:
     presence: Mapping[int, Presence]
     counts: tuple[Counts | None, ...]
     coverage: Mapping[int, Coverage]
-    cells: Mapping[Element, Cells] = field(default_factory=dict)
-    shares: Mapping[Element, float] = field(default_factory=dict)
+    cells: Mapping[PairCheck, Cells] = field(default_factory=dict)
+    shares: Mapping[PairCheck, float] = field(default_factory=dict)
     fingerprints: Mapping[int, int] = field(default_factory=dict)
-    symptoms: Mapping[Pair, PairSymptoms] = field(default_factory=dict)
+    fault_features: Mapping[Pair, PairFaultFeatures] = field(default_factory=dict)
     regions: tuple[Region, ...] = ()
 
 

@@ -168,7 +168,7 @@ class Rig:
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
-        named = ((witness, triple.k) for triple in self.triples for witness in triple[:2] if witness != LIDAR)
+        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:

@@ -36,7 +36,7 @@ class Evidence(NamedTuple):
     Witness or of a Statistic; `j` is None for elements.
     """
 
-    witness: str
+    check: str
     i: int
     j: int | None
     k: int
@@ -74,7 +74,7 @@ CauseIn = tuple[Cause, int | None]
 """A cause and the sensor that it is seen in, None for all cameras."""
 
 
-class Suspicion(NamedTuple):
+class FaultHypothesis(NamedTuple):
     """A cause and the sensor that it is seen in, None for all cameras.
 
     `score` is 0 to 1; from 0.5 on the cause is seen more strongly than in clean frames.
@@ -113,7 +113,7 @@ class Verdict:
     reason: str = ""
     evidence: tuple[Evidence, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
-    causes: tuple[Suspicion, ...] = ()
+    causes: tuple[FaultHypothesis, ...] = ()
     finding: Finding | None = None
 
 

@@ -15,10 +15,10 @@ from auditor.identification.cross_validation import clean_hours, robust_threshol
 from auditor.identification.faults import Observed, frozen, strengths
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import FrameSeries, System, judge_frames
-from auditor.identification.statistics import local_ratios
+from auditor.identification.statistics import windowed_ratios
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig, RigKind
@@ -48,7 +48,7 @@ class Criteria:
 
 def system_of(rig: Rig) -> System:
     """What the frames of a rig are judged by."""
-    return System(rig_elements(rig), rig.triples, rig.sensors)
+    return System(rig_pair_checks(rig), rig.triples, rig.sensors)
 
 
 def calibrate(
@@ -90,7 +90,7 @@ def _clean_frames(
             for statistic in Statistic
             for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
         },
-        dict(zip(rig_elements(rig), ratios.ratios[chosen].T, strict=True)),
+        dict(zip(rig_pair_checks(rig), ratios.ratios[chosen].T, strict=True)),
         {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
         missing=_of_sensors(rig, ~present[chosen]),
         frozen=_of_sensors(rig, frozen(ratios.fingerprints, present)[chosen]),
@@ -104,7 +104,7 @@ def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool
 
 def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
     """How strongly the stored symptoms of each frame speak for each cause."""
-    seen = store.load_symptoms(measurement)
+    seen = store.load_fault_features(measurement)
     observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
     return strengths(observed, seen.stamps_ns, rig.sensors)
 
@@ -119,12 +119,12 @@ def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
 
     For measurements made before windows were changed. Statistics without cells stay as they were measured.
     """
-    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
+    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
     stored = store.load_ratios(measurement)
     ratios, row_of = stored.ratios.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
     for frame, cells in store.load_cells(measurement):
-        columns = [column for column, element in enumerate(elements) if element in cells]
-        found = local_ratios([elements[column] for column in columns], cells, {})
+        columns = [column for column, pair_check in enumerate(pair_checks) if pair_check in cells]
+        found = windowed_ratios([pair_checks[column] for column in columns], cells, {})
         ratios[row_of[frame], columns] = np.array(found, dtype=np.float64)
     return ratios
 
@@ -174,7 +174,7 @@ def judge_measurement(
         thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         frames = _frame_ratios(store, measurement, recount=criteria.recount)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
-        fewest = min(yardstick.samples for yardstick in thresholds.yardsticks.values())
+        fewest = min(scale_of.samples for scale_of in thresholds.scales_of.values())
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)

@@ -12,18 +12,26 @@ from time import perf_counter
 
 from auditor import __version__
 from auditor.errors import RecordingError
-from auditor.identification.scores import raisable
-from auditor.identification.statistics import local_ratios
-from auditor.measurement import Fitting, PictureBook, Watch, localise, measure, measure_stream, use_one_thread
+from auditor.identification.scores import candidates
+from auditor.identification.statistics import windowed_ratios
+from auditor.measurement import (
+    CalibrationCheck,
+    FaultFeatures,
+    PictureBook,
+    localise,
+    measure,
+    measure_stream,
+    use_one_thread,
+)
 from auditor.measurement.disparity.matchers import (
     NO_NETWORK,
     Matcher,
     MatcherOptions,
     find_matcher,
-    foretell,
     libraries,
+    preflight,
 )
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
@@ -34,10 +42,10 @@ from auditor.recordings import (
     Survey,
     find_rigs,
     format_of,
+    given_rig,
     open_recording,
     survey,
     synchronise,
-    told_rig,
 )
 from auditor.store import MeasurementRecord, Picture, RecordingRecord, Store, StoredMeasurement, measurement_id
 
@@ -119,7 +127,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
     """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
-    return find_rigs(surveyed) if rig_file is None else (told_rig(rig_file, surveyed),)
+    return find_rigs(surveyed) if rig_file is None else (given_rig(rig_file, surveyed),)
 
 
 def _measure(
@@ -133,26 +141,26 @@ def _measure(
 ) -> None:
     started = perf_counter()
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    elements = rig_elements(rig)
-    pictures, watch, fitting = PictureBook(), Watch(), Fitting()
+    pair_checks = rig_pair_checks(rig)
+    pictures, fault_features, check = PictureBook(), FaultFeatures(), CalibrationCheck()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
     if libraries(matcher):
-        _foretell(recording, rig, matcher, stream, progress)
+        _preflight(recording, rig, matcher, stream, progress)
     with store.frames_writer(known, rig) as writer, closing(measure_stream(stream, rig, matcher)) as measured:
         for done, item in enumerate(measured, start=1):
             if isinstance(item, Skipped):
                 writer.skip(item)
             else:
                 measurement, evidence = item
-                ratios = local_ratios(elements, measurement.cells, measurement.shares)
+                ratios = windowed_ratios(pair_checks, measurement.cells, measurement.shares)
                 seen = replace(
                     measurement,
-                    symptoms=watch.observe(evidence),
-                    regions=localise(evidence, raisable(elements, ratios)),
+                    fault_features=fault_features.update(evidence),
+                    regions=localise(evidence, candidates(pair_checks, ratios)),
                 )
                 writer.add(seen, ratios)
                 pictures.offer(measurement, evidence)
-                fitting.offer(evidence, seen.symptoms)
+                check.offer(evidence, seen.fault_features)
             progress(recording.path.name, done)
         if writer.measured == 0:
             raise RecordingError(
@@ -172,22 +180,22 @@ def _measure(
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
-                misfits=fitting.complaints(),
+                misfits=check.warnings(),
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
             )
         )
 
 
-def misfits_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
+def calibration_warnings_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
     """What of a rig does not fit the first frames of a recording, one sentence a piece."""
     use_one_thread()
-    matcher, fitting = find_matcher("sgbm"), Fitting()
+    matcher, check = find_matcher("sgbm"), CalibrationCheck()
     frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
     for frame in islice(frames, *_CHECKED_TO_FIT):
         _, evidence = measure(frame, rig, matcher)
-        fitting.look(evidence, Watch().observe(evidence))
-    return fitting.complaints()
+        check.look(evidence, FaultFeatures().update(evidence))
+    return check.warnings()
 
 
 def _recording_record(
@@ -217,13 +225,13 @@ def _recording_record(
     )
 
 
-def _foretell(
+def _preflight(
     recording: Recording, rig: Rig, matcher: Matcher, frames: FrameStream, progress: Callable[[str, int], None]
 ) -> None:
     """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
     count = sum(1 for _ in recording.messages({rig.topic(rig.n)}))
     first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _CHECKED_FRAMES))
-    for remark in foretell(matcher, rig, first, count):
+    for remark in preflight(matcher, rig, first, count):
         progress(remark, 0)
 
 

@@ -137,7 +137,7 @@ class _Running:
 
     pid: int
     began: float
-    heard: float
+    last_sign_s: float
     ended: str = ""
 
 
@@ -177,7 +177,7 @@ class _Run(Generic[Item, Result]):
                         futures[pool.schedule(_run_there, args=[self._task, item, index])] = index
                 while futures:
                     done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
-                    self._hear(reader)
+                    self._receive(reader)
                     for future in done:
                         yield self._outcome(future, futures.pop(future))
                     self._end_those_over_budget()
@@ -187,21 +187,21 @@ class _Run(Generic[Item, Result]):
                         pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
                         pool.join()
 
-    def _hear(self, reader: "Connection[Any, Any]") -> None:
+    def _receive(self, reader: "Connection[Any, Any]") -> None:
         while reader.poll():
             index, pid, what, count = reader.recv()
             now = monotonic()
             if index not in self._running:
                 self._running[index] = _Running(pid, now, now)
             else:
-                self._running[index].heard = now
+                self._running[index].last_sign_s = now
                 self._on_progress(self._items[index], what, count)
 
     def _end_those_over_budget(self) -> None:
         for index, running in self._running.items():
             now = monotonic()
             running.ended = running.ended or self._limits[index].exceeded(
-                memory_mb=memory_mb(running.pid), seconds=now - running.began, silent_s=now - running.heard
+                memory_mb=memory_mb(running.pid), seconds=now - running.began, silent_s=now - running.last_sign_s
             )
             if running.ended:
                 with suppress(ProcessLookupError):

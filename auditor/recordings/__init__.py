@@ -8,13 +8,13 @@ from auditor.recordings.rigs.discovery import (
     check_rig,
     check_rig_file,
     find_rigs,
-    look_for_rigs,
+    given_rig,
     rig_of_camchain,
-    told_rig,
+    search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
-from auditor.recordings.synchronisation.health import Health, look_through
+from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
@@ -31,22 +31,22 @@ __all__ = [
     "Recording",
     "Survey",
     "Topic",
+    "check_health",
     "check_rig",
     "check_rig_file",
     "convert",
     "find_recordings",
     "find_rigs",
     "format_of",
-    "look_for_rigs",
-    "look_through",
+    "given_rig",
     "open_recording",
     "read_path",
     "read_rig",
     "rewrite",
     "rig_of_camchain",
+    "search_rigs",
     "survey",
     "synchronise",
-    "told_rig",
     "write_bag",
     "write_db3",
     "write_mcap",

@@ -59,20 +59,20 @@ class Origin:
     @classmethod
     def of_path(cls, path: Path, pattern: str) -> "Origin":
         """What a path says by a pattern, see read_path. Raises SettingError for a bad pattern or a bad date."""
-        said = read_path(path.absolute(), pattern)
-        date = _day(said["date"]) if "date" in said else None
-        if "date" in said and date is None:
+        declared = read_path(path.absolute(), pattern)
+        date = _day(declared["date"]) if "date" in declared else None
+        if "date" in declared and date is None:
             raise SettingError(
-                f"{said['date']!r} in {path} is no date",
+                f"{declared['date']!r} in {path} is no date",
                 where=f"path pattern {pattern!r}",
                 remedy="{date} stands for a day such as 2026-01-31, 2026_01_31 or 20260131",
             )
-        return cls(said.get("vehicle"), date, said.get("drive"))
+        return cls(declared.get("vehicle"), date, declared.get("drive"))
 
     @classmethod
-    def of_metadata(cls, said: Mapping[str, str]) -> "Origin":
+    def of_metadata(cls, declared: Mapping[str, str]) -> "Origin":
         """What a recording says of itself; a date that is none is passed over."""
-        return cls(said.get("vehicle") or None, _day(said.get("date", "")), said.get("drive") or None)
+        return cls(declared.get("vehicle") or None, _day(declared.get("date", "")), declared.get("drive") or None)
 
 
 def _day(text: str) -> datetime.date | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import Element, Witness
+from auditor.model.checks import Check, PairCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import RigKind, Triple
 from auditor.model.verdict import Cause, CauseIn
@@ -115,8 +115,8 @@ def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], ND
     """
     for (statistic, triple), errors in clean.errors.items():
         yield (statistic.value, *triple), errors
-    for element, ratios in clean.ratios.items():
-        yield (element.witness.value, element.i, _NONE, element.k), ratios
+    for pair_check, ratios in clean.ratios.items():
+        yield (pair_check.check.value, pair_check.i, _NONE, pair_check.k), ratios
     for (cause, sensor), strengths in clean.strengths.items():
         yield (cause.value, _NONE if sensor is None else sensor, _NONE, _NONE), strengths
     for name, of_sensor in ((_MISSING, clean.missing), (_FROZEN, clean.frozen)):
@@ -176,7 +176,7 @@ def _calibration(rows: list[dict[str, Any]]) -> Calibration:
 
 def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
     errors: dict[tuple[Statistic, Triple], NDArray[np.float64]] = {}
-    ratios: dict[Element, NDArray[np.float64]] = {}
+    ratios: dict[PairCheck, NDArray[np.float64]] = {}
     strengths: dict[CauseIn, NDArray[np.float64]] = {}
     flags: dict[str, dict[int, NDArray[np.bool_]]] = {_MISSING: {}, _FROZEN: {}}
     for row in rows:
@@ -188,7 +188,7 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
         elif what in flags:
             flags[what][i] = column > 0
         else:
-            ratios[Element(Witness(what), i, k)] = column
+            ratios[PairCheck(Check(what), i, k)] = column
     stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
     return CleanFrames(rows[0]["recording_id"], stamps_ns, errors, ratios, strengths, flags[_MISSING], flags[_FROZEN])
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import duckdb
 
 from auditor.errors import StoreError
-from auditor.model.calibration import HIGHEST_MARGIN, LOWEST_MARGIN
+from auditor.model.calibration import HIGHEST_SCORE, LOWEST_SCORE
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
-from auditor.store.evaluation_tables import BLOCK_FRAMES, INTERVAL_FRAMES
+from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -24,13 +24,13 @@ _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 _CONSTANTS = {
-    "robust_block_frames": BLOCK_FRAMES,
+    "robust_block_frames": CHUNK_FRAMES,
     "interval_frames": INTERVAL_FRAMES,
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
-    "lowest_margin": LOWEST_MARGIN,
-    "highest_margin": HIGHEST_MARGIN,
+    "lowest_margin": LOWEST_SCORE,
+    "highest_margin": HIGHEST_SCORE,
 }
 _LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""

@@ -37,7 +37,7 @@ class Part(ABC):
     experiment: str
     seed: int | None
     draws: int | None
-    stretch: int
+    chunk: int
     attack_every: int | None = None
     experiments_version: int = EXPERIMENTS_VERSION
 
@@ -113,7 +113,7 @@ JUDGED_R = Decimal("0.01")
 """The designated false-alarm rate that the robust method judges cases at."""
 
 
-BLOCK_FRAMES = 10
+CHUNK_FRAMES = 10
 """Frames that it holds out together, in blocks of time."""
 
 
@@ -142,7 +142,7 @@ class EvaluationPart(Part):
         """The id that follows from what decides every count of the part."""
         decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
         drawn = (self.seed, self.draws, self.attack_every, self.inputs)
-        return content_id("evaluation", *decides, *drawn, self.stretch)
+        return content_id("evaluation", *decides, *drawn, self.chunk)
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class ObjectPart(Part):
         """The id that follows from what decides every box of the part."""
         decides = (self.recording_id, self.rig_id, asdict(self.procedure), self.experiments_version, self.experiment)
         drawn = (self.seed, self.draws, self.attack_every)
-        return content_id("objects", *decides, self.detector_settings, *drawn, self.labels, self.stretch)
+        return content_id("objects", *decides, self.detector_settings, *drawn, self.labels, self.chunk)
 
 
 @dataclass(frozen=True)

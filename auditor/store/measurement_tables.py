@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS, Element, Pair, PairSymptoms, Witness, rig_elements
+from auditor.model.checks import COLUMNS, Check, Pair, PairCheck, PairFaultFeatures, rig_pair_checks
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     MIN_VALID_PX,
@@ -32,15 +32,15 @@ from auditor.store.records import FrameErrors, FrameRatios, MeasurementRecord
 from auditor.store.rows import measurement_row
 from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
 
-FrameCells = tuple[int, dict[Element, Cells]]
+FrameCells = tuple[int, dict[PairCheck, Cells]]
 """The number of a frame, and its counts by element."""
 
 
-def cell_rows(measurement_id: str, frame: int, cells: Mapping[Element, Cells], rig: Rig) -> Iterator[Row]:
+def cell_rows(measurement_id: str, frame: int, cells: Mapping[PairCheck, Cells], rig: Rig) -> Iterator[Row]:
     """The rows of one frame, in the order of the rig's elements."""
-    for position, element in enumerate(rig_elements(rig), start=1):
-        if element in cells:
-            of_it = cells[element]
+    for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
+        if pair_check in cells:
+            of_it = cells[pair_check]
             rows, columns = of_it.valid.shape
             yield {
                 "measurement_id": measurement_id,
@@ -49,15 +49,18 @@ def cell_rows(measurement_id: str, frame: int, cells: Mapping[Element, Cells], r
                 "rows": rows,
                 "columns": columns,
                 "valid": of_it.valid.tobytes(),
-                "against": of_it.against.tobytes(),
+                "against": of_it.inconsistent.tobytes(),
             }
 
 
 def read_cells(path: Path, rig: Rig) -> Iterator[FrameCells]:
     """The cells of a finished file, frame by frame; frames without any are left out. Raises StoreError."""
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     for frame, rows in groupby(stream_rows("cells", path), key=itemgetter("frame")):
-        yield frame, {elements[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "against")) for row in rows}
+        yield (
+            frame,
+            {pair_checks[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "against")) for row in rows},
+        )
 
 
 def _grid(row: Mapping[str, Any], name: str) -> NDArray[np.uint8]:
@@ -65,7 +68,7 @@ def _grid(row: Mapping[str, Any], name: str) -> NDArray[np.uint8]:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameSymptoms:
+class FrameFaultFeatures:
     """The symptoms of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `symptoms.COLUMNS` for the
@@ -81,19 +84,21 @@ class FrameSymptoms:
     saturated: NDArray[np.float64]
 
 
-def symptom_rows(measurement_id: str, frame: int, symptoms: Mapping[Pair, PairSymptoms]) -> Iterator[Row]:
+def fault_feature_rows(
+    measurement_id: str, frame: int, fault_features: Mapping[Pair, PairFaultFeatures]
+) -> Iterator[Row]:
     """The rows of one frame; NaN becomes NULL."""
-    for (i, k), pair in symptoms.items():
+    for (i, k), pair in fault_features.items():
         values = {name: None if isnan(x) else x for name, x in zip(COLUMNS, pair.values, strict=True)}
         yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
 
 
 def matched_pairs(rig: Rig) -> tuple[Pair, ...]:
     """The pairs (i, k) that symptoms are of, in the order of the rig's elements."""
-    return tuple((e.i, e.k) for e in rig_elements(rig) if e.witness is Witness.UNLIKE)
+    return tuple((e.i, e.k) for e in rig_pair_checks(rig) if e.check is Check.PHOTOMETRIC_INCONSISTENCY)
 
 
-def read_symptoms(frames_path: Path, path: Path, rig: Rig) -> FrameSymptoms:
+def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The symptoms of the measured frames of a finished measurement, all NaN where it is older than they are.
 
     Raises StoreError.
@@ -111,7 +116,7 @@ def read_symptoms(frames_path: Path, path: Path, rig: Rig) -> FrameSymptoms:
             values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
     level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
-    return FrameSymptoms(frames, stamps_ns, pairs, columns, cameras, level, saturated)
+    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, level, saturated)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")
@@ -176,7 +181,7 @@ def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
 
 def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence[float | None], rig: Rig) -> Row:
     """The row of a measured frame, with its local ratio by element. Raises StoreError where it does not fit the rig."""
-    M = len(rig_elements(rig))
+    M = len(rig_pair_checks(rig))
     if (len(measurement.counts), len(ratios), set(measurement.presence)) != (len(rig.triples), M, set(rig.sensors)):
         raise StoreError(
             f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
@@ -225,8 +230,8 @@ def read_ratios(path: Path, rig: Rig) -> FrameRatios:
     table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
     if table["ratios"].null_count:
         raise StoreError("it was measured before there were local ratios", where=path, remedy="measure it again")
-    F, M, S = len(table), len(rig_elements(rig)), len(rig.sensors)
-    fingerprints = _elements(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
+    F, M, S = len(table), len(rig_pair_checks(rig)), len(rig.sensors)
+    fingerprints = _pair_checks(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     return FrameRatios(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
@@ -262,18 +267,18 @@ def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
 
 def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
     """The elements of all lists, NaN where NULL."""
-    return np.asarray(_elements(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+    return np.asarray(_pair_checks(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
 
 
 def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
-    return np.asarray(_elements(column, count, path).to_pylist(), dtype=np.str_)
+    return np.asarray(_pair_checks(column, count, path).to_pylist(), dtype=np.str_)
 
 
 def _count(counts: Counts | None, name: str) -> int | None:
     return None if counts is None else getattr(counts, name)
 
 
-def _elements(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
+def _pair_checks(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     values = column.combine_chunks().flatten()
     if len(values) != count:
         raise StoreError(
@@ -313,7 +318,7 @@ class FramesWriter:
         self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig))
         for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
             self._tables["cells"].add(row)
-        for row in symptom_rows(measurement_id, frame.number, frame.symptoms):
+        for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):
             self._tables["symptoms"].add(row)
         for row in region_rows(measurement_id, frame.number, frame.regions):
             self._tables["regions"].add(row)

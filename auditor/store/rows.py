@@ -6,7 +6,7 @@ from datetime import UTC
 from typing import Any
 
 from auditor.model.calibration import RobustThresholds, Thresholds
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig
@@ -49,15 +49,15 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
         }
 
 
-def element_rows(rig: Rig) -> Iterator[Row]:
+def pair_check_rows(rig: Rig) -> Iterator[Row]:
     """The rows of a rig's elements, in their order."""
-    for position, element in enumerate(rig_elements(rig), start=1):
+    for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
-            "witness": element.witness.value,
-            "i": element.i,
-            "k": element.k,
+            "witness": pair_check.check.value,
+            "i": pair_check.i,
+            "k": pair_check.k,
         }
 
 
@@ -128,12 +128,12 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
             "theta": [thresholds.theta.get(triple) for triple in rig.triples],
             "samples": [thresholds.samples.get(triple) for triple in rig.triples],
         }
-    yardsticks = [thresholds.yardsticks.get(element) for element in rig_elements(rig)]
+    scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
     return {
         "statistic": None,
-        "element_theta": [y and y.theta for y in yardsticks],
-        "element_scale": [y and y.scale for y in yardsticks],
-        "element_samples": [y and y.samples for y in yardsticks],
+        "element_theta": [y and y.theta for y in scales_of],
+        "element_scale": [y and y.scale for y in scales_of],
+        "element_samples": [y and y.samples for y in scales_of],
         "score_threshold": thresholds.score,
         "incidents_per_hour": thresholds.incidents_per_hour,
     }

@@ -17,13 +17,13 @@ from auditor.store.files import checked_id, finished, is_part, remove_abandoned,
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
+    FrameFaultFeatures,
     FramesWriter,
-    FrameSymptoms,
     read_cells,
     read_errors,
+    read_fault_features,
     read_ratios,
     read_regions,
-    read_symptoms,
 )
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
@@ -35,8 +35,8 @@ from auditor.store.records import (
     StoredMeasurement,
 )
 from auditor.store.rows import (
-    element_rows,
     judgement_row,
+    pair_check_rows,
     rig_row,
     stored_judgement,
     stored_measurement,
@@ -136,7 +136,7 @@ class Store:
 
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig, its triples and its elements."""
-        write_rows("elements", self.path("elements", rig.rig_id), element_rows(rig))
+        write_rows("elements", self.path("elements", rig.rig_id), pair_check_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
 
@@ -217,10 +217,10 @@ class Store:
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_cells(self.path("cells", measurement_id), rig)
 
-    def load_symptoms(self, measurement_id: str) -> FrameSymptoms:
+    def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
         """The symptoms of a finished measurement's frames; all NaN where it is older than they are."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_symptoms(self.path("frames", measurement_id), self.path("symptoms", measurement_id), rig)
+        return read_fault_features(self.path("frames", measurement_id), self.path("symptoms", measurement_id), rig)
 
     def load_regions(self, measurement_id: str, frame: int) -> list[Region]:
         """The portions of a frame's sensors that would be damaged, were they attacked."""
@@ -248,7 +248,7 @@ class Store:
         """The ids of calibrations that begin so."""
         return [known for known in self.ids("calibrations") if beginning and known.startswith(beginning)]
 
-    def teachers(self) -> dict[str, tuple[str, ...]]:
+    def calibration_recordings(self) -> dict[str, tuple[str, ...]]:
         """The recordings that each calibration was made from, by its id: also those of older versions."""
         found = {}
         for calibration_id in self.ids("calibrations"):

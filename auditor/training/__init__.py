@@ -1,12 +1,11 @@
 """Training a network matcher: recordings and synthetic streets become samples, samples a network."""
 
-from auditor.training.run import CURVE, WEIGHTS, Lesson, Point, lesson, teach
+from auditor.training.run import CURVE, WEIGHTS, Point, TrainingSet, train_on, training_set
 from auditor.training.samples import Made, Recorded, SampleFiles, SampleSource, SampleTask, Street, make_samples
 
 __all__ = [
     "CURVE",
     "WEIGHTS",
-    "Lesson",
     "Made",
     "Point",
     "Recorded",
@@ -14,7 +13,8 @@ __all__ = [
     "SampleSource",
     "SampleTask",
     "Street",
-    "lesson",
+    "TrainingSet",
     "make_samples",
-    "teach",
+    "train_on",
+    "training_set",
 ]

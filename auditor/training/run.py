@@ -23,7 +23,7 @@ _VALIDATED = 24
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TrainingSet:
     """What a network learns from, and what it is tried on, by kind: recordings, streets."""
 
     training: SampleFiles
@@ -47,7 +47,7 @@ class Point:
     sgbm: Score
 
 
-def lesson(made: Sequence[Made], held_out: Sequence[Made]) -> Lesson:
+def training_set(made: Sequence[Made], held_out: Sequence[Made]) -> TrainingSet:
     """Train on what was made, validate on what was held out, never on samples of one source with training.
 
     Raises SettingError where a source is in both, or nothing is left.
@@ -69,23 +69,23 @@ def lesson(made: Sequence[Made], held_out: Sequence[Made]) -> Lesson:
             where="train-matcher",
             remedy="name other recordings, or give --synthetic",
         )
-    return Lesson(training, validation)
+    return TrainingSet(training, validation)
 
 
-def teach(lesson: Lesson, settings: "TrainingSettings", folder: Path) -> Iterator[list[Point]]:
+def train_on(training_set: TrainingSet, settings: "TrainingSettings", folder: Path) -> Iterator[list[Point]]:
     """Train, or go on with the training that the folder holds; yields the points of the curve as they come.
 
     After each the folder holds the checkpoint and the curve, at the end the weights. Points from before an
     interruption come first. Raises SettingError as `train` does, and where PSMNet's packages are missing.
     """
     training = psmnet_module("psmnet", "auditor.training")
-    sgbm = {kind: score(SgbmMatcher(), samples) for kind, samples in lesson.validation.items()}
+    sgbm = {kind: score(SgbmMatcher(), samples) for kind, samples in training_set.validation.items()}
     checkpoint = folder / training.CHECKPOINT
     resume = checkpoint.exists()
     rows: list[TrainingRow] = training.training_curve(folder) if resume else []
     points = [point for row in rows for point in _points(row, sgbm)]
     yield from ([one] for one in points)
-    for row in training.train(lesson.training, lesson.validation, settings, folder, resume=resume):
+    for row in training.train(training_set.training, training_set.validation, settings, folder, resume=resume):
         points += _points(row, sgbm)
         _write_curve(points, folder / CURVE)
         yield points[-len(sgbm) :]

@@ -123,7 +123,7 @@ def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
     disparity = np.full((camera.height_px, camera.width_px), np.nan, dtype=np.float32)
     disparity[view.row, view.column] = view.disparity_px(i)
     if own is not None:
-        disparity[~seen_by_both(disparity, 1, own.sights[k], own.sights[i])] = np.nan
+        disparity[~seen_by_both(disparity, 1, own.valid_masks[k], own.valid_masks[i])] = np.nan
     return frame.images[k].pixels, frame.images[i].pixels, _inside(disparity, rig.camera(i))
 
 
@@ -131,18 +131,18 @@ def dense_sample(drive: SyntheticDrive, number: int) -> Sample:
     """The sample of a synthetic frame, its disparities worked out from the depths that the reference camera saw."""
     rig = drive.rig
     i, k = pair_of(number, rig)
-    reference, witness = rig.camera(k), rig.camera(i)
+    reference, source = rig.camera(k), rig.camera(i)
     depth_m = drive.depth_m(number, k)
     # Eq. 1, exact here: cameras of a synthetic rig stand beside one another.
     disparity = np.float32(reference.focal_px * rig.baseline_m(i, k)) / depth_m
     disparity[~np.isfinite(depth_m)] = np.nan
-    return drive.image(number, k).pixels, drive.image(number, i).pixels, _inside(disparity, witness)
+    return drive.image(number, k).pixels, drive.image(number, i).pixels, _inside(disparity, source)
 
 
-def _inside(disparity: Disparities, witness: Camera) -> Disparities:
+def _inside(disparity: Disparities, source: Camera) -> Disparities:
     """Without those whose match lies outside the witness's image, or behind it."""
     match = np.arange(disparity.shape[1], dtype=np.float32) - disparity
-    there = (disparity > 0) & (match >= 0) & (match < witness.width_px)
+    there = (disparity > 0) & (match >= 0) & (match < source.width_px)
     return np.where(there, disparity, np.float32(np.nan))
 
 

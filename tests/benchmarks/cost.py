@@ -33,9 +33,9 @@ def bare_sgbm_s(images: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> floa
     """CPU seconds a frame of two bare full-resolution calls, the yardstick."""
     started = process_time()
     for right, middle, left in images:
-        for witness in (right, middle):
+        for source in (right, middle):
             matcher = cv2.StereoSGBM.create(0, 128, 5, 200, 800, mode=cv2.STEREO_SGBM_MODE_SGBM)
-            matcher.compute(left, witness)
+            matcher.compute(left, source)
     return (process_time() - started) / len(images)
 
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from auditor.lab.simulation.vehicles import rotation
-from auditor.measurement import Fitting, Watch, measure, use_one_thread
+from auditor.measurement import CalibrationCheck, FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
 from auditor.model.geometry import Matrix, motion
@@ -41,10 +41,10 @@ def lidar(turn: Matrix | None = None, shift_m: tuple[float, float, float] = (0, 
 
 def baselines(scale: float) -> Case:
     """The rig believes all cameras to lie farther apart: an offset in P and again in tf doubles it."""
-    stretch = np.array([1, 1, 1, scale])
+    chunk = np.array([1, 1, 1, scale])
 
     def change(rig: Rig, frame: Frame) -> tuple[Rig, Frame]:
-        return Rig(rig.lidar, tuple(replace(c, projection=c.projection * stretch) for c in rig.cameras)), frame
+        return Rig(rig.lidar, tuple(replace(c, projection=c.projection * chunk) for c in rig.cameras)), frame
 
     return change
 
@@ -87,13 +87,13 @@ CASES: dict[str, Case] = {
 }
 
 
-def complaints(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
+def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
     """What is said of a rig and a few frames."""
-    fitting = Fitting()
+    fitting = CalibrationCheck()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
-        fitting.look(evidence, Watch().observe(evidence))
-    return fitting.complaints()
+        fitting.look(evidence, FaultFeatures().update(evidence))
+    return fitting.warnings()
 
 
 def main() -> None:
@@ -103,7 +103,7 @@ def main() -> None:
         some = list(islice(stream, 0, 11, 5))
         print(f"drive {number}, frames {[frame.number for frame in some]}")
         for name, case in CASES.items():
-            print(f"  {name:20s} {'; '.join(complaints(case, rig, some)) or '-'}")
+            print(f"  {name:20s} {'; '.join(warnings(case, rig, some)) or '-'}")
 
 
 if __name__ == "__main__":

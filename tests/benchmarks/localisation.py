@@ -16,16 +16,16 @@ from decimal import Decimal
 import cv2
 import numpy as np
 
-from auditor.identification.robust import System, accuse
-from auditor.identification.scores import margins, raisable, yardsticks
-from auditor.identification.statistics import local_ratios
+from auditor.identification.robust import System, name_attacked
+from auditor.identification.scores import candidates, scales_of, scores
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.localisation.regions import localise
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
@@ -69,10 +69,10 @@ def attacked(frame: Frame, rig: Rig, sensor: int, attack: Facula | BogusWall) ->
 
 def ratios_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Region, ...], object]:
     """Local ratios, NaN where not measured, the regions, and the evidence."""
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     measurement, evidence = measure(frame, rig, MATCHER)
-    found = local_ratios(elements, measurement.cells, measurement.shares)
-    regions = localise(evidence, raisable(elements, found))
+    found = windowed_ratios(pair_checks, measurement.cells, measurement.shares)
+    regions = localise(evidence, candidates(pair_checks, found))
     return tuple(np.nan if ratio is None else ratio for ratio in found), regions, evidence
 
 
@@ -127,12 +127,12 @@ def solid_error_m(region: Region, wall: BogusWall, rig: Rig) -> float:
 def report(title: str, rig: Rig, parts: Sequence[tuple[Sequence[tuple[float, ...]], Sequence[Found]]]) -> None:
     """Print the means of each attack, over all frames and over those whose verdict names the sensor."""
     print(title)
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     rows: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
     for clean, part in parts:
-        scales = yardsticks(np.array(clean), elements, Decimal("0.01"))
-        z = margins(np.array([found.ratios for found in part]), scales)
-        verdicts = accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(part))
+        scales = scales_of(np.array(clean), pair_checks, Decimal("0.01"))
+        z = scores(np.array([found.ratios for found in part]), scales)
+        verdicts = name_attacked(z, System(pair_checks, rig.triples, rig.sensors), [frozenset()] * len(part))
         for found, verdict in zip(part, verdicts, strict=True):
             named = found.iou if found.sensor in verdict.attacked else 0.0
             for row in {found.kind, "all faculas" if found.sensor else "all walls", f"{found.kind} S_{found.sensor}"}:

@@ -49,31 +49,35 @@ class Subject:
 
 
 IDENTIFICATION = ("identification", "golden/test_golden.py")
-EVIDENCE = ("evidence/test_checks_by_hand.py", "golden/test_golden.py")
+CHECKS = ("measurement/checks", "golden/test_golden.py")
 SUBJECTS = (
-    Subject("E", ("evidence/comparing.py",), ("evidence/test_comparing.py", *EVIDENCE)),
+    Subject("E", ("measurement/checks/disparity_error.py",), ("measurement/checks/test_disparity_error.py", *CHECKS)),
     Subject(
         "LiDAR projection",
-        ("evidence/lidar.py", "evidence/visibility.py"),
-        ("evidence/test_lidar.py", "evidence/test_visibility.py", *EVIDENCE),
+        ("measurement/disparity/lidar.py",),
+        ("measurement/disparity/test_lidar.py", "measurement/disparity/test_visibility.py", *CHECKS),
     ),
     Subject(
         "NCC",
-        ("evidence/likeness.py", "evidence/photometric.py", "evidence/gain.py", "evidence/texture.py"),
-        ("evidence/test_likeness.py", "evidence/test_photometric.py", *EVIDENCE),
+        ("measurement/checks/photometric_consistency.py", "measurement/checks/brightness.py"),
+        ("measurement/checks/test_photometric_consistency.py", "measurement/checks/test_brightness.py", *CHECKS),
     ),
-    Subject("LiDAR conflict", ("evidence/contradiction.py",), ("evidence/test_contradiction.py", *EVIDENCE)),
+    Subject(
+        "LiDAR conflict",
+        ("measurement/checks/lidar_conflict.py",),
+        ("measurement/checks/test_lidar_conflict.py", *CHECKS),
+    ),
     Subject(
         "thresholds",
-        ("identification/thresholds.py", "identification/robust_thresholds.py", "thresholds.py"),
+        ("identification/thresholds.py", "model/calibration.py"),
         ("identification/test_thresholds.py", *IDENTIFICATION),
     ),
     Subject(
         "windows",
-        ("identification/windows.py", "identification/local_ratio.py"),
-        ("identification/test_windows.py", "identification/test_local_ratio.py", *IDENTIFICATION),
+        ("identification/statistics.py",),
+        ("identification/test_temporal_windows.py", "identification/test_windowed_ratio.py", *IDENTIFICATION),
     ),
-    Subject("parameters", ("evidence/parameters.py", "identification/parameters.py"), (*IDENTIFICATION, *EVIDENCE)),
+    Subject("parameters", ("measurement/parameters.py", "identification/parameters.py"), (*IDENTIFICATION, *CHECKS)),
     Subject("identification", ("identification/*.py",), IDENTIFICATION),
 )
 

@@ -15,14 +15,14 @@ from time import process_time
 import cv2
 import numpy as np
 
-from auditor.evaluation.attacked_frame import Bench
-from auditor.identification.robust import System, accuse
-from auditor.identification.scores import margins, yardsticks
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.identification.robust import System, name_attacked
+from auditor.identification.scores import scales_of, scores
 from auditor.lab.attacks.paper import draw_facula, draw_wall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import VerdictKind
@@ -45,18 +45,18 @@ def street(seed: int, offsets_m: tuple[tuple[float, float, float], ...]) -> Synt
 def named(drives: Sequence[SyntheticDrive], learnt_on: Sequence[SyntheticDrive]) -> Counter[tuple[str, str]]:
     """How often what was attacked (or nothing) was called what."""
     rig, matcher, rng = drives[0].rig, SgbmMatcher(), np.random.default_rng(5)
-    elements = rig_elements(rig)
-    clean = [Bench(frame, d.rig, matcher).ratios({}) for d in learnt_on for frame in list(d.frames())[::2]]
-    scales = yardsticks(np.array(clean, dtype=float), elements, Decimal("0.01"))
+    pair_checks = rig_pair_checks(rig)
+    clean = [AttackedFrame(frame, d.rig, matcher).ratios({}) for d in learnt_on for frame in list(d.frames())[::2]]
+    scales = scales_of(np.array(clean, dtype=float), pair_checks, Decimal("0.01"))
     cases = [{}] + [{s: draw_facula(rng, 1242, 375, "strong")} for s in (1, 2, 3) for _ in range(DRAWS)]
     cases += [{LIDAR: draw_wall(rng)} for _ in range(DRAWS)]
     told, ratios = [], []
     for frame in (frame for d in drives for frame in list(d.frames())[::EVERY]):
-        bench = Bench(frame, rig, matcher)
+        attacked_frame = AttackedFrame(frame, rig, matcher)
         told += cases
-        ratios += [bench.ratios(case) for case in cases]
-    z = margins(np.array(ratios, dtype=float), scales)
-    verdicts = accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(z))
+        ratios += [attacked_frame.ratios(case) for case in cases]
+    z = scores(np.array(ratios, dtype=float), scales)
+    verdicts = name_attacked(z, System(pair_checks, rig.triples, rig.sensors), [frozenset()] * len(z))
     said = ("clean" if v.kind is VerdictKind.CLEAN else f"attacked {v.attacked}" for v in verdicts)
     return Counter(
         (f"attacked {tuple(case)}" if case else "clean", what) for case, what in zip(told, said, strict=True)

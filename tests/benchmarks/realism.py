@@ -42,9 +42,9 @@ def spread(errors: Errors) -> NDArray[np.float64]:
     return np.stack([np.nanmedian(errors, axis=0), np.nanquantile(errors, 0.99, axis=0)])
 
 
-def lines(name: str, errors: Errors, against: NDArray[np.float64]) -> Iterator[str]:
+def lines(name: str, errors: Errors, inconsistent: NDArray[np.float64]) -> Iterator[str]:
     figures = spread(errors)
-    ratios = figures / against
+    ratios = figures / inconsistent
     outside = int(np.count_nonzero((ratios > FACTOR) | (ratios < 1 / FACTOR)))
     for s, statistic in enumerate(Statistic):
         cells = [

@@ -18,15 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.faults import Observed, strengths, suspicions
-from auditor.identification.robust import Heard, System, judge_heard
-from auditor.identification.scores import strength_yardsticks, yardsticks
+from auditor.identification.faults import Observed, fault_hypotheses, strengths
+from auditor.identification.robust import Heard, System, judge_series
+from auditor.identification.scores import fault_scales, scales_of
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import use_one_thread
-from auditor.model.calibration import Yardstick
-from auditor.model.checks import COLUMNS, rig_elements
+from auditor.model.calibration import Scale
+from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.rig import Rig
-from auditor.model.verdict import FINDINGS, Cause, CauseIn, Suspicion, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_faults import CLEAN, FAULTS, PARTS
@@ -39,7 +39,7 @@ LIKELIEST = 3
 def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
     """(F,) strength of each cause."""
     cameras = tuple(camera.number for camera in rig.cameras)
-    columns = {name: part.symptoms[:, :, n] for n, name in enumerate(COLUMNS)}
+    columns = {name: part.fault_features[:, :, n] for n, name in enumerate(COLUMNS)}
     return strengths(Observed(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors)
 
 
@@ -47,8 +47,8 @@ def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
 class Learnt:
     """What clean recordings teach."""
 
-    scales: Sequence[Yardstick | None]
-    causes: Mapping[CauseIn, Yardstick]
+    scales: Sequence[Scale | None]
+    causes: Mapping[CauseIn, Scale]
 
 
 def learn(recordings: Sequence[Watched], rig: Rig) -> Learnt:
@@ -58,20 +58,20 @@ def learn(recordings: Sequence[Watched], rig: Rig) -> Learnt:
     samples = {key: np.concatenate([one[key] for one in strong]) for key in strong[0]}
     known = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in samples.items()}
     clean = np.concatenate([part.ratios for part in recordings])
-    return Learnt(yardsticks(clean, rig_elements(rig), r), strength_yardsticks(known, r))
+    return Learnt(scales_of(clean, rig_pair_checks(rig), r), fault_scales(known, r))
 
 
-def suspected(part: Watched, learnt: Learnt, rig: Rig) -> list[tuple[Suspicion, ...]]:
+def suspected(part: Watched, learnt: Learnt, rig: Rig) -> list[tuple[FaultHypothesis, ...]]:
     """The causes of each frame worth telling, whether or not they explain its verdict."""
-    return suspicions(told(part, rig), learnt.causes)
+    return fault_hypotheses(told(part, rig), learnt.causes)
 
 
 def judged(part: Watched, learnt: Learnt, rig: Rig) -> list[Verdict]:
     """The verdicts of the robust method."""
     present = np.ones(part.fingerprints.shape, dtype=np.bool_)
     heard = Heard(part.stamps_ns, part.ratios, present, part.fingerprints)
-    system = System(rig_elements(rig), rig.triples, rig.sensors)
-    return judge_heard(heard, system, learnt.scales, 0.0, suspected(part, learnt, rig))
+    system = System(rig_pair_checks(rig), rig.triples, rig.sensors)
+    return judge_series(heard, system, learnt.scales, 0.0, suspected(part, learnt, rig))
 
 
 def outcome(series: Series, verdict: Verdict) -> Counter[str]:
@@ -132,7 +132,7 @@ def names(series: Series) -> list[str]:
 
 
 def accusations(
-    series: Series, verdicts: Sequence[Verdict], suspected: Sequence[tuple[Suspicion, ...]]
+    series: Series, verdicts: Sequence[Verdict], suspected: Sequence[tuple[FaultHypothesis, ...]]
 ) -> Iterator[str]:
     """A line for each accused frame: who was accused, by what, and the likeliest causes.
 
@@ -143,13 +143,13 @@ def accusations(
         if verdict.kind is not VerdictKind.ATTACKED:
             continue
         who = ", ".join(f"S_{sensor}" for sensor in verdict.attacked)
-        why = ", ".join(f"{e.witness} {e.i}-{e.k} {e.margin:.2f}" for e in verdict.evidence)
+        why = ", ".join(f"{e.source} {e.i}-{e.k} {e.margin:.2f}" for e in verdict.evidence)
         ranked = sorted({*verdict.causes, *causes}, key=lambda one: -one.score)[:LIKELIEST]
         likeliest = ", ".join(_told(one, explains=one in verdict.causes) for one in ranked) or "no cause"
         yield f"  {series.name}{where}, {series.recording}, frame {number}: {who} by {why}; {likeliest}"
 
 
-def _told(one: Suspicion, *, explains: bool) -> str:
+def _told(one: FaultHypothesis, *, explains: bool) -> str:
     text = f"{one.cause.value}{'' if one.sensor is None else f' S_{one.sensor}'} {one.score:.2f}"
     return text if explains else f"({text})"
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.measurement import use_one_thread
 from auditor.model.frames import CameraImage, Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
@@ -84,7 +84,8 @@ def main() -> None:
     use_one_thread()
     rig, stream = frames("0001")
     clean = [
-        Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(Bench(f, rig, MATCHER), {})) for f in stream
+        Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(AttackedFrame(f, rig, MATCHER), {}))
+        for f in stream
     ]
     tested: list[Sample] = []
     rig, stream = frames("0009")
@@ -92,7 +93,7 @@ def main() -> None:
     for frame in stream:
         if frame.number % 2 == 0:
             for name, whom, changed in conditions(frame, before, rig):
-                found = measured(Bench(changed, rig, MATCHER), {})
+                found = measured(AttackedFrame(changed, rig, MATCHER), {})
                 tested.append(Sample("0009", frame.number, frame.stamp_ns, name, whom, 0, *found))
         before = frame
     said: dict[tuple[str, tuple[int, ...]], Counter[str]] = {}

@@ -14,20 +14,20 @@ from typing import Any
 
 import cv2
 
-from auditor.identification.scores import raisable
-from auditor.identification.statistics import local_ratios
+from auditor.identification.scores import candidates
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.measurement import Watch, localise, measure, use_one_thread
-from auditor.measurement.checks.brightness import coarse, compare_light
-from auditor.measurement.checks.collect import testify
-from auditor.measurement.checks.count_grid import cells_of_likeness, cells_of_points
-from auditor.measurement.checks.lidar_conflict import adjudicate
-from auditor.measurement.checks.photometric_consistency import likeness
+from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
+from auditor.measurement.checks.brightness import coarse, compare_brightness
+from auditor.measurement.checks.collect import collect_checks
+from auditor.measurement.checks.count_grid import cells_of_consistency, cells_of_points
+from auditor.measurement.checks.lidar_conflict import verify_conflicts
+from auditor.measurement.checks.photometric_consistency import photometric_consistency
 from auditor.measurement.disparity.half_resolution import halve
-from auditor.measurement.disparity.lidar import lidar_view, visible_to_witness
+from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
@@ -57,14 +57,14 @@ def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
     return result
 
 
-def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: Watch) -> None:
+def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeatures) -> None:
     """Time measuring, which hears all witnesses; symptoms and regions; then the witnesses' pieces for one pair."""
     measurement, evidence = timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
-    timed(seconds, f"{kind}: symptoms", lambda: watch.observe(evidence))
-    found = local_ratios(rig_elements(rig), measurement.cells, measurement.shares)
-    timed(seconds, f"{kind}: regions", lambda: localise(evidence, raisable(rig_elements(rig), found)))
-    halves = {n: halve(image.pixels) for n, image in frame.images.items()}
-    texture = {n: textured(half) for n, half in halves.items()}
+    timed(seconds, f"{kind}: symptoms", lambda: watch.update(evidence))
+    found = windowed_ratios(rig_pair_checks(rig), measurement.cells, measurement.shares)
+    timed(seconds, f"{kind}: regions", lambda: localise(evidence, candidates(rig_pair_checks(rig), found)))
+    half_res = {n: halve(image.pixels) for n, image in frame.images.items()}
+    texture = {n: textured(half) for n, half in half_res.items()}
     k = rig.n
     maps = {
         (i, k): stereo_map(MATCHER, frame.images[k].pixels, frame.images[i].pixels, texture[k], texture[i])
@@ -72,24 +72,26 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: Watch) ->
     }
     assert frame.cloud is not None
     view = lidar_view(frame.cloud, rig, k)
-    heard = timed(seconds, f"{kind}: all witnesses", lambda: testify(halves, maps, {k: view}, rig))
-    elements = rig_elements(rig)
-    timed(seconds, f"{kind}: local ratios", lambda: local_ratios(elements, heard.cells, heard.shares))
-    pair = timed(seconds, f"{kind}: likeness, a pair", lambda: likeness(halves[k], halves[1], maps[1, k]))
+    heard = timed(seconds, f"{kind}: all witnesses", lambda: collect_checks(half_res, maps, {k: view}, rig))
+    pair_checks = rig_pair_checks(rig)
+    timed(seconds, f"{kind}: local ratios", lambda: windowed_ratios(pair_checks, heard.cells, heard.shares))
+    pair = timed(
+        seconds, f"{kind}: likeness, a pair", lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k])
+    )
     d0 = view.disparity_px(1)
-    timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_witness(view, rig, 1, d0))
+    timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_source(view, rig, 1, d0))
     points = timed(
         seconds,
         f"{kind}: adjudication, a pair",
-        lambda: adjudicate(view, maps[1, k], pair, rig, 1, (halves[k], halves[1])),
+        lambda: verify_conflicts(view, maps[1, k], pair, rig, 1, (half_res[k], half_res[1])),
     )
     camera = rig.camera(k)
     timed(
         seconds,
         f"{kind}: cells, a pair",
-        lambda: (cells_of_likeness(pair), cells_of_points(points, camera.height_px, camera.width_px)),
+        lambda: (cells_of_consistency(pair), cells_of_points(points, camera.height_px, camera.width_px)),
     )
-    timed(seconds, f"{kind}: light, a pair", lambda: compare_light(coarse(halves[1]), coarse(halves[k])))
+    timed(seconds, f"{kind}: light, a pair", lambda: compare_brightness(coarse(half_res[1]), coarse(half_res[k])))
 
 
 def main() -> None:
@@ -99,20 +101,20 @@ def main() -> None:
     seconds: Seconds = defaultdict(list)
     rig, stream = frames("0009")
     kept = list(stream)[::EVERY]
-    watches = {kind: Watch() for kind in KINDS}
+    watches = {kind: FaultFeatures() for kind in KINDS}
     for _ in range(ROUNDS):
         for frame in kept:
             left, right = frame.images[rig.n].pixels, frame.images[1].pixels
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
             for kind, changed in kinds(frame, rig):
                 pieces(seconds, kind, changed, rig, watches[kind])
-    yardstick = 2 * median(seconds["bare SGBM call"])
+    scale_of = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
-        print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / yardstick:.3f}")
+        print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
     for kind in KINDS:
         whole = ("measure", "symptoms", "regions", "local ratios")
         total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
-        print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / yardstick:.3f}")
+        print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evaluation.attacked_frame import Attack, Bench
+from auditor.evaluation.attacked_frame import Attack, AttackedFrame
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
 from auditor.lab.simulation.drives import make_drive
@@ -95,12 +95,12 @@ def kinds(rig: Rig, patterns: Sequence[LaserPattern], rng: np.random.Generator) 
 def samples(name: str, rig: Rig, stream: Sequence[Frame], patterns: Sequence[LaserPattern]) -> Iterator[Sample]:
     """Each frame clean and under every kind."""
     for frame in stream:
-        bench = Bench(frame, rig, MATCHER)
-        yield Sample(name, frame.number, frame.stamp_ns, "clean", (), 0, *measured(bench, {}))
+        attacked_frame = AttackedFrame(frame, rig, MATCHER)
+        yield Sample(name, frame.number, frame.stamp_ns, "clean", (), 0, *measured(attacked_frame, {}))
         for kind, sensor, attack in kinds(rig, patterns, np.random.default_rng([1, frame.number])):
-            found = measured(bench, {sensor: attack})
+            found = measured(attacked_frame, {sensor: attack})
             yield Sample(name, frame.number, frame.stamp_ns, kind, (sensor,), 0, *found)
-            bench.forget_attacks()
+            attacked_frame.forget_attacks()
 
 
 def report(rig: Rig, splits: Sequence[tuple[list[Sample], list[Sample]]]) -> None:
@@ -130,7 +130,8 @@ def main() -> None:
     patterns = [LaserPattern(str(file.relative_to(options.patterns)), _picture(file)) for file in files]
     rig, stream = frames("0001")
     learnt = [
-        Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(Bench(f, rig, MATCHER), {})) for f in stream
+        Sample("0001", f.number, f.stamp_ns, "clean", (), 0, *measured(AttackedFrame(f, rig, MATCHER), {}))
+        for f in stream
     ]
     rig, stream = frames("0009")
     print("drive 0009, thresholds of 0001")

@@ -7,11 +7,11 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.identification.paper import judge
-from auditor.identification.robust import System, accuse
-from auditor.identification.scores import margins, yardsticks
+from auditor.identification.robust import System, name_attacked
+from auditor.identification.scores import scales_of, scores
 from auditor.identification.statistics import window_means
 from auditor.identification.thresholds import threshold
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.rig import Rig
 from auditor.model.verdict import Verdict
 from tests.benchmarks.intervals import wilson_percent
@@ -49,12 +49,12 @@ def robust(window_s: float | None) -> Judge:
     """Margins, joint identification; with a window their means over half a second."""
 
     def verdicts(rig: Rig, clean: Sequence[Sample], tested: Sequence[Sample]) -> list[Verdict]:
-        elements = rig_elements(rig)
-        scales = yardsticks(np.array([sample.ratios for sample in clean]), elements, R)
-        z = margins(np.array([sample.ratios for sample in tested]), scales)
+        pair_checks = rig_pair_checks(rig)
+        scales = scales_of(np.array([sample.ratios for sample in clean]), pair_checks, R)
+        z = scores(np.array([sample.ratios for sample in tested]), scales)
         if window_s is not None:
             z = _windowed(z, tested, window_s)
-        return accuse(z, System(elements, rig.triples, rig.sensors), [frozenset()] * len(tested))
+        return name_attacked(z, System(pair_checks, rig.triples, rig.sensors), [frozenset()] * len(tested))
 
     return verdicts
 

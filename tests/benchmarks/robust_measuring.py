@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import Attack, Attacks, Bench
+from auditor.evaluation.attacked_frame import Attack, AttackedFrame, Attacks
 from auditor.lab.attacks.paper import STRENGTHS, Facula, draw_facula, draw_wall
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.frames import Frame
@@ -32,11 +32,13 @@ class Sample:
     E: tuple[tuple[float, ...], ...]
 
 
-def measured(bench: Bench, attacks: Attacks) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+def measured(
+    attacked_frame: AttackedFrame, attacks: Attacks
+) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
     """Local ratios by element and (plain, gated) E by triple, with these attacks on these sensors."""
-    counts = bench.counts(attacks)
+    counts = attacked_frame.counts(attacks)
     E = tuple(tuple(_or_nan(c and c.disparity_error(statistic)) for c in counts) for statistic in Statistic)
-    return tuple(map(_or_nan, bench.ratios(attacks))), E
+    return tuple(map(_or_nan, attacked_frame.ratios(attacks))), E
 
 
 def _or_nan(value: float | None) -> float:
@@ -68,11 +70,11 @@ def cases(rig: Rig, rng: np.random.Generator) -> Iterator[tuple[str, dict[int, A
 def samples(recording: str, rig: Rig, frames: Iterable[Frame], draws: int, seed: int) -> Iterator[Sample]:
     """Every frame clean, and under `draws` draws of every attack."""
     for frame in frames:
-        bench = Bench(frame, rig, MATCHER)
-        yield Sample(recording, frame.number, frame.stamp_ns, "clean", (), 0, *measured(bench, {}))
+        attacked_frame = AttackedFrame(frame, rig, MATCHER)
+        yield Sample(recording, frame.number, frame.stamp_ns, "clean", (), 0, *measured(attacked_frame, {}))
         for draw in range(draws):
             drawn = np.random.default_rng([seed, frame.number, draw])
             for kind, attacks in cases(rig, drawn):
-                found = measured(bench, attacks)
+                found = measured(attacked_frame, attacks)
                 yield Sample(recording, frame.number, frame.stamp_ns, kind, tuple(sorted(attacks)), draw, *found)
-            bench.forget_attacks()
+            attacked_frame.forget_attacks()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.model.rig import Rig
@@ -70,17 +70,19 @@ def _measure(scene: Scene) -> tuple[Rig, list[Sample]]:
         vehicle=scene.number,
         positions_m=EVENLY_SPACED_M if scene.cameras == 4 else None,
     )
-    benches = (Bench(frame, drive.rig, MATCHER) for frame in drive.frames())
-    return drive.rig, [sample for bench in benches for sample in _frame(scene, drive.rig, bench)]
+    benches = (AttackedFrame(frame, drive.rig, MATCHER) for frame in drive.frames())
+    return drive.rig, [sample for attacked_frame in benches for sample in _frame(scene, drive.rig, attacked_frame)]
 
 
-def _frame(scene: Scene, rig: Rig, bench: Bench) -> Iterator[Sample]:
-    number, stamp_ns = bench.frame.number, bench.frame.stamp_ns
-    yield Sample(scene.name, number, stamp_ns, "clean", (), 0, *measured(bench, {}))
+def _frame(scene: Scene, rig: Rig, attacked_frame: AttackedFrame) -> Iterator[Sample]:
+    number, stamp_ns = attacked_frame.frame.number, attacked_frame.frame.stamp_ns
+    yield Sample(scene.name, number, stamp_ns, "clean", (), 0, *measured(attacked_frame, {}))
     for kind, attacks in cases(rig, np.random.default_rng([scene.number, number])):
         lasts = scene.cameras == LASTING_CAMERAS and lasting(kind, tuple(attacks))
         if lasts or number % scene.period < _ATTACKED_TOGETHER:
-            yield Sample(scene.name, number, stamp_ns, kind, tuple(sorted(attacks)), 0, *measured(bench, attacks))
+            yield Sample(
+                scene.name, number, stamp_ns, kind, tuple(sorted(attacks)), 0, *measured(attacked_frame, attacks)
+            )
 
 
 def lasting(kind: str, attacked: tuple[int, ...]) -> bool:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.statistics import local_ratios
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.simulation.drives import make_drive
-from auditor.measurement import Watch, measure
+from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import Pair, rig_elements
+from auditor.model.checks import Pair, rig_pair_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
@@ -51,7 +51,7 @@ class Watched:
     stamps_ns: Integers
     ratios: Floats
     pairs: tuple[Pair, ...]
-    symptoms: Floats
+    fault_features: Floats
     level: Floats
     saturated: Floats
     fingerprints: Integers
@@ -90,22 +90,22 @@ class Street:
 
 def measured(stream: Iterable[Frame], rig: Rig) -> Watched:
     """A series as a scan would measure it."""
-    watch, found = Watch(), []
+    watch, found = FaultFeatures(), []
     for frame in stream:
         measurement, evidence = measure(frame, rig, MATCHER)
-        found.append(replace(measurement, symptoms=watch.observe(evidence)))
+        found.append(replace(measurement, fault_features=watch.update(evidence)))
     return _distilled(found, rig)
 
 
 def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
-    elements, cameras = rig_elements(rig), [camera.number for camera in rig.cameras]
-    pairs = tuple(found[0].symptoms)
+    pair_checks, cameras = rig_pair_checks(rig), [camera.number for camera in rig.cameras]
+    pairs = tuple(found[0].fault_features)
     return Watched(
         np.array([m.number for m in found], dtype=np.int64),
         np.array([m.stamp_ns for m in found], dtype=np.int64),
-        np.array([local_ratios(elements, m.cells, m.shares) for m in found], dtype=np.float64),
+        np.array([windowed_ratios(pair_checks, m.cells, m.shares) for m in found], dtype=np.float64),
         pairs,
-        np.array([[m.symptoms[pair].values for pair in pairs] for m in found], dtype=np.float64),
+        np.array([[m.fault_features[pair].values for pair in pairs] for m in found], dtype=np.float64),
         np.array([[m.coverage[c].level for c in cameras] for m in found], dtype=np.float64),
         np.array([[m.coverage[c].saturated_share for c in cameras] for m in found], dtype=np.float64),
         np.array([[m.fingerprints.get(s, NO_FINGERPRINT) for s in rig.sensors] for m in found], dtype=np.int64),

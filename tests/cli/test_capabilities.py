@@ -1,28 +1,28 @@
-from auditor.cli.capabilities import abilities, short_pairs
+from auditor.cli.capabilities import capabilities, short_pairs
 from tests.making.scenes import plane_rig
 
 
 def test_four_sensors_name_one_and_close_cameras_do_not_deny_the_lidar():
     rig = plane_rig((0.6, 0.1, 0.0))
     assert short_pairs(rig) == [(2, 3)]
-    first, denied, short = abilities(rig)
+    first, denied, short = capabilities(rig)
     assert "up to 1 attacked sensor at once" in first
     assert denied.startswith("only S_1 and S_3 can deny the LiDAR")
     assert short.endswith("S_2 and S_3")
 
 
 def test_three_sensors_name_nobody():
-    first, *_ = abilities(plane_rig((0.6, 0.0)))
+    first, *_ = capabilities(plane_rig((0.6, 0.0)))
     assert "with three sensors its sensor cannot be identified" in first
 
 
 def test_wide_pairs_deny_the_lidar_and_narrow_ones_alone_cannot():
-    assert abilities(plane_rig((0.9, 0.6, 0.0)))[1] == "the LiDAR can be denied by S_1 and S_3, S_2 and S_3"
-    assert abilities(plane_rig((0.1, 0.05, 0.0)))[1].startswith("no pair of cameras is wide enough")
+    assert capabilities(plane_rig((0.9, 0.6, 0.0)))[1] == "the LiDAR can be denied by S_1 and S_3, S_2 and S_3"
+    assert capabilities(plane_rig((0.1, 0.05, 0.0)))[1].startswith("no pair of cameras is wide enough")
 
 
 def test_without_a_lidar_nothing_is_said_of_it():
-    lines = abilities(plane_rig((0.9, 0.6, 0.3, 0.0), lidar=False))
+    lines = capabilities(plane_rig((0.9, 0.6, 0.3, 0.0), lidar=False))
     assert short_pairs(plane_rig((0.1, 0.05, 0.02, 0.0), lidar=False)) == []
     assert len(lines) == 2
     assert lines[1].startswith("without a LiDAR")

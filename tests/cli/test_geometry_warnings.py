@@ -76,8 +76,8 @@ def test_a_lidar_that_was_moved_is_a_warning_at_inspect(
     write_rig(drive.rig, tmp_path / "rig.toml")
     assert run(["inspect", str(tmp_path / "moved.mcap"), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
-    (misfit,) = rig["misfits"]
-    assert "wrong LiDAR mounting" in misfit
+    (warning,) = rig["misfits"]
+    assert "wrong LiDAR mounting" in warning
     assert (
         run(
             [

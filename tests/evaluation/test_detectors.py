@@ -33,10 +33,10 @@ def test_boxes_agree_by_intersection_over_union() -> None:
 
 
 def test_a_witness_sees_an_object_further_to_the_left_by_no_more_than_the_largest_disparity() -> None:
-    reference, witness = ImageBox(50, 0, 60, 10), ImageBox(20, 0, 30, 10)
-    assert overlaps([reference], [witness], 40.0) == 1.0
-    assert overlaps([reference], [witness], 25.0) == pytest.approx(5 / 15)
-    assert overlaps([witness], [reference], 40.0) == 0.0
+    reference, source = ImageBox(50, 0, 60, 10), ImageBox(20, 0, 30, 10)
+    assert overlaps([reference], [source], 40.0) == 1.0
+    assert overlaps([reference], [source], 25.0) == pytest.approx(5 / 15)
+    assert overlaps([source], [reference], 40.0) == 0.0
 
 
 def test_footprints_agree_however_they_are_turned() -> None:

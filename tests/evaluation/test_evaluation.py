@@ -12,14 +12,14 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import RecordingError, RigError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, runner
-from auditor.evaluation.attacked_frame import Bench
-from auditor.evaluation.experiments import EXPERIMENTS, Dice, attacked_sets, disc_share
-from auditor.evaluation.runner import STRETCH_FRAMES
-from auditor.identification.statistics import local_ratios
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
+from auditor.evaluation.runner import CHUNK_FRAMES
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Procedure
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import AttackLabel
@@ -58,31 +58,31 @@ def attacked_frame(frame, attacks):
 
 def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
     frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
-    bench = Bench(frame, RIG, matcher)
+    attacked_frame = AttackedFrame(frame, RIG, matcher)
     found = []
     for size in (0, 1, 2, 3):
         for attacked in combinations(RIG.sensors, size):
             attacks = {s: ATTACKS[s] for s in attacked}
             measured, _ = measure(attacked_frame(frame, attacks), RIG, matcher)
-            assert bench.counts(attacks) == measured.counts
-            found.append(bench.ratios(attacks))
-            assert found[-1] == local_ratios(rig_elements(RIG), measured.cells, measured.shares)
+            assert attacked_frame.counts(attacks) == measured.counts
+            found.append(attacked_frame.ratios(attacks))
+            assert found[-1] == windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
     assert len(set(found)) >= len(found) - 2  # where cameras are blinded nobody can deny the LiDAR
 
 
 def test_only_what_an_attack_changes_is_matched_again():
     matcher = CountingMatcher()
-    bench = Bench(plane_frame(RIG), RIG, matcher)
+    attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
     asked = []
     for attacked in ((), (0,), (1,), (0, 1), (4,), (1, 4), (0, 1, 4)):
-        bench.counts({s: ATTACKS[s] for s in attacked})
+        attacked_frame.counts({s: ATTACKS[s] for s in attacked})
         asked.append(matcher.asked)
     # 5 pairs: (1,4) (2,4) (3,4) (1,3) (2,3). A witness is in two of them, S_4 in three, both of them in one.
     assert [b - a for a, b in pairwise([0, *asked])] == [5, 0, 2, 0, 3, 1, 0]
-    bench.forget_attacks()
-    bench.counts({})
+    attacked_frame.forget_attacks()
+    attacked_frame.counts({})
     assert matcher.asked == asked[-1]
-    bench.counts({1: ATTACKS[1]})
+    attacked_frame.counts({1: ATTACKS[1]})
     assert matcher.asked == asked[-1] + 2
 
 
@@ -97,34 +97,38 @@ def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice(
             return [self.match(images[left], images[right]) for left, right in pairs]
 
     frame, matcher = plane_frame(RIG, depth_m=7.0), Pairing()
-    bench = Bench(frame, RIG, matcher)
+    attacked_frame = AttackedFrame(frame, RIG, matcher)
     cases = [{}, {1: ATTACKS[1]}, {0: ATTACKS[0], 1: ATTACKS[1]}, {1: ATTACKS[1], 4: ATTACKS[4]}]
-    bench.match_together(cases)
+    attacked_frame.match_together(cases)
     # 5 pairs; S_1 in two of them, S_4 in three, both in one.
     assert (asked, matcher.asked) == ([5 + 2 + 3], 10)
-    plain = Bench(frame, RIG, find_matcher("sgbm"))
-    assert [bench.counts(case) for case in cases] == [plain.counts(case) for case in cases]
-    bench.match_together(cases)
+    plain = AttackedFrame(frame, RIG, find_matcher("sgbm"))
+    assert [attacked_frame.counts(case) for case in cases] == [plain.counts(case) for case in cases]
+    attacked_frame.match_together(cases)
     assert (sum(asked), matcher.asked) == (10, 10)
 
 
 def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
-    bench = Bench(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
-    assert bench.sensors == (0, 1, 3, 4)
-    counts = dict(zip(RIG.triples, bench.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
+    attacked_frame = AttackedFrame(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
+    assert attacked_frame.sensors == (0, 1, 3, 4)
+    counts = dict(zip(RIG.triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
 
 
 def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors_are_there():
     matcher = find_matcher("sgbm")
-    bench = Bench(plane_frame(RIG), RIG, matcher)
-    asked = {e for e, x in zip(bench.elements, bench.ratios({}, [Triple(0, 1, 4)]), strict=True) if x is not None}
+    attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
+    asked = {
+        e
+        for e, x in zip(attacked_frame.pair_checks, attacked_frame.ratios({}, [Triple(0, 1, 4)]), strict=True)
+        if x is not None
+    }
     assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4), ("scattered", 0, 4)}
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))
         measured, _ = measure(frame, RIG, matcher)
-        everything = local_ratios(rig_elements(RIG), measured.cells, measured.shares)
-        assert Bench(frame, RIG, matcher).ratios({}) == everything
+        everything = windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
+        assert AttackedFrame(frame, RIG, matcher).ratios({}) == everything
 
 
 def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can_be_identified():
@@ -136,7 +140,7 @@ def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can
 
 def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_do_not_depend_on_strength():
     experiment = next(e for e in EXPERIMENTS if e.name == "combinations")
-    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 3), ()))
+    cases = list(experiment.cases(RIG, SeededDraws(0, 1, 2, 3), ()))
     for strength in ("mild", "strong", "opaque"):
         of_it = [case for case in cases if case.strength == strength]
         assert [case.attacked for case in of_it] == list(attacked_sets(RIG))
@@ -145,18 +149,18 @@ def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_
     assert {f.amplitude for f in faculas} == {255.0, 510.0, 2000.0}
     assert len({(f.radius_px, f.u_px, f.v_px) for f in faculas}) == 1
     assert len({case.attacks[0] for case in cases if case.attacked == (0,)}) == 1
-    assert list(experiment.cases(RIG, Dice(0, 1, 2, 4), ()))[1].attacks != cases[1].attacks
+    assert list(experiment.cases(RIG, SeededDraws(0, 1, 2, 4), ()))[1].attacks != cases[1].attacks
 
 
 def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_witness():
     experiment = next(e for e in EXPERIMENTS if e.name == "sensitivity")
-    cases = list(experiment.cases(RIG, Dice(0, 1, 2, 0), ()))
+    cases = list(experiment.cases(RIG, SeededDraws(0, 1, 2, 0), ()))
     assert [c.size for c in cases if c.attacked == (0,)] == [0.5, 1.0, 1.5, 2.0, 2.5]
     for sensor in (1, 4):
         sizes = [c.size for c in cases if c.attacked == (sensor,) and c.strength == "mild"]
         assert sizes == [37.5, 75.0, 112.5, 150.0, 187.5, 225.0]
     assert experiment.triples(RIG) == (Triple(0, 1, 4),)
-    assert list(experiment.cases(plane_rig(lidar=False), Dice(0, 1, 2, 0), ())) == []
+    assert list(experiment.cases(plane_rig(lidar=False), SeededDraws(0, 1, 2, 0), ())) == []
 
 
 def test_the_visible_share_is_that_of_the_disc_inside_the_image():
@@ -194,14 +198,14 @@ def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
     killed_at = 5
     measured = []
 
-    def counts(bench, *arguments, really=Bench.counts):
-        measured.append(bench.frame.number)
+    def counts(attacked_frame, *arguments, really=AttackedFrame.counts):
+        measured.append(attacked_frame.frame.number)
         if len(set(measured)) > killed_at:
             raise KeyboardInterrupt
-        return really(bench, *arguments)
+        return really(attacked_frame, *arguments)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Bench, "counts", counts)
+        patched.setattr(AttackedFrame, "counts", counts)
         with pytest.raises(KeyboardInterrupt):
             run(drive, tmp_path / "killed")
     assert 0 < len(content(tmp_path / "killed")) < whole.cases
@@ -231,8 +235,8 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
 @pytest.fixture
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
-    monkeypatch.setattr(Bench, "counts", lambda bench, *_: [None] * len(bench.rig.triples))
-    monkeypatch.setattr(Bench, "ratios", lambda bench, *_: [None] * len(bench.elements))
+    monkeypatch.setattr(AttackedFrame, "counts", lambda attacked_frame, *_: [None] * len(attacked_frame.rig.triples))
+    monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
 
 
 @pytest.mark.usefixtures("short_stretches", "nothing_measured")
@@ -261,7 +265,7 @@ def test_what_decides_the_attacks_decides_the_id_of_a_part():
         experiment="combinations",
         seed=0,
         draws=1,
-        stretch=0,
+        chunk=0,
         attack_every=1,
     )
     others = [replace(first, **one) for one in ({"attack_every": 10}, {"experiments_version": 0}, {"seed": 1})]
@@ -316,17 +320,17 @@ def test_a_delayed_sensor_shows_earlier_frames_across_stretches_and_after_a_kill
 
 def test_what_is_not_left_to_chance_is_tried_once_however_often_the_rest_is_drawn():
     experiment = next(e for e in experiments_of(()) if e.name == "further")
-    first, second = (list(experiment.cases(RIG, Dice(0, 1, 2, draw), ())) for draw in (0, 1))
-    once = {"turned LiDAR", "shifted camera"}
-    assert {case.attack for case in first} - {case.attack for case in second} == once
-    assert len(second) == len([case for case in first if case.attack not in once])
+    first, second = (list(experiment.cases(RIG, SeededDraws(0, 1, 2, draw), ())) for draw in (0, 1))
+    memoise = {"turned LiDAR", "shifted camera"}
+    assert {case.attack for case in first} - {case.attack for case in second} == memoise
+    assert len(second) == len([case for case in first if case.attack not in memoise])
     assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
 
 
 def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_stretch():
-    assert STRETCH_FRAMES % INTERVAL_FRAMES == 0
+    assert CHUNK_FRAMES % INTERVAL_FRAMES == 0
     experiment = next(e for e in experiments_of(()) if e.name == "intervals")
-    first, next_one, later = (list(experiment.cases(RIG, Dice(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
+    first, next_one, later = (list(experiment.cases(RIG, SeededDraws(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
     for case, after, other in zip(first, next_one, later, strict=True):
         assert (case.attacks == after.attacks) == (case.strength == "still")
         assert case.attacks != other.attacks

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import SettingError
 from auditor.evaluation import Recorded, runner
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
-from auditor.evaluation.object_baseline.agreement import ObjectBench, in_view, scenarios
+from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
 from auditor.evaluation.object_baseline.average_precision import score_in_image, score_on_ground
 from auditor.evaluation.object_baseline.detectors import (
     Detection,
@@ -61,7 +61,7 @@ def street():
 
 def test_a_bogus_wall_is_an_object_that_no_camera_sees(street) -> None:
     rig, frame = street
-    objects = ObjectBench(Bench(frame, rig, find_matcher("sgbm")), Detectors())
+    objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), Detectors())
     triple = Triple(0, 1, 3)
     clean, attacked = objects.agreement(triple, {}), objects.agreement(triple, {0: BogusWall(8.0, 0.0, seed=1)})
     assert len(clean) > 3
@@ -79,7 +79,7 @@ def test_objects_are_looked_for_again_only_where_the_data_changed(street) -> Non
             return (Detection(ImageBox(10, 10, 60, 60), 0.9, "Car"),)
 
     detector = Asked()
-    objects = ObjectBench(Bench(frame, rig, find_matcher("sgbm")), Detectors(camera=detector))
+    objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), Detectors(camera=detector))
     facula = Facula(255.0, 20.0, 60.0, 50.0)
     for attacks in ({}, {}, {1: facula}, {1: facula, 0: BogusWall(8.0, 0.0, seed=1)}):
         assert objects.agreement(Triple(1, 2, 3), attacks) == (1.0,) * 4  # both pairs, both ways
@@ -105,7 +105,7 @@ def test_a_cloud_detectors_boxes_are_compared_in_every_image(street) -> None:
             return (Detection(box, 0.9, "Car"),)
 
     detectors = Detectors(camera=Cameras(), cloud=Clouds())
-    objects = ObjectBench(Bench(frame, rig, find_matcher("sgbm")), detectors)
+    objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), detectors)
     assert objects.agreement(Triple(0, 1, 3), {}) == pytest.approx((1.0,) * 4)
 
 
@@ -122,14 +122,14 @@ def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path,
     assert not run(drive, tmp_path / "whole").fresh
     asked = []
 
-    def agreement(objects, *arguments, really=ObjectBench.agreement):
+    def agreement(objects, *arguments, really=AttackedObjects.agreement):
         asked.append(1)
         if len(asked) > 150:  # of 220: in the second stretch
             raise KeyboardInterrupt
         return really(objects, *arguments)
 
     with monkeypatch.context() as patched:
-        patched.setattr(ObjectBench, "agreement", agreement)
+        patched.setattr(AttackedObjects, "agreement", agreement)
         with pytest.raises(KeyboardInterrupt):
             run(drive, tmp_path / "killed")
     assert 0 < len(content(tmp_path / "killed")) < CASES

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from auditor.identification.cross_validation import robust_thresholds
-from auditor.identification.statistics import local_ratios
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.measurement import Watch, measure
+from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.rig import LIDAR, Rig
@@ -42,7 +42,7 @@ CASES: Mapping[str, Mapping[int, BogusWall | Facula]] = {
     "facula on S_1": {1: FACULA},
     "facula on S_4": {4: FACULA},
 }
-STRETCH_FRAMES = range(14, 28)
+CHUNK_FRAMES = range(14, 28)
 STANDS_STILL = range(25, 28), 3
 """From the first of these frames on the sensor shows the same image."""
 COLUMNS = (
@@ -69,7 +69,7 @@ def one_frame() -> dict[str, dict[str, Table]]:
 
 def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
     measured, _ = measure(frame, rig, find_matcher("sgbm"))
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     return {
         "counts": {
             " ".join(map(str, triple)): [
@@ -84,12 +84,15 @@ def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
         },
         "statistics": {
             f"{e.witness.value} {e.i} {e.k}": ratio
-            for e, ratio in zip(elements, _ratios(measured, rig), strict=True)
+            for e, ratio in zip(pair_checks, _ratios(measured, rig), strict=True)
             if ratio is not None
         },
         "cells": {
-            f"{e.witness.value} {e.i} {e.k}": [int(measured.cells[e].valid.sum()), int(measured.cells[e].against.sum())]
-            for e in elements
+            f"{e.witness.value} {e.i} {e.k}": [
+                int(measured.cells[e].valid.sum()),
+                int(measured.cells[e].inconsistent.sum()),
+            ]
+            for e in pair_checks
             if e in measured.cells
         },
     }
@@ -111,7 +114,7 @@ def one_stretch() -> dict[str, Any]:
         "score": thresholds.score,
         "thresholds": {
             " ".join(str(part) for part in key if part is not None): [scale.theta, scale.scale, scale.samples]
-            for key, scale in {**thresholds.yardsticks, **thresholds.causes}.items()
+            for key, scale in {**thresholds.scales_of, **thresholds.causes}.items()
         },
         "frames": [_readable(row) for row in rows],
     }
@@ -120,7 +123,7 @@ def one_stretch() -> dict[str, Any]:
 def _stretch(stream: Iterator[Frame], rig: Rig) -> Iterator[Frame]:
     still, sensor = STANDS_STILL
     kept: dict[int, CameraImage] = {}
-    for frame in islice(stream, STRETCH_FRAMES.start, STRETCH_FRAMES.stop):
+    for frame in islice(stream, CHUNK_FRAMES.start, CHUNK_FRAMES.stop):
         if frame.number in still:
             kept.setdefault(sensor, frame.images[sensor])
         seen = replace(frame, images={**frame.images, **kept})
@@ -139,20 +142,20 @@ def _changed(frame: Frame, rig: Rig, attacks: Mapping[int, BogusWall | Facula]) 
 
 
 def _measured(store: Store, rig: Rig, stream: Iterator[Frame], recording: str) -> str:
-    matcher, watch = find_matcher("sgbm"), Watch()
+    matcher, watch = find_matcher("sgbm"), FaultFeatures()
     procedure = Procedure(matcher.name, matcher.settings)
     record = MeasurementRecord(recording * 64, rig.rig_id, procedure, (), {}, NOON, seconds=1.0)
     store.write_rig(rig)
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in stream:
             measured, evidence = measure(frame, rig, matcher)
-            writer.add(replace(measured, symptoms=watch.observe(evidence)), _ratios(measured, rig))
+            writer.add(replace(measured, fault_features=watch.update(evidence)), _ratios(measured, rig))
         writer.commit(record)
     return record.measurement_id
 
 
 def _ratios(measured: Measurement, rig: Rig) -> tuple[float | None, ...]:
-    return local_ratios(rig_elements(rig), measured.cells, measured.shares)
+    return windowed_ratios(rig_pair_checks(rig), measured.cells, measured.shares)
 
 
 def _readable(row: Mapping[str, object]) -> Table:
@@ -187,7 +190,7 @@ def _toml(value: object) -> str:
 
 
 def _write() -> None:
-    figures, stretch = one_frame(), one_stretch()
+    figures, chunk = one_frame(), one_stretch()
     FRAME.write_text(
         f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
         "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
@@ -199,13 +202,13 @@ def _write() -> None:
         )
     )
     STRETCH.write_text(
-        f"# Frames {STRETCH_FRAMES.start} to {STRETCH_FRAMES[-1]} of KITTI drive 0009, judged at r = 0 by drive 0001.\n"
+        f"# Frames {CHUNK_FRAMES.start} to {CHUNK_FRAMES[-1]} of KITTI drive 0009, judged at r = 0 by drive 0001.\n"
         "# thresholds: theta, scale and the number of clean samples.\n"
         + "".join(f"# {name}: frames {during.start} to {during[-1]}\n" for name, (during, *_) in ATTACKED.items())
         + f"# S_{STANDS_STILL[1]} stands still: frames {STANDS_STILL[0].start} to {STANDS_STILL[0][-1]}\n\n"
-        + _line("score", stretch["score"])
-        + _section("[thresholds]", stretch["thresholds"])
-        + "".join(_section("[[frames]]", verdict) for verdict in stretch["frames"])
+        + _line("score", chunk["score"])
+        + _section("[thresholds]", chunk["thresholds"])
+        + "".join(_section("[[frames]]", verdict) for verdict in chunk["frames"])
     )
 
 

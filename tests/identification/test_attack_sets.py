@@ -5,24 +5,24 @@ import pytest
 
 from auditor.identification import algorithm2
 from auditor.identification.algorithm2 import allowed_attack_sets
-from auditor.identification.attack_sets import demands, explain, explained, explains, triple_states
-from auditor.model.checks import OF_THE_LIDAR, Element, Witness, elements_of
+from auditor.identification.attack_sets import expects, explain, explained, explains, triple_states
+from auditor.model.checks import LIDAR_CHECKS, Check, PairCheck, pair_checks_of
 from auditor.model.rig import triples_of
 
 
 def full_elements(n):
     """Every pair that a rig with a LiDAR and n cameras matches, all of them able to contradict the LiDAR."""
     matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=True) for w in t[:2] if w))
-    return elements_of(n, matched, matched, (n,))
+    return pair_checks_of(n, matched, matched, (n,))
 
 
-def states(attacked, elements, *, hidden):
+def states(attacked, pair_checks, *, hidden):
     """What exact witnesses say: `hidden`: a contradiction by an attacked camera is not heard."""
     z = []
-    for element in elements:
-        said = explains(element, attacked)
-        if element.witness is Witness.CONTRADICTED:
-            said = 0 in attacked and (not hidden or demands(element, attacked) == 1)
+    for pair_check in pair_checks:
+        said = explains(pair_check, attacked)
+        if pair_check.check is Check.LIDAR_CONFLICT:
+            said = 0 in attacked and (not hidden or expects(pair_check, attacked) == 1)
         z.append(1.0 if said else -1.0)
     return z
 
@@ -30,9 +30,9 @@ def states(attacked, elements, *, hidden):
 @pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
 @pytest.mark.parametrize("hidden", [False, True])
 def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
-    elements, sets = full_elements(n), allowed_attack_sets(range(n + 1))
-    z = np.array([states(s, elements, hidden=hidden) for s in sets])
-    found = explain(z, elements, sets)
+    pair_checks, sets = full_elements(n), allowed_attack_sets(range(n + 1))
+    z = np.array([states(s, pair_checks, hidden=hidden) for s in sets])
+    found = explain(z, pair_checks, sets)
     assert [sets[b] for b in found.best] == list(sets)
     assert (found.lead > 0.4).all()
 
@@ -40,26 +40,26 @@ def test_exact_states_name_every_allowed_attack_set_exactly(n, hidden):
 @pytest.mark.parametrize("n", [4, 5, 6])
 def test_cameras_alone_are_named_too(n):
     matched = tuple(dict.fromkeys((w, t.k) for t in triples_of(n, lidar=False) for w in t[:2]))
-    elements = elements_of(n, matched, (), ())
+    pair_checks = pair_checks_of(n, matched, (), ())
     sets = allowed_attack_sets(range(1, n + 1))
-    z = np.array([states(s, elements, hidden=True) for s in sets])
-    assert [sets[b] for b in explain(z, elements, sets).best] == list(sets)
+    z = np.array([states(s, pair_checks, hidden=True) for s in sets])
+    assert [sets[b] for b in explain(z, pair_checks, sets).best] == list(sets)
 
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
-    elements, sets = full_elements(n), allowed_attack_sets(range(n + 1))
-    z = np.random.default_rng(n).uniform(-2, 3, (30, len(elements)))
+    pair_checks, sets = full_elements(n), allowed_attack_sets(range(n + 1))
+    z = np.random.default_rng(n).uniform(-2, 3, (30, len(pair_checks)))
     z[np.random.default_rng(n + 1).random(z.shape) < 0.2] = np.nan
-    found = explain(z, elements, sets)
-    own = np.nanmax(z[:, [e.witness in OF_THE_LIDAR for e in elements]], axis=1, initial=-1) > 0
+    found = explain(z, pair_checks, sets)
+    own = np.nanmax(z[:, [e.check in LIDAR_CHECKS for e in pair_checks]], axis=1, initial=-1) > 0
     for f, s in np.ndindex(found.cost.shape):
         cost = 0.02 * len(sets[s])
-        for value, element in zip(z[f], elements, strict=True):
+        for value, pair_check in zip(z[f], pair_checks, strict=True):
             if value > 0:
-                cost += value * (1 - explained(element, sets[s]))
-            elif value < 0 and not (own[f] and element.witness is Witness.CONTRADICTED):
-                cost -= value * demands(element, sets[s])
+                cost += value * (1 - explained(pair_check, sets[s]))
+            elif value < 0 and not (own[f] and pair_check.check is Check.LIDAR_CONFLICT):
+                cost -= value * expects(pair_check, sets[s])
         assert found.cost[f, s] == pytest.approx(cost)
     np.testing.assert_allclose(found.score, found.cost[:, 0] - found.cost[:, 1:].min(axis=1))
     ranked = found.ranked(0)
@@ -68,26 +68,26 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
 
 
 def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():
-    elements, sets = full_elements(3), allowed_attack_sets(range(4))
-    found = explain(np.full((1, len(elements)), np.nan), elements, sets)
+    pair_checks, sets = full_elements(3), allowed_attack_sets(range(4))
+    found = explain(np.full((1, len(pair_checks)), np.nan), pair_checks, sets)
     assert sets[found.best[0]] == ()
     assert found.cost[0].tolist() == [0.0, 0.02, 0.02, 0.02, 0.02]
     assert found.score[0] < 0
 
 
 def test_light_s_silence_clears_nobody_but_a_contradiction_s_clears_the_lidar():
-    assert demands(Element(Witness.LIGHT, 1, 3), (1,)) == 0.0
-    assert {demands(Element(witness, 0, 3), (0,)) for witness in OF_THE_LIDAR} == {0.0}
-    assert demands(Element(Witness.UNLIKE, 1, 3), (1,)) == 0.5
-    assert demands(Element(Witness.CONTRADICTED, 1, 3), (0,)) == 1.0
-    assert demands(Element(Witness.CONTRADICTED, 1, 3), (0, 3)) == 0.0
+    assert expects(PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 3), (1,)) == 0.0
+    assert {expects(PairCheck(check, 0, 3), (0,)) for check in LIDAR_CHECKS} == {0.0}
+    assert expects(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3), (1,)) == 0.5
+    assert expects(PairCheck(Check.LIDAR_CONFLICT, 1, 3), (0,)) == 1.0
+    assert expects(PairCheck(Check.LIDAR_CONFLICT, 1, 3), (0, 3)) == 0.0
 
 
 def test_a_pair_contradicting_the_lidar_alone_accuses_a_camera_rather_than_the_lidar():
     # A camera whose picture is shifted sees the same things at wrong places: only its own pair contradicts the LiDAR.
-    elements, sets = full_elements(3), allowed_attack_sets(range(4))
-    z = [3.0 if e == Element(Witness.CONTRADICTED, 1, 3) else -2.0 for e in elements]
-    found = explain(np.array([z]), elements, sets)
+    pair_checks, sets = full_elements(3), allowed_attack_sets(range(4))
+    z = [3.0 if e == PairCheck(Check.LIDAR_CONFLICT, 1, 3) else -2.0 for e in pair_checks]
+    found = explain(np.array([z]), pair_checks, sets)
     assert sets[found.best[0]] == (1,)
 
 
@@ -103,82 +103,82 @@ def test_a_system_too_large_to_weigh_all_sets_weighs_whole_sizes(monkeypatch):
 
 
 def test_with_the_empty_set_alone_the_lead_is_infinite():
-    elements = full_elements(3)
-    assert explain(np.zeros((1, len(elements))), elements, ((),)).lead.tolist() == [np.inf]
+    pair_checks = full_elements(3)
+    assert explain(np.zeros((1, len(pair_checks))), pair_checks, ((),)).lead.tolist() == [np.inf]
 
 
 def test_a_triple_is_raised_by_any_element_inside_it_and_measured_when_its_own_are():
-    elements, triples = full_elements(3), triples_of(3, lidar=True)  # triples 013, 023, 123
-    raised, measured = np.zeros((4, len(elements)), bool), np.ones((4, len(elements)), bool)
-    raised[0, elements.index(Element(Witness.CONTRADICTED, 1, 3))] = True
-    raised[1, elements.index(Element(Witness.UNLIKE, 1, 3))] = True
-    raised[2, elements.index(Element(Witness.LIGHT, 1, 2))] = True
-    measured[3, elements.index(Element(Witness.CONTRADICTED, 2, 3))] = False
-    above, known = triple_states(raised, measured, elements, triples)
+    pair_checks, triples = full_elements(3), triples_of(3, lidar=True)  # triples 013, 023, 123
+    fired, measured = np.zeros((4, len(pair_checks)), bool), np.ones((4, len(pair_checks)), bool)
+    fired[0, pair_checks.index(PairCheck(Check.LIDAR_CONFLICT, 1, 3))] = True
+    fired[1, pair_checks.index(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3))] = True
+    fired[2, pair_checks.index(PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 2))] = True
+    measured[3, pair_checks.index(PairCheck(Check.LIDAR_CONFLICT, 2, 3))] = False
+    above, known = triple_states(fired, measured, pair_checks, triples)
     assert above.astype(int).tolist() == [[1, 0, 0], [1, 0, 1], [0, 0, 1], [0, 0, 0]]
     assert known.astype(int).tolist() == [[1, 1, 1], [1, 1, 1], [1, 1, 1], [1, 0, 1]]
 
 
 def test_a_wall_is_not_taken_for_a_camera_because_one_pair_is_a_little_unlike():
-    elements, sets = full_elements(3), allowed_attack_sets(range(4))
-    z = np.full((1, len(elements)), -2.0)
-    for place, element in enumerate(elements):
-        if element.witness is Witness.CONTRADICTED:
+    pair_checks, sets = full_elements(3), allowed_attack_sets(range(4))
+    z = np.full((1, len(pair_checks)), -2.0)
+    for place, pair_check in enumerate(pair_checks):
+        if pair_check.check is Check.LIDAR_CONFLICT:
             z[0, place] = 2.5
-        if element == (Witness.UNLIKE, 1, 3):
+        if pair_check == (Check.PHOTOMETRIC_INCONSISTENCY, 1, 3):
             z[0, place] = 0.4
-    assert sets[explain(z, elements, sets).best[0]] == (0,)
+    assert sets[explain(z, pair_checks, sets).best[0]] == (0,)
 
 
 def test_a_witness_that_alone_denies_the_lidar_is_named_itself():
-    elements, sets = full_elements(3), allowed_attack_sets(range(4))
-    z = np.full((1, len(elements)), -2.0)
-    z[0, elements.index((Witness.CONTRADICTED, 1, 3))] = 3.0
-    assert sets[explain(z, elements, sets).best[0]] == (1,)
+    pair_checks, sets = full_elements(3), allowed_attack_sets(range(4))
+    z = np.full((1, len(pair_checks)), -2.0)
+    z[0, pair_checks.index((Check.LIDAR_CONFLICT, 1, 3))] = 3.0
+    assert sets[explain(z, pair_checks, sets).best[0]] == (1,)
 
 
-CONTRADICTED, UNLIKE, LIGHT, EMPTY, SCATTERED = Witness
+LIDAR_CONFLICT, PHOTOMETRIC_INCONSISTENCY, BRIGHTNESS_DIFFERENCE, POINT_DROPOUT, ISOLATED_POINTS = Check
 
 
 @pytest.mark.parametrize(
     ("element", "attacked", "accounted", "due"),
     [
-        (Element(CONTRADICTED, 1, 3), (), 0.0, 0.0),
-        (Element(CONTRADICTED, 1, 3), (0,), 1.0, 1.0),
-        (Element(CONTRADICTED, 1, 3), (1,), 0.9, 0.0),
-        (Element(CONTRADICTED, 1, 3), (3,), 0.9, 0.0),
-        (Element(CONTRADICTED, 1, 3), (2,), 0.0, 0.0),
-        (Element(CONTRADICTED, 1, 3), (0, 1), 1.0, 0.0),
-        (Element(CONTRADICTED, 1, 3), (0, 2), 1.0, 1.0),
-        (Element(CONTRADICTED, 1, 3), (0, 3), 1.0, 0.0),
-        (Element(UNLIKE, 1, 3), (1,), 1.0, 0.5),
-        (Element(UNLIKE, 1, 3), (3,), 1.0, 0.5),
-        (Element(UNLIKE, 1, 3), (0, 2), 0.0, 0.0),
-        (Element(LIGHT, 1, 2), (2,), 1.0, 0.0),
-        (Element(LIGHT, 1, 2), (3,), 0.0, 0.0),
-        (Element(EMPTY, 0, 3), (0,), 1.0, 0.0),
-        (Element(EMPTY, 0, 3), (3,), 0.0, 0.0),
-        (Element(SCATTERED, 0, 3), (0,), 1.0, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (), 0.0, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (0,), 1.0, 1.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (1,), 0.9, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (3,), 0.9, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (2,), 0.0, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (0, 1), 1.0, 0.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (0, 2), 1.0, 1.0),
+        (PairCheck(LIDAR_CONFLICT, 1, 3), (0, 3), 1.0, 0.0),
+        (PairCheck(PHOTOMETRIC_INCONSISTENCY, 1, 3), (1,), 1.0, 0.5),
+        (PairCheck(PHOTOMETRIC_INCONSISTENCY, 1, 3), (3,), 1.0, 0.5),
+        (PairCheck(PHOTOMETRIC_INCONSISTENCY, 1, 3), (0, 2), 0.0, 0.0),
+        (PairCheck(BRIGHTNESS_DIFFERENCE, 1, 2), (2,), 1.0, 0.0),
+        (PairCheck(BRIGHTNESS_DIFFERENCE, 1, 2), (3,), 0.0, 0.0),
+        (PairCheck(POINT_DROPOUT, 0, 3), (0,), 1.0, 0.0),
+        (PairCheck(POINT_DROPOUT, 0, 3), (3,), 0.0, 0.0),
+        (PairCheck(ISOLATED_POINTS, 0, 3), (0,), 1.0, 0.0),
     ],
 )
-def test_what_an_attack_accounts_for_and_what_it_should_have_raised(element, attacked, accounted, due):
-    assert (explained(element, attacked), demands(element, attacked)) == (accounted, due)
+def test_what_an_attack_accounts_for_and_what_it_should_have_raised(pair_check, attacked, accounted, due):
+    assert (explained(pair_check, attacked), expects(pair_check, attacked)) == (accounted, due)
 
 
 def test_each_attacked_sensor_costs_a_fiftieth_of_a_margin():
-    elements, sets = full_elements(4), attack_sets(range(5), 2)
-    cost = explain(np.full((1, len(elements)), np.nan), elements, sets).cost[0]
+    pair_checks, sets = full_elements(4), allowed_attack_sets(range(5))
+    cost = explain(np.full((1, len(pair_checks)), np.nan), pair_checks, sets).cost[0]
     np.testing.assert_allclose(cost, [0.02 * len(attacked) for attacked in sets])
 
 
 def test_twenty_thousand_attack_sets_are_weighed_at_most():
     # Of 19 sensors: 1 + 19 + 171 + 969 + 3876 + 11628 are 16,664, and those of the next size would be too many.
-    assert len(attack_sets(range(19), 16)) == 16_664
-    assert attack_sets((3, 1, 2), 1) == ((), (1,), (2,), (3,))
+    assert len(allowed_attack_sets(range(19))) == 16_664
+    assert allowed_attack_sets((3, 0, 1, 2)) == ((), (0,), (1,), (2,), (3,))
 
 
 def test_as_many_sets_as_may_be_weighed_are(monkeypatch):
-    monkeypatch.setattr(joint, "MOST_SETS", 56)
-    assert len(attack_sets(range(10), 7)) == 56
-    monkeypatch.setattr(joint, "MOST_SETS", 55)
-    assert len(attack_sets(range(10), 7)) == 11
+    monkeypatch.setattr(algorithm2, "MOST_SETS", 56)
+    assert len(allowed_attack_sets(range(10))) == 56
+    monkeypatch.setattr(algorithm2, "MOST_SETS", 55)
+    assert len(allowed_attack_sets(range(10))) == 11

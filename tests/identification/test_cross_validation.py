@@ -7,38 +7,38 @@ import pytest
 from auditor.errors import ThresholdsError
 from auditor.identification.cross_validation import (
     clean_hours,
-    held_out_scores,
-    hold_out_paper,
-    hold_out_robust,
     hours_of,
+    leave_one_out_paper,
+    leave_one_out_robust,
+    left_out_scores,
     robust_thresholds,
     score_threshold,
     wilson,
 )
 from auditor.identification.robust import System
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import Witness, elements_of
+from auditor.model.checks import Check, pair_checks_of
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import RigKind, triples_of
 from auditor.model.verdict import Cause
 
 PAIRS = ((1, 3), (2, 3))
-ELEMENTS = elements_of(3, PAIRS, PAIRS, (3,))
+ELEMENTS = pair_checks_of(3, PAIRS, PAIRS, (3,))
 SYSTEM = System(ELEMENTS, triples_of(3, lidar=True), (0, 1, 2, 3))
-THREE = System(elements_of(2, ((1, 2),), ((1, 2),), (2,)), triples_of(2, lidar=True), (0, 1, 2))
+THREE = System(pair_checks_of(2, ((1, 2),), ((1, 2),), (2,)), triples_of(2, lidar=True), (0, 1, 2))
 KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))
 R = Decimal("0.01")
 PERIOD_NS = 100_000_000
 
 
-def recording(name, frames=20, contradicted=(), late=(), E=0.1, system=SYSTEM):
+def recording(name, frames=20, lidar_conflicts=(), late=(), E=0.1, system=SYSTEM):
     """Quiet frames, in some of which every pair contradicts the LiDAR and E is 0.3, or S_1 lags."""
-    hit = np.isin(np.arange(frames), contradicted)
+    hit = np.isin(np.arange(frames), lidar_conflicts)
     return CleanFrames(
         name,
         np.arange(frames, dtype=np.int64) * PERIOD_NS,
         {(Statistic.GATED, t): np.where(hit, 0.3, E) for t in system.triples},
-        {e: np.where(hit & (e.witness is Witness.CONTRADICTED), 0.9, 0.0) for e in system.elements},
+        {e: np.where(hit & (e.check is Check.LIDAR_CONFLICT), 0.9, 0.0) for e in system.pair_checks},
         {(Cause.LATE, 1): np.where(np.isin(np.arange(frames), late), 2.0, -5.0)},
     )
 
@@ -48,44 +48,46 @@ def calibration(*clean):
 
 
 def counts(results):
-    return [(one.recording, one.frames, one.raised, one.incidents) for one in results]
+    return [(one.recording, one.frames, one.fired, one.incidents) for one in results]
 
 
 def test_each_recording_is_judged_by_the_others_alone():
-    both = calibration(recording("easy"), recording("hard", 30, contradicted=(3, 4, 5, 6, 20)))
-    assert counts(hold_out_robust(both, SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 1)]
-    assert counts(hold_out_paper(both, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 2)]
+    both = calibration(recording("easy"), recording("hard", 30, lidar_conflicts=(3, 4, 5, 6, 20)))
+    assert counts(leave_one_out_robust(both, SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 1)]
+    assert counts(leave_one_out_paper(both, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 2)]
     # A ceiling keeps attacked frames among the clean ones from silencing a witness; nothing does for E.
-    twice = calibration(recording("hard", 30, contradicted=range(15)), recording("like it", 30, contradicted=range(15)))
-    assert [one.raised for one in hold_out_robust(twice, SYSTEM, R)] == [15, 15]
-    assert [one.raised for one in hold_out_paper(twice, Statistic.GATED, R)] == [0, 0]
+    twice = calibration(
+        recording("hard", 30, lidar_conflicts=range(15)), recording("like it", 30, lidar_conflicts=range(15))
+    )
+    assert [one.fired for one in leave_one_out_robust(twice, SYSTEM, R)] == [15, 15]
+    assert [one.fired for one in leave_one_out_paper(twice, Statistic.GATED, R)] == [0, 0]
 
 
 def test_a_fault_in_clean_frames_is_a_false_alarm_unless_others_show_it_too():
     hard, easy = recording("hard", late=range(5, 8)), recording("easy")
-    assert counts(hold_out_robust(calibration(easy, hard), SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 20, 3, 1)]
+    assert counts(leave_one_out_robust(calibration(easy, hard), SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 20, 3, 1)]
     both = calibration(hard, recording("as hard", late=range(2)))
-    assert [one.raised for one in hold_out_robust(both, SYSTEM, R)] == [0, 0]
+    assert [one.fired for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
 
 
 def test_three_sensors_raise_false_alarms_too():
-    both = calibration(recording("easy", system=THREE), recording("hard", contradicted=range(4, 10), system=THREE))
-    assert [one.raised for one in hold_out_robust(both, THREE, R)] == [0, 6]
+    both = calibration(recording("easy", system=THREE), recording("hard", lidar_conflicts=range(4, 10), system=THREE))
+    assert [one.fired for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
 
 
 def test_one_recording_alone_can_hold_nothing_out():
-    assert hold_out_robust(calibration(recording("only")), SYSTEM, R) == []
+    assert leave_one_out_robust(calibration(recording("only")), SYSTEM, R) == []
     twice = calibration(recording("only"), recording("only"))
-    assert hold_out_paper(twice, Statistic.GATED, R) == []
+    assert leave_one_out_paper(twice, Statistic.GATED, R) == []
 
 
 def test_allowed_incidents_set_the_score_s_threshold():
-    hard = recording("hard", 36_000, contradicted=range(100, 110))
+    hard = recording("hard", 36_000, lidar_conflicts=range(100, 110))
     clean = calibration(recording("easy", 36_000), hard)
     assert robust_thresholds(clean, SYSTEM, R).score == 0.0
     assert robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0.5).score == 0.0
     strict = robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0)
-    assert strict.score == pytest.approx(held_out_scores(clean, SYSTEM, R).max())
+    assert strict.score == pytest.approx(left_out_scores(clean, SYSTEM, R).max())
     assert strict.score > 1
     assert strict.incidents_per_hour == 0
 
@@ -97,7 +99,7 @@ def test_one_element_with_too_few_samples_makes_a_rate_unresolvable():
     assert robust_thresholds(calibration(many), SYSTEM, R).resolvable
     found = robust_thresholds(calibration(replace(many, ratios=few)), SYSTEM, R)
     assert not found.resolvable
-    assert found.yardsticks[first].samples == 50
+    assert found.scales_of[first].samples == 50
     assert (found.r, found.transferred) == (R, False)
 
 
@@ -105,7 +107,7 @@ def test_what_no_clean_frame_has_shown_has_no_yardstick():
     quiet = recording("quiet")
     known = {ELEMENTS[0]: quiet.ratios[ELEMENTS[0]]}
     found = robust_thresholds(calibration(replace(quiet, ratios=known)), SYSTEM, R, transferred=True)
-    assert set(found.yardsticks) == {ELEMENTS[0]}
+    assert set(found.scales_of) == {ELEMENTS[0]}
     assert found.transferred
     with pytest.raises(ThresholdsError, match="no clean local ratios"):
         robust_thresholds(calibration(replace(quiet, ratios={})), SYSTEM, R)

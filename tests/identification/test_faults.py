@@ -4,15 +4,15 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.faults import Observed, strengths, suspicions, weigh
-from auditor.identification.scores import strength_yardstick, strength_yardsticks
-from auditor.model.calibration import Yardstick
+from auditor.identification.faults import Observed, fault_hypotheses, strengths, weigh
+from auditor.identification.scores import fault_scale, fault_scales
+from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS
-from auditor.model.verdict import Alternative, Cause, Evidence, Suspicion, Verdict, VerdictKind
+from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind
 
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
-JUST_ENOUGH = Yardstick(1.0, 0.25, 100)
+JUST_ENOUGH = Scale(1.0, 0.25, 100)
 TILTED = {"turned": 0.7, "turned_only": 80, "unturned_only": 30}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
 HEALTHY = {
@@ -51,7 +51,7 @@ def seen(level=90.0, saturated=0.0, **changed):
 def likeliest(**changed):
     """The causes that are as likely as an attack, as (cause, sensor), the likeliest first."""
     strength = strengths(seen(**changed), STAMPS_NS, SENSORS)
-    causes = suspicions(strength, dict.fromkeys(strength, JUST_ENOUGH))[FRAMES // 2]
+    causes = fault_hypotheses(strength, dict.fromkeys(strength, JUST_ENOUGH))[FRAMES // 2]
     return [(one.cause, one.sensor) for one in causes if one.score >= 0.5]
 
 
@@ -167,20 +167,20 @@ def test_a_rig_without_a_lidar_has_none_of_its_causes():
 
 
 def test_causes_are_told_from_a_score_of_a_fifth_on_the_likeliest_first():
-    plain = Yardstick(0.0, 1.0, 100)
+    plain = Scale(0.0, 1.0, 100)
     strength = {
         (Cause.LATE, 1): np.array([-1.8, -1.81, 0.0]),
         (Cause.DARK, None): np.array([-1.8, NAN, 3.0]),
         (Cause.RAIN, 0): np.array([5.0, -2.0, 0.0]),
     }
-    told = suspicions(strength, dict.fromkeys(strength, plain))
-    assert told[0] == (
+    hypotheses = fault_hypotheses(strength, dict.fromkeys(strength, plain))
+    assert hypotheses[0] == (
         (Cause.RAIN, 0, 1.0),
         (Cause.LATE, 1, pytest.approx(0.2)),
         (Cause.DARK, None, pytest.approx(0.2)),
     )
-    assert told[1] == ()
-    assert told[2] == ((Cause.DARK, None, 1.0), (Cause.LATE, 1, 0.5), (Cause.RAIN, 0, 0.5))
+    assert hypotheses[1] == ()
+    assert hypotheses[2] == ((Cause.DARK, None, 1.0), (Cause.LATE, 1, 0.5), (Cause.RAIN, 0, 0.5))
 
 
 def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
@@ -191,7 +191,7 @@ def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
 def test_what_was_not_measured_speaks_for_nothing():
     nothing = dict.fromkeys(COLUMNS, np.nan)
     strength = strengths(seen(**nothing), STAMPS_NS, SENSORS)
-    [causes] = set(suspicions(strength, dict.fromkeys(strength, JUST_ENOUGH)))
+    [causes] = set(fault_hypotheses(strength, dict.fromkeys(strength, JUST_ENOUGH)))
     assert causes == ()
 
 
@@ -199,30 +199,30 @@ def test_what_a_rig_has_always_shown_is_not_told_and_what_came_since_is():
     always = strengths(seen(**TILTED), STAMPS_NS, SENSORS)
     samples = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in always.items()}
     assert samples[Cause.DISPLACED, 0][-1] > 2
-    scales = strength_yardsticks(samples, Decimal("0.01"))
-    assert not [one for frame in suspicions(always, scales) for one in frame if one.score >= 0.5]
+    scales = fault_scales(samples, Decimal("0.01"))
+    assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
     since = strengths(seen(**{**TILTED, "turned_only": 300}), STAMPS_NS, SENSORS)
-    assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in suspicions(since, scales)} == {
+    assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
         (Cause.DISPLACED, 0, True)
     }
-    assert suspicions(since, {}) == [()] * FRAMES, "nothing is told of what no clean frame has shown"
+    assert fault_hypotheses(since, {}) == [()] * FRAMES, "nothing is told of what no clean frame has shown"
 
 
 def test_quiet_clean_frames_leave_a_cause_at_just_enough():
-    assert strength_yardstick([-6.0, -5.0], Decimal("0.01")) == Yardstick(1.0, 0.25, 2)
-    assert strength_yardstick([0.5, 4.0], Decimal(0)) == Yardstick(5.0, 1.25, 2)
-    assert strength_yardstick([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
+    assert fault_scale([-6.0, -5.0], Decimal("0.01")) == Scale(1.0, 0.25, 2)
+    assert fault_scale([0.5, 4.0], Decimal(0)) == Scale(5.0, 1.25, 2)
+    assert fault_scale([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
 
 
-def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), witness="unlike", i=1, k=3, margin=2.0, **fields):
-    return Verdict(kind, "1", attacked, evidence=(Evidence(witness, i, None, k, margin),), **fields)
+def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), check="unlike", i=1, k=3, margin=2.0, **fields):
+    return Verdict(kind, "1", attacked, evidence=(Evidence(check, i, None, k, margin),), **fields)
 
 
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
 
 
 def test_a_fault_doubts_an_accusation_and_is_a_finding_where_there_is_none():
-    late = (Suspicion(Cause.LATE, 1, 0.8),)
+    late = (FaultHypothesis(Cause.LATE, 1, 0.8),)
     for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
         weighed = weigh(one, late)
         assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
@@ -230,49 +230,55 @@ def test_a_fault_doubts_an_accusation_and_is_a_finding_where_there_is_none():
 
 
 def test_an_attack_that_stands_out_much_further_than_a_fault_is_not_doubted_for_it():
-    barely, clearly = (Suspicion(Cause.LATE, 1, 0.6),), (Suspicion(Cause.LATE, 1, 0.7),)  # margins of 0.6 and 1.2
+    barely, clearly = (
+        (FaultHypothesis(Cause.LATE, 1, 0.6),),
+        (FaultHypothesis(Cause.LATE, 1, 0.7),),
+    )  # margins of 0.6 and 1.2
     assert weigh(verdict(), barely) == verdict(causes=barely)
     assert weigh(verdict(), clearly).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, barely).kind is VerdictKind.SUSPECT
 
 
 def test_less_likely_causes_are_only_told():
-    faint = (Suspicion(Cause.LATE, 1, 0.3),)
+    faint = (FaultHypothesis(Cause.LATE, 1, 0.3),)
     assert weigh(verdict(), faint) == verdict(causes=faint)
     assert weigh(CLEAN, faint) == CLEAN
 
 
 def test_dirt_explains_only_what_its_own_camera_is_accused_of():
-    dirt = (Suspicion(Cause.SOILED, 2, 0.9),)
+    dirt = (FaultHypothesis(Cause.SOILED, 2, 0.9),)
     assert weigh(verdict(), dirt).kind is VerdictKind.ATTACKED
     assert weigh(verdict(attacked=(2,), i=2), dirt).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, dirt) == CLEAN
 
 
 def test_dirt_on_its_partner_clearer_than_what_it_raised_doubts_an_accusation():
-    clear, clearer = (Suspicion(Cause.SOILED, 3, 0.8),), (Suspicion(Cause.SOILED, 3, 0.9),)  # margins of 1.8 and 2.4
+    clear, clearer = (
+        (FaultHypothesis(Cause.SOILED, 3, 0.8),),
+        (FaultHypothesis(Cause.SOILED, 3, 0.9),),
+    )  # margins of 1.8 and 2.4
     assert weigh(verdict(), clear, {3}).kind is VerdictKind.ATTACKED
     assert weigh(verdict(), clearer, {3}).kind is VerdictKind.SUSPECT
     assert weigh(verdict(), clearer, {2}).kind is VerdictKind.ATTACKED, "to one pair it may be light in the other"
 
 
 def test_darkness_is_told_where_nothing_was_raised_and_throws_no_light():
-    dark = (Suspicion(Cause.DARK, None, 0.9),)
-    told = weigh(CLEAN, dark)
-    assert (told.kind, told.causes) == (VerdictKind.CLEAN, dark)
+    dark = (FaultHypothesis(Cause.DARK, None, 0.9),)
+    hypotheses = weigh(CLEAN, dark)
+    assert (hypotheses.kind, hypotheses.causes) == (VerdictKind.CLEAN, dark)
     assert weigh(verdict(), dark).kind is VerdictKind.SUSPECT
-    assert weigh(verdict(witness="light"), dark).kind is VerdictKind.ATTACKED
+    assert weigh(verdict(check="light"), dark).kind is VerdictKind.ATTACKED
 
 
 def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
-    frozen = (Suspicion(Cause.FROZEN, 2),)
+    frozen = (FaultHypothesis(Cause.FROZEN, 2),)
     weighed = weigh(verdict(out_of_system=(2,)), frozen)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.ATTACKED, (1,), frozen)
     assert weigh(CLEAN, frozen).kind is VerdictKind.SUSPECT
 
 
 def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
-    turned = (Suspicion(Cause.DISPLACED, 0, 1.0),)
+    turned = (FaultHypothesis(Cause.DISPLACED, 0, 1.0),)
     cameras = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(2,), evidence=(Evidence("unlike", 2, None, 3, 2.0),))
     assert weigh(cameras, turned) == cameras
     lidar = replace(
@@ -282,11 +288,11 @@ def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
     assert weigh(CLEAN, turned).kind is VerdictKind.SUSPECT
 
 
-RAIN = (Suspicion(Cause.RAIN, 0, 1.0),)
+RAIN = (FaultHypothesis(Cause.RAIN, 0, 1.0),)
 
 
 def test_rain_excuses_what_stands_out_a_little_however_hard_it_rains():
-    barely, clearly = (verdict(attacked=(0,), witness="contradicted", i=2, margin=margin) for margin in (0.2, 0.3))
+    barely, clearly = (verdict(attacked=(0,), check="contradicted", i=2, margin=margin) for margin in (0.2, 0.3))
     weighed = weigh(barely, RAIN)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), RAIN)
     assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is told"
@@ -294,12 +300,12 @@ def test_rain_excuses_what_stands_out_a_little_however_hard_it_rains():
 
 def test_rain_is_told_where_nothing_was_raised_and_is_no_finding():
     assert weigh(CLEAN, RAIN) == replace(CLEAN, causes=RAIN)
-    assert weigh(CLEAN, (Suspicion(Cause.RAIN, 0, 0.4),)) == CLEAN
+    assert weigh(CLEAN, (FaultHypothesis(Cause.RAIN, 0, 0.4),)) == CLEAN
 
 
 def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
-    for witness, i in (("empty", 0), ("unlike", 1)):
-        accused = verdict(attacked=(i,), witness=witness, i=i, margin=0.5)
+    for check, i in (("empty", 0), ("unlike", 1)):
+        accused = verdict(attacked=(i,), check=check, i=i, margin=0.5)
         assert weigh(accused, RAIN) == accused
 
 
@@ -313,26 +319,26 @@ def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
     ],
 )
 def test_an_attack_that_leads_a_cause_by_more_than_a_margin_of_one_is_not_doubted(margin, score, kind):
-    assert weigh(verdict(margin=margin), (Suspicion(Cause.LATE, 1, score),)).kind is kind
+    assert weigh(verdict(margin=margin), (FaultHypothesis(Cause.LATE, 1, score),)).kind is kind
 
 
 @pytest.mark.parametrize(("score", "kind"), [(0.5, VerdictKind.SUSPECT), (0.49, VerdictKind.CLEAN)])
 def test_a_fault_is_a_finding_from_a_half_on(score, kind):
-    assert weigh(CLEAN, (Suspicion(Cause.LATE, 1, score),)).kind is kind
+    assert weigh(CLEAN, (FaultHypothesis(Cause.LATE, 1, score),)).kind is kind
 
 
 @pytest.mark.parametrize(("others", "kind"), [(1.0, VerdictKind.SUSPECT), (1.01, VerdictKind.ATTACKED)])
 def test_a_fault_explains_what_it_can_have_raised_half_of(others, kind):
     evidence = (Evidence("unlike", 1, None, 3, 1.0), Evidence("unlike", 2, None, 3, others))
-    raised = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(3,), evidence=evidence)
-    assert weigh(raised, (Suspicion(Cause.LATE, 1, 1.0),)).kind is kind
+    fired = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(3,), evidence=evidence)
+    assert weigh(fired, (FaultHypothesis(Cause.LATE, 1, 1.0),)).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(0.25, VerdictKind.SUSPECT), (0.26, VerdictKind.ATTACKED)])
 def test_rain_counts_as_a_margin_of_three_quarters_below_its_threshold(margin, kind):
-    assert weigh(verdict(attacked=(0,), witness="contradicted", i=2, margin=margin), RAIN).kind is kind
+    assert weigh(verdict(attacked=(0,), check="contradicted", i=2, margin=margin), RAIN).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(1.5, VerdictKind.SUSPECT), (1.51, VerdictKind.ATTACKED)])
 def test_dirt_on_a_partner_must_be_as_clear_as_what_was_raised(margin, kind):
-    assert weigh(verdict(margin=margin), (Suspicion(Cause.SOILED, 3, 0.75),), {3}).kind is kind
+    assert weigh(verdict(margin=margin), (FaultHypothesis(Cause.SOILED, 3, 0.75),), {3}).kind is kind

@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 
 from auditor.identification.attack_sets import explain
-from auditor.identification.robust import System, accuse
-from auditor.model.checks import Element, Witness, elements_of
+from auditor.identification.robust import System, name_attacked
+from auditor.model.checks import Check, PairCheck, pair_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import VerdictKind
 
 PAIRS = ((1, 3), (2, 3))
-SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
+SYSTEM = System(pair_checks_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
 NONE = frozenset()
-X13, X23 = (Element(Witness.CONTRADICTED, *pair) for pair in PAIRS)
-U13, U23 = (Element(Witness.UNLIKE, *pair) for pair in PAIRS)
-EMPTY, SCATTERED = (Element(witness, 0, 3) for witness in (Witness.EMPTY, Witness.SCATTERED))
-L12 = Element(Witness.LIGHT, 1, 2)
+X13, X23 = (PairCheck(Check.LIDAR_CONFLICT, *pair) for pair in PAIRS)
+U13, U23 = (PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair) for pair in PAIRS)
+POINT_DROPOUT, ISOLATED_POINTS = (PairCheck(check, 0, 3) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS))
+L12 = PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 2)
 
 
-def one(raised, *, system=SYSTEM, missing=NONE, silent=-1.0, threshold=0.0):
-    z = np.array([[raised.get(element, silent) for element in system.elements]])
-    (verdict,) = accuse(z, system, [missing], threshold)
+def one(fired, *, system=SYSTEM, missing=NONE, silent=-1.0, threshold=0.0):
+    z = np.array([[fired.get(pair_check, silent) for pair_check in system.pair_checks]])
+    (verdict,) = name_attacked(z, system, [missing], threshold)
     return verdict
 
 
@@ -33,15 +33,15 @@ def test_a_silent_frame_is_clean():
     ("raised", "attacked", "e"),
     [
         ({X13: 2.0, X23: 1.0}, (0,), "110"),
-        ({EMPTY: 0.5}, (0,), "110"),
-        ({SCATTERED: 0.5}, (0,), "110"),
+        ({POINT_DROPOUT: 0.5}, (0,), "110"),
+        ({ISOLATED_POINTS: 0.5}, (0,), "110"),
         ({U13: 2.0, L12: 1.0}, (1,), "101"),
         ({U23: 2.0}, (2,), "011"),
         ({U13: 0.5, U23: 2.0}, (3,), "111"),
     ],
 )
-def test_what_the_witnesses_say_together_names_the_sensor(raised, attacked, e):
-    verdict = one(raised)
+def test_what_the_witnesses_say_together_names_the_sensor(fired, attacked, e):
+    verdict = one(fired)
     assert (verdict.kind, verdict.attacked, verdict.named, verdict.e) == (VerdictKind.ATTACKED, attacked, attacked, e)
 
 
@@ -118,10 +118,10 @@ def test_a_reference_is_in_several_pairs_and_its_witnesses_are_not():
 
 
 def test_frames_keep_their_order_whatever_each_of_them_lacks():
-    z = np.full((4, len(SYSTEM.elements)), -1.0)
-    z[1, SYSTEM.elements.index(U23)] = 2.0
-    z[3, SYSTEM.elements.index(U13)] = 2.0
-    verdicts = accuse(z, SYSTEM, [NONE, frozenset({0}), frozenset({1}), NONE])
+    z = np.full((4, len(SYSTEM.pair_checks)), -1.0)
+    z[1, SYSTEM.pair_checks.index(U23)] = 2.0
+    z[3, SYSTEM.pair_checks.index(U13)] = 2.0
+    verdicts = name_attacked(z, SYSTEM, [NONE, frozenset({0}), frozenset({1}), NONE])
     kinds = [VerdictKind.CLEAN, VerdictKind.UNIDENTIFIED, VerdictKind.CLEAN, VerdictKind.ATTACKED]
     assert [v.kind for v in verdicts] == kinds
     assert verdicts[3].attacked == (1,)
@@ -140,8 +140,8 @@ def test_of_three_sensors_the_margin_is_the_largest_one_measured():
 
 
 def test_a_frame_at_the_score_s_threshold_is_clean():
-    z = np.array([[2.0 if element == U23 else -1.0 for element in SYSTEM.elements]])
-    score = float(explain(z, SYSTEM.elements, SYSTEM.attack_sets).score[0])
+    z = np.array([[2.0 if pair_check == U23 else -1.0 for pair_check in SYSTEM.pair_checks]])
+    score = float(explain(z, SYSTEM.pair_checks, SYSTEM.attack_sets).score[0])
     assert score == pytest.approx(1.98)
     assert one({U23: 2.0}, threshold=score).kind is VerdictKind.CLEAN
     assert one({U23: 2.0}, threshold=np.nextafter(score, 0)).kind is VerdictKind.ATTACKED
@@ -149,7 +149,7 @@ def test_a_frame_at_the_score_s_threshold_is_clean():
 
 @pytest.mark.parametrize(("left", "kind"), [(1.0, VerdictKind.ATTACKED), (1.01, VerdictKind.UNIDENTIFIED)])
 def test_the_best_explanation_may_leave_a_margin_of_one_over(left, kind):
-    verdict = one({U23: 3.0, EMPTY: left})
+    verdict = one({U23: 3.0, POINT_DROPOUT: left})
     assert verdict.kind is kind
     assert (verdict.alternatives[0].attacked == (2,)) == (kind is VerdictKind.UNIDENTIFIED)
 

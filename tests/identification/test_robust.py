@@ -6,24 +6,24 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.identification.robust import FrameSeries, System, judge_frames, window_scores
-from auditor.model.calibration import RobustThresholds, Yardstick
-from auditor.model.checks import Element, Witness, elements_of
+from auditor.model.calibration import RobustThresholds, Scale
+from auditor.model.checks import Check, PairCheck, pair_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import FINDINGS, Cause, Finding, VerdictKind
 
 PAIRS = ((1, 3), (2, 3))
-SYSTEM = System(elements_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
+SYSTEM = System(pair_checks_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
 THRESHOLDS = RobustThresholds(
-    "c" * 32, Decimal("0.01"), dict.fromkeys(SYSTEM.elements, Yardstick(0.4, 0.1, 100)), {}, resolvable=True
+    "c" * 32, Decimal("0.01"), dict.fromkeys(SYSTEM.pair_checks, Scale(0.4, 0.1, 100)), {}, resolvable=True
 )
-U13, U23 = (SYSTEM.elements.index(Element(Witness.UNLIKE, *pair)) for pair in PAIRS)
+U13, U23 = (SYSTEM.pair_checks.index(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair)) for pair in PAIRS)
 FRAMES = 20
 
 
-def series_of(hit=(), element=U13, *, frozen=(), missing=(), ratio=0.8):
+def series_of(hit=(), pair_check=U13, *, frozen=(), missing=(), ratio=0.8):
     """Frames at 10 Hz; in those `hit` one element's ratio is high, S_2 stands still in those `frozen`."""
-    ratios = np.full((FRAMES, len(SYSTEM.elements)), 0.3)
-    ratios[list(hit), element] = ratio
+    ratios = np.full((FRAMES, len(SYSTEM.pair_checks)), 0.3)
+    ratios[list(hit), pair_check] = ratio
     prints = np.arange(FRAMES)[:, None] * 10 + np.arange(4)
     prints[list(frozen), 2] = -7
     present = np.ones((FRAMES, 4), dtype=np.bool_)
@@ -81,7 +81,7 @@ def test_frames_asked_for_alone_are_judged_as_among_all():
 def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_out():
     late = {(Cause.LATE, 1): np.full(FRAMES, 2.0)}
     series = replace(series_of(range(5, 12)), fault_scores=late)
-    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Yardstick(1.0, 0.25, 100)})
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 100)})
     assert judge_frames(series, SYSTEM, thresholds)[8].finding == Finding(VerdictKind.SUSPECT, ())
     without = judge_frames(series, SYSTEM, thresholds, without_causes=True)
     assert (without[8].finding, without[8].causes) == (Finding(VerdictKind.ATTACKED, (1,)), ())

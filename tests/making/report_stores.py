@@ -10,7 +10,7 @@ import numpy as np
 
 from auditor.identification.paper import judge_frames
 from auditor.identification.thresholds import thresholds_at
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Presence, SensorState, Skipped, TopicBalance
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
@@ -139,10 +139,10 @@ def _ratios(rig, frame, attacks, measured):
     """Every witness of an attacked sensor says so, all others nothing much."""
     attacked = {s for sensors, first, last in attacks if first <= frame <= last for s in sensors}
     return [
-        (0.9 if attacked & set(element.accusable) else 0.01 * (frame % 20))
-        if all(measured.presence[s].state is SensorState.PRESENT for s in element.needed)
+        (0.9 if attacked & set(pair_check.nameable) else 0.01 * (frame % 20))
+        if all(measured.presence[s].state is SensorState.PRESENT for s in pair_check.needed)
         else None
-        for element in rig_elements(rig)
+        for pair_check in rig_pair_checks(rig)
     ]
 
 

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.model.calibration import Thresholds
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Presence, SensorState, Skipped
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
@@ -43,7 +43,7 @@ def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_n
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
     counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
     coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}
-    shares = dict(zip(rig_elements(rig), ratios, strict=False))
+    shares = dict(zip(rig_pair_checks(rig), ratios, strict=False))
     prints = {s: 10 * number + s for s in rig.sensors if s not in missing}
     return Measurement(
         number,
@@ -56,7 +56,7 @@ def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_n
     )
 
 
-def part_columns(rig, recording, experiment, *, drawn=3, name=None, stretch=0, synthetic=False):
+def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, synthetic=False):
     """What all parts of evaluations are known by; clean frames are not drawn."""
     drawn = None if experiment == "clean" else drawn
     return {
@@ -68,7 +68,7 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, stretch=0, s
         "experiment": experiment,
         "seed": drawn,
         "draws": drawn,
-        "stretch": stretch,
+        "stretch": chunk,
     }
 
 
@@ -95,7 +95,7 @@ def add_frames(store, rig, recording_id, frames, **record):
                 writer.skip(frame)
             else:
                 # Tests give ratios as shares, whatever the witness.
-                writer.add(frame, [frame.shares.get(element) for element in rig_elements(rig)])
+                writer.add(frame, [frame.shares.get(pair_check) for pair_check in rig_pair_checks(rig)])
         writer.commit(measurement)
     return measurement.measurement_id
 
@@ -112,7 +112,7 @@ def make_thresholds(rig, theta=0.1, *, r="0", calibration_id="c" * 32, statistic
 
 
 def add_judgement(
-    store, rig, measurement_id, kinds, *, minutes=0, stamps=None, margins=None, method="algorithm2", **thresholds
+    store, rig, measurement_id, kinds, *, minutes=0, stamps=None, scores=None, method="algorithm2", **thresholds
 ):
     """Verdicts from one character a frame: c, u, n, s, or the number of the one attacked sensor; ' ' for none."""
     record = JudgementRecord(
@@ -122,7 +122,7 @@ def add_judgement(
         (
             frame,
             stamps[frame] if stamps else frame * PERIOD_NS,
-            make_verdict(rig, kind, margins[frame] if margins else 0.1),
+            make_verdict(rig, kind, scores[frame] if scores else 0.1),
         )
         for frame, kind in enumerate(kinds)
         if kind != " "

@@ -36,7 +36,8 @@ class Batching:
 def flat(measurement):
     """Everything that was measured, as plain values."""
     cells = {
-        element: {name: grid.tolist() for name, grid in vars(c).items()} for element, c in measurement.cells.items()
+        pair_check: {name: grid.tolist() for name, grid in vars(c).items()}
+        for pair_check, c in measurement.cells.items()
     }
     return vars(measurement) | {"cells": cells}
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.evaluation.attacked_frame import Bench
-from auditor.identification.statistics import local_ratios
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
-from auditor.measurement import Watch, draw, localise, measure, measure_stream
+from auditor.measurement import FaultFeatures, draw, localise, measure, measure_stream
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame, Presence, SensorState
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.measurement import Statistic
@@ -55,7 +55,7 @@ def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matc
     assert list(off.pairs) == [(1, 3), (2, 3)]
     for pair in off.pairs.values():
         assert pair.seen.rig.is_rectified
-        assert all(sight.mean() > 0.5 for sight in pair.sights.values())
+        assert all(sight.mean() > 0.5 for sight in pair.valid_masks.values())
 
 
 def test_a_street_measures_like_the_same_street_along_one_line() -> None:
@@ -85,15 +85,15 @@ def cases() -> Iterator[dict[int, object]]:
 def test_a_bench_gives_what_measuring_the_attacked_frame_gives(bent: SyntheticDrive, missing: tuple[int, ...]) -> None:
     rig, matcher = bent.rig, SgbmMatcher()
     frame = without(bent.frame(0), *missing)
-    bench = Bench(frame, rig, matcher)
+    attacked_frame = AttackedFrame(frame, rig, matcher)
     for attacks in cases():
         if set(attacks) & set(missing):
             continue
         images = {n: attacks[n].apply(image) if n in attacks else image for n, image in frame.images.items()}
         cloud = attacks[LIDAR].apply(frame.cloud, rig) if LIDAR in attacks else frame.cloud
         measured, _ = measure(replace(frame, images=images, cloud=cloud), rig, matcher)
-        assert bench.counts(attacks) == measured.counts
-        assert bench.ratios(attacks) == local_ratios(rig_elements(rig), measured.cells, measured.shares)
+        assert attacked_frame.counts(attacks) == measured.counts
+        assert attacked_frame.ratios(attacks) == windowed_ratios(rig_pair_checks(rig), measured.cells, measured.shares)
 
 
 class Pairing(SgbmMatcher):
@@ -114,10 +114,10 @@ def test_a_matcher_of_many_pairs_sees_those_of_several_frames_at_once(bent: Synt
     streamed = [item[0] for item in measure_stream(frames, bent.rig, matcher)]
     assert [m.counts for m in streamed] == [m.counts for m in plain]
     assert matcher.asked == [4]
-    bench = Bench(frames[0], bent.rig, matcher)
-    bench.match_together(list(cases()))
+    attacked_frame = AttackedFrame(frames[0], bent.rig, matcher)
+    attacked_frame.match_together(list(cases()))
     asked = sum(matcher.asked)
-    assert bench.counts({}) == plain[0].counts
+    assert attacked_frame.counts({}) == plain[0].counts
     assert sum(matcher.asked) == asked
 
 
@@ -127,8 +127,8 @@ def test_without_a_lidar_three_cameras_are_compared(bent: SyntheticDrive) -> Non
     measured, evidence = measure(frame, rig, SgbmMatcher())
     with_lidar, _ = measure(bent.frame(0), bent.rig, SgbmMatcher())
     assert measured.counts == (with_lidar.counts[2],)
-    assert Watch().observe(evidence).keys() == {(1, 3), (2, 3)}
-    assert Bench(frame, rig, SgbmMatcher()).counts({}) == measured.counts
+    assert FaultFeatures().update(evidence).keys() == {(1, 3), (2, 3)}
+    assert AttackedFrame(frame, rig, SgbmMatcher()).counts({}) == measured.counts
 
 
 def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() -> None:
@@ -136,7 +136,7 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
     rig, frame = drive.rig, drive.frame(0)
     facula, wall = Facula(510.0, 60.0, 330.0, 90.0), BogusWall(7.0, 0.0)
     dazzled = replace(frame, images={**frame.images, 3: facula.apply(frame.images[3])})
-    everything = rig_elements(rig)
+    everything = rig_pair_checks(rig)
     _, evidence = measure(dazzled, rig, SgbmMatcher())
     left, top, right, bottom = next(r.box_px for r in localise(evidence, everything) if r.sensor == 3)
     cut = (rig.camera(3).intrinsics - evidence.rig.camera(3).intrinsics)[:2, 2]  # the reference view's own window
@@ -155,12 +155,12 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
 
 
 def test_symptoms_are_those_of_the_pairs_own_views_and_a_pair_that_was_away_begins_anew(bent: SyntheticDrive) -> None:
-    watch = Watch()
+    watch = FaultFeatures()
     seen = [
-        watch.observe(measure(frame, bent.rig, SgbmMatcher())[1])
+        watch.update(measure(frame, bent.rig, SgbmMatcher())[1])
         for frame in (bent.frame(0), without(bent.frame(1), 1), bent.frame(1))
     ]
-    assert [set(symptoms) for symptoms in seen] == [{(1, 3), (2, 3)}, {(2, 3)}, {(1, 3), (2, 3)}]
+    assert [set(fault_features) for fault_features in seen] == [{(1, 3), (2, 3)}, {(2, 3)}, {(1, 3), (2, 3)}]
     assert seen[0][1, 3].rows.in_step > 0.45
     assert np.isnan(seen[2][1, 3].rows.late_i)
     assert not np.isnan(seen[2][2, 3].rows.late_i)

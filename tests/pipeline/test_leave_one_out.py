@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import pytest
 
-from auditor.identification.cross_validation import INCIDENT_GAP_S, hold_out_robust
+from auditor.identification.cross_validation import INCIDENT_GAP_S, leave_one_out_robust
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, system_of
@@ -52,7 +52,7 @@ def measured(tmp_path_factory):
 def test_held_out_frames_and_incidents_are_those_of_a_scan(measured):
     store, known = measured
     everything = calibrate([(store, measurement) for measurement in known.values()])
-    told = {one.recording: (one.raised, one.incidents) for one in hold_out_robust(everything, system_of(RIG), R)}
+    told = {one.recording: (one.raised, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
     scanned = {}
     for recording, measurement in known.items():
         others = calibrate([(store, other) for other in known.values() if other != measurement])

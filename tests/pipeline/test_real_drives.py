@@ -80,29 +80,29 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
     assert sum(named["held out"].values()) >= 0.88 * 160, named
 
 
-@pytest.mark.parametrize("witness", [1, 2])
-def test_lidar_disparities_agree_with_the_annotated_depth(real_data: Path, witness: int) -> None:
+@pytest.mark.parametrize("check", [1, 2])
+def test_lidar_disparities_agree_with_the_annotated_depth(real_data: Path, check: int) -> None:
     rig, stream = frames("0001")
     folder = real_data / "kitti_raw_2011_09_26_drive_0001" / "annotated_depth" / "image_02"
     off = []
     for number, frame in zip((0, 1, 2, 3, 4, *DEPTH_FRAMES), stream, strict=True):
         if number in DEPTH_FRAMES:
             depth_m = cv2.imread(str(folder / f"{number:010d}.png"), cv2.IMREAD_UNCHANGED) / ANNOTATED_PER_METRE
-            off.append(_off_px(frame, rig, witness, depth_m))
+            off.append(_off_px(frame, rig, check, depth_m))
     off_px = np.concatenate(off)
-    print(f"S_{witness}: {off_px.size} pixels, median {np.median(off_px):.3f} px, over 1 px {np.mean(off_px > 1):.4f}")
+    print(f"S_{check}: {off_px.size} pixels, median {np.median(off_px):.3f} px, over 1 px {np.mean(off_px > 1):.4f}")
     assert off_px.size > 30_000
     assert np.median(off_px) < 0.1
     assert np.mean(off_px > 1) < 0.03
 
 
-def _off_px(frame: Frame, rig: Rig, witness: int, depth_m: np.ndarray) -> np.ndarray:
+def _off_px(frame: Frame, rig: Rig, check: int, depth_m: np.ndarray) -> np.ndarray:
     """|DM_{0,3} - annotated disparity| at the pixels that have both."""
     view = lidar_view(frame.cloud, rig, 3)
     z = depth_m[view.row, view.column]
     known = z > 0
     u, v, z = view.column[known], view.row[known], z[known]
-    P, P_witness = rig.camera(3).projection, rig.camera(witness).projection
+    P, P_witness = rig.camera(3).projection, rig.camera(check).projection
     points = np.linalg.solve(P[:, :3], np.stack([u * z, v * z, z]) - P[:, 3:])
     seen = P_witness[:, :3] @ points + P_witness[:, 3:]
-    return np.abs(view.disparity_px(witness)[known] - (u - seen[0] / seen[2]))
+    return np.abs(view.disparity_px(check)[known] - (u - seen[0] / seen[2]))

@@ -7,7 +7,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.identification import statistics
-from auditor.model.checks import Witness, rig_elements
+from auditor.model.checks import Check, rig_pair_checks
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, ratios_from_cells
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store, run_sql
@@ -27,10 +27,10 @@ def scanned(tmp_path_factory):
 def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
     store, measurement = scanned
     stored = store.load_ratios(measurement).ratios
-    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
-    assert stored.shape == (FRAMES, len(elements))
+    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
+    assert stored.shape == (FRAMES, len(pair_checks))
     # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
-    unlike = [place for place, e in enumerate(elements) if e.witness is Witness.UNLIKE and e.i == 1]
+    unlike = [place for place, e in enumerate(pair_checks) if e.check is Check.PHOTOMETRIC_INCONSISTENCY and e.i == 1]
     assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
     np.testing.assert_array_equal(ratios_from_cells(store, measurement), stored)
 
@@ -38,11 +38,11 @@ def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
 def test_other_windows_give_other_local_ratios_of_what_has_cells_and_of_nothing_else(scanned, monkeypatch):
     store, measurement = scanned
     stored = store.load_ratios(measurement).ratios
-    smaller = {witness: statistics.Window(2, 2, 10) for witness in statistics.WINDOWS}
+    smaller = {check: statistics.Window(2, 2, 10) for check in statistics.WINDOWS}
     monkeypatch.setattr(statistics, "WINDOWS", smaller)
     changed = ratios_from_cells(store, measurement)
-    elements = rig_elements(store.rig(store.measurement(measurement).rig_id))
-    counted = np.array([element.witness in smaller for element in elements])
+    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
+    counted = np.array([pair_check.check in smaller for pair_check in pair_checks])
     assert (changed[:, counted] != stored[:, counted]).any()
     np.testing.assert_array_equal(changed[:, ~counted], stored[:, ~counted])
 
@@ -55,7 +55,7 @@ def judged(store, measurement, *, recount):
     return judgement, run_sql(store, sql).to_pylist()
 
 
-def witnesses(verdicts):
+def checks(verdicts):
     return {evidence["witness"] for verdict in verdicts for evidence in verdict["evidence"]}
 
 
@@ -71,10 +71,10 @@ def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_say
 def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_what_was_measured(scanned, monkeypatch):
     store, measurement = scanned
     before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
-    assert {"unlike", "light"} <= witnesses(as_measured)
-    demanding = {witness: statistics.Window(6, 8, 10**9) for witness in statistics.WINDOWS}
+    assert {"unlike", "light"} <= checks(as_measured)
+    demanding = {check: statistics.Window(6, 8, 10**9) for check in statistics.WINDOWS}
     monkeypatch.setattr(statistics, "WINDOWS", demanding)
-    assert witnesses(judged(store, measurement, recount=True)[1]) == {"light"}
+    assert checks(judged(store, measurement, recount=True)[1]) == {"light"}
     assert judged(store, measurement, recount=False)[1] == as_measured
     np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)
 

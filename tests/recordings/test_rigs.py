@@ -11,7 +11,7 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.geometry import Matrix, invert, motion, rotation_from_quaternion
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
-from auditor.recordings import check_rig, find_rigs, look_for_rigs, open_recording, read_rig, write_rig
+from auditor.recordings import check_rig, find_rigs, open_recording, read_rig, search_rigs, write_rig
 from auditor.recordings import survey as survey_of
 from auditor.recordings.decoding import CameraInfo, Header, Transform
 from auditor.recordings.recording import Topic
@@ -167,7 +167,7 @@ def test_a_rectified_camera_beside_the_line_joins_and_makes_the_rig_one_of_pairs
     (rig,) = find_rigs(survey)
     assert not rig.shares_view
     assert max(rig.off_line_px.values()) == pytest.approx(0.4 * 700 / 10)
-    assert not look_for_rigs(survey).reasons
+    assert not search_rigs(survey).reasons
     check_rig(rig, survey)
 
 
@@ -205,7 +205,7 @@ def test_rectified_cameras_that_can_identify_stay_among_themselves() -> None:
     infos = {"a": info("a", P(0.0)), "b": info("b", P(0.2)), "c": info("c", P(0.5))}
     odd = info("odd", P(0.3) * np.array([[1.2], [1.2], [1]]))
     places = {"a": at(0), "b": at(0.2), "c": at(0.5), "odd": at(0.3), "top": LIDAR_AT}
-    found = look_for_rigs(look({**infos, "odd": odd}, places))
+    found = search_rigs(look({**infos, "odd": odd}, places))
     assert [camera.name for camera in found.rigs[0].cameras] == ["c", "b", "a"]
     assert any("(odd)" in reason for reason in found.reasons)
     del infos["c"]
@@ -253,7 +253,7 @@ def test_cameras_that_nobody_can_read_or_that_see_little_together_are_left_out_w
         "away": turned(19, at(0.9)),
         "bent": at(1),
     }
-    found = look_for_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
+    found = search_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
     assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "high", "a"]
     assert len(found.rigs) == 1
     told = "; ".join(found.reasons)
@@ -263,7 +263,7 @@ def test_cameras_that_nobody_can_read_or_that_see_little_together_are_left_out_w
     infos["far"] = replace(info("far", P(0), distortion=(-0.1, 0, 0, 0)), intrinsics=np.diag([2000.0, 2000, 1]))
     assert "far" not in [
         c.name
-        for c in look_for_rigs(look(infos, {**places, "far": at(2)}, clouds={}, images="image_raw")).rigs[0].cameras
+        for c in search_rigs(look(infos, {**places, "far": at(2)}, clouds={}, images="image_raw")).rigs[0].cameras
     ]
 
 
@@ -277,7 +277,7 @@ def test_cameras_one_behind_the_other_are_no_rig() -> None:
 def test_a_camera_behind_another_is_audited_with_those_it_is_not_behind() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c", "rear")}
     places = {"a": at(0), "b": at(0.5), "c": at(1.0), "rear": at(0.0, 0.0, -0.6), "top": LIDAR_AT}
-    found = look_for_rigs(look(infos, places, images="image_raw"))
+    found = search_rigs(look(infos, places, images="image_raw"))
     assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["c", "b", "a"], ["c", "b", "rear"]]
     assert not found.reasons
 
@@ -288,7 +288,7 @@ def test_a_camera_whose_pairs_see_too_little_is_left_out_with_the_reason() -> No
     narrow = np.array([[2000.0, 0, 320], [0, 2000, 240], [0, 0, 1]])
     infos = {n: replace(known, intrinsics=narrow) for n, known in infos.items()}
     places = {"a": at(0), "b": at(0.5), "ahead": at(0.3, 0, 0.45), "top": LIDAR_AT}
-    found = look_for_rigs(look(infos, places, images="image_raw"))
+    found = search_rigs(look(infos, places, images="image_raw"))
     assert [[camera.name for camera in rig.cameras] for rig in found.rigs] == [["b", "a"]]
     assert "ahead shares too little of its view with a once both are rectified" in found.reasons
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.robust import System, accuse
-from auditor.identification.scores import margins, yardsticks
-from auditor.model.checks import rig_elements
+from auditor.identification.robust import System, name_attacked
+from auditor.identification.scores import scales_of, scores
+from auditor.model.checks import rig_pair_checks
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
 from tests.making.stores import new_store
@@ -17,7 +17,7 @@ from tests.store.test_evaluation_queries import RIG, case_of, make_evaluation, p
 
 R = Decimal("0.01")
 BLOCK = 10
-ELEMENTS = rig_elements(RIG)
+ELEMENTS = rig_pair_checks(RIG)
 LARGE = ((0, 1, 2, 4), (0, 1, 2, 3, 4))
 SMALL = tuple(tuple(triple) for triple in RIG.triples if triple.k == 4)
 
@@ -48,20 +48,20 @@ def told(made):
                 for e, recording, case in everything
                 if e == "clean" and keeps((recording, case.frame // BLOCK), here)
             ]
-            scales = yardsticks(np.array(clean, dtype=np.float64), ELEMENTS, R)
+            scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, R)
             for system in (*SMALL, *LARGE):
                 inside = [place for place, e in enumerate(ELEMENTS) if set(e.needed) <= set(system)]
                 triples = tuple(t for t in RIG.triples if set(t) <= set(system))
-                elements = tuple(ELEMENTS[place] for place in inside)
+                pair_checks = tuple(ELEMENTS[place] for place in inside)
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, system)]
                 ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
-                z = margins(ratios, [scales[place] for place in inside])
+                z = scores(ratios, [scales[place] for place in inside])
                 present = [
-                    {s for e, x in zip(elements, row, strict=True) if not np.isnan(x) for s in e.needed}
+                    {s for e, x in zip(pair_checks, row, strict=True) if not np.isnan(x) for s in e.needed}
                     for row in ratios
                 ]
                 missing = [frozenset(system) - there for there in present]
-                verdicts = accuse(z, System(elements, triples, system), missing)
+                verdicts = name_attacked(z, System(pair_checks, triples, system), missing)
                 found += [(held_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 

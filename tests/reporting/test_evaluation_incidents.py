@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.robust import WINDOW_S, System, accuse
-from auditor.identification.scores import margins, yardsticks
+from auditor.identification.robust import WINDOW_S, System, name_attacked
+from auditor.identification.scores import scales_of, scores
 from auditor.identification.statistics import window_means
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
@@ -23,7 +23,7 @@ from tests.store.test_evaluation_queries import FRAMES, RIG, case_of, errors, fo
 
 R = Decimal("0.05")
 ROBUST_R, ROBUST_BLOCK = Decimal("0.01"), 10
-ELEMENTS = rig_elements(RIG)
+ELEMENTS = rig_pair_checks(RIG)
 SYSTEM = System(ELEMENTS, RIG.triples, RIG.sensors)
 SETS = [((1,), "still"), ((1,), "moving"), ((0, 4), "still")]
 
@@ -78,10 +78,10 @@ def by_robust(cases, held_out, recording, line):
             "recording": lambda r, _: r != recording,
         }[held_out]
         clean = [c.ratios for r in FRAMES for c in cases["clean", r] if kept(r, c.frame)]
-        scales = yardsticks(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
-        z = margins(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
+        scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
+        z = scores(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
         around = window_means(z, np.arange(len(z)) * PERIOD_NS, WINDOW_S)
-        alone, moment = (accuse(x[[case.frame]], SYSTEM, [frozenset()])[0] for x in (z, around))
+        alone, moment = (name_attacked(x[[case.frame]], SYSTEM, [frozenset()])[0] for x in (z, around))
         found = alone.kind in FINDINGS and moment.kind in FINDINGS
         yield (moment.kind.value, moment.attacked) if found else ("clean", ())
 

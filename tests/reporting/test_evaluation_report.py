@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from auditor.cli import auditor
 from auditor.errors import StoreError
 from auditor.evaluation import judge_cases
-from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS, Dice
-from auditor.model.checks import rig_elements
+from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS, SeededDraws
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts
 from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
@@ -34,7 +34,7 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
             part = EvaluationPart(**part_columns(rig, f"{number}", experiment.name, drawn=drawn, name=name))
             with part_writer(store, part) as writer:
                 for frame in range(frames):
-                    for case in experiment.cases(rig, Dice(0, number, frame, 0), ()):
+                    for case in experiment.cases(rig, SeededDraws(0, number, frame, 0), ()):
                         writer.add(measured(rig, frame, case, rng, seen))
                 writer.commit(
                     frames=frames,
@@ -57,9 +57,9 @@ def measured(rig, frame, case, rng, seen):
     said = case.attacked, case.attack, case.strength, case.size, case.visible_share
     ratios = [
         rng.uniform(0.6, 1)
-        if set(case.attacked) & set(element.accusable) and rng.random() < seen
+        if set(case.attacked) & set(pair_check.nameable) and rng.random() < seen
         else rng.uniform(0, 0.2)
-        for element in rig_elements(rig)
+        for pair_check in rig_pair_checks(rig)
     ]
     return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios)
 
@@ -82,8 +82,8 @@ def test_the_page_is_well_nested_whole_and_escaped(page):
     shown = Page(render_evaluation(page))
     assert "Identification (Table II)" in shown.text
     assert "What the audit cannot see on this rig" in shown.text
-    assert not [tag for tag, _ in shown.elements if tag == "script"]
-    assert not [attributes for _, attributes in shown.elements if {"src", "href", "onload"} & attributes.keys()]
+    assert not [tag for tag, _ in shown.pair_checks if tag == "script"]
+    assert not [attributes for _, attributes in shown.pair_checks if {"src", "href", "onload"} & attributes.keys()]
 
 
 def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):

@@ -7,7 +7,7 @@ import pytest
 
 from auditor.evaluation import judge_cases
 from auditor.evaluation.verdicts import Case, judged
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts
 from auditor.model.verdict import FINDINGS
 from auditor.reporting.evaluation.loading import load_evaluation
@@ -24,7 +24,7 @@ def measured(rig, raised, frames=20):
     """Cases of which the frames `raised` have a high E of every triple."""
     for frame in range(frames):
         E = 500 if frame in raised else 10
-        counts, ratios = [Counts(2000, E, 1000, E, 0)] * len(rig.triples), [0.1] * len(rig_elements(rig))
+        counts, ratios = [Counts(2000, E, 1000, E, 0)] * len(rig.triples), [0.1] * len(rig_pair_checks(rig))
         yield MeasuredCase(frame, frame * PERIOD_NS, 0, (), None, None, None, None, {}, counts, ratios)
 
 
@@ -51,13 +51,13 @@ def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
 
 def test_a_moment_around_a_frame_is_of_its_own_rig():
     """One frame that stands out is raised; the half second around it says otherwise, whoever else looked."""
-    elements, rng = rig_elements(RIG), np.random.default_rng(1)
+    pair_checks, rng = rig_pair_checks(RIG), np.random.default_rng(1)
     cases = []
     for rig_id in ("one", "other"):
         for frame in range(120):
-            ratios = rng.uniform(0, 0.2, len(elements))
+            ratios = rng.uniform(0, 0.2, len(pair_checks))
             if frame == 60:
-                ratios[[e.witness == "unlike" and 1 in e.needed for e in elements]] = 0.45
+                ratios[[e.check == "unlike" and 1 in e.needed for e in pair_checks]] = 0.45
             at = frame, frame * PERIOD_NS, 0
             cases.append(Case(f"part of {rig_id}", "a" * 64, rig_id, "clean", *at, (), None, None, None, tuple(ratios)))
     told = [v for _, v in judged(cases, RIG) if (v.held_out, v.system) == ("nothing", RIG.sensors)]

@@ -104,7 +104,7 @@ def test_each_combination_has_its_row_and_names_from_outside_are_escaped(page):
     assert [len(table.rows) for table in tables] == [7] * 4
     html = Page(render_evaluation(page))
     assert "The object-level baseline (Table I)" in html.text
-    assert not [tag for tag, _ in html.elements if tag == "script"]
+    assert not [tag for tag, _ in html.pair_checks if tag == "script"]
 
 
 def test_average_precision_is_drawn_by_size_with_clean_frames_for_comparison(scored):

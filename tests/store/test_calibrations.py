@@ -4,7 +4,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import StoreError, ThresholdsError
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import Cause
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
@@ -18,7 +18,7 @@ RIG = make_rig(4)
 SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.triples for s in Statistic}
 
 
-RATIOS = {element: [0.3, 0.2, 0.1] for element in rig_elements(RIG)}
+RATIOS = {pair_check: [0.3, 0.2, 0.1] for pair_check in rig_pair_checks(RIG)}
 STRENGTHS = {(Cause.LATE, 0): [-2.0, 0.5, 1.0], (Cause.DARK, None): [0.1, 0.2]}
 
 
@@ -66,7 +66,7 @@ def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
     assert make().calibration_id == make_calibration(RIG.kind, PROCEDURE, reversed(clean)).calibration_id
     first = next(iter(SAMPLES))
     changed = {**SAMPLES, first: [*SAMPLES[first][:-1], SAMPLES[first][-1] + 2**-50]}
-    louder = {element: [*values[:-1], 0.2] for element, values in RATIOS.items()}
+    louder = {pair_check: [*values[:-1], 0.2] for pair_check, values in RATIOS.items()}
     others = [
         make(changed),
         make(recordings=("a" * 64,)),

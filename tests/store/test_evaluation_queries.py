@@ -11,7 +11,7 @@ import pytest
 
 from auditor.identification.algorithm2 import disagreements, identify
 from auditor.identification.thresholds import resolvable, threshold
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts, Statistic
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, finished_part, part_writer
@@ -25,8 +25,8 @@ RIG = make_rig(4)
 FRAMES = {"a": 17, "b": 9}
 
 
-def part(recording, experiment, stretch=0, *, synthetic=False):
-    return EvaluationPart(**part_columns(RIG, recording, experiment, stretch=stretch, synthetic=synthetic))
+def part(recording, experiment, chunk=0, *, synthetic=False):
+    return EvaluationPart(**part_columns(RIG, recording, experiment, chunk=chunk, synthetic=synthetic))
 
 
 def write(store, which, cases, *, last=True):
@@ -51,8 +51,8 @@ def drawn_counts(rng, attacked, unmeasured):
 def drawn_ratios(rng, attacked, unmeasured=0.02):
     """Local ratios that are high where a sensor is attacked that the element can accuse, mostly."""
     ratios = []
-    for element in rig_elements(RIG):
-        level = rng.uniform(0.3, 1) if set(attacked) & set(element.accusable) else rng.uniform(0, 0.55)
+    for pair_check in rig_pair_checks(RIG):
+        level = rng.uniform(0.3, 1) if set(attacked) & set(pair_check.nameable) else rng.uniform(0, 0.55)
         ratios.append(None if rng.random() < unmeasured else level)
     return ratios
 

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 
-from auditor.model.checks import COLUMNS, Agreement, Contrast, PairSymptoms, Rows, Specks
+from auditor.model.checks import COLUMNS, Agreement, Contrast, IsolatedShares, PairFaultFeatures, Rows
 from auditor.model.frames import Skipped
 from auditor.model.measurement import Coverage, Region, Solid
-from auditor.model.verdict import Cause, Suspicion, Verdict, VerdictKind
+from auditor.model.verdict import Cause, FaultHypothesis, Verdict, VerdictKind
 from auditor.store.queries import run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
@@ -19,11 +19,11 @@ from tests.making.stores import (
     new_store,
 )
 
-SEEN = PairSymptoms(
+SEEN = PairFaultFeatures(
     Rows(40, 0.9, 0.5, 0.95),
     Contrast(12),
     Agreement(1500, 0.8, 0, 0.8, 4, 0, 0.7, -0.1, -0.2),
-    Specks(0.02, 0.001),
+    IsolatedShares(0.02, 0.001),
 )
 FACULA = Region(3, 3, (8, 4, 400, 240), 0.25, b"png")
 WALL = Region(0, 3, (100, 80, 300, 200), 0.125, b"points", 850, Solid((8.0, -1.0, 0.5), (2.5, 1.5, 0.0625), 4.5))
@@ -33,11 +33,11 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     store, rig = new_store(tmp_path), make_rig(3)
     dim = {s: Coverage(0.25, 0.5, level=10.0 * s) if s else Coverage(returns=9) for s in rig.sensors}
     frames = [
-        replace(make_measurement(rig, 1), symptoms={(1, 3): SEEN, (2, 3): PairSymptoms()}, coverage=dim),
+        replace(make_measurement(rig, 1), fault_features={(1, 3): SEEN, (2, 3): PairFaultFeatures()}, coverage=dim),
         Skipped(2, 200_000_000, "no cloud"),
-        replace(make_measurement(rig, 3), symptoms={(2, 3): SEEN}, coverage=dim),
+        replace(make_measurement(rig, 3), fault_features={(2, 3): SEEN}, coverage=dim),
     ]
-    seen = store.load_symptoms(add_measurement(store, rig, frames))
+    seen = store.load_fault_features(add_measurement(store, rig, frames))
     assert seen.frames.tolist() == [1, 3]
     assert (seen.pairs, seen.cameras) == (((1, 3), (2, 3)), (1, 2, 3))
     assert tuple(seen.columns) == COLUMNS
@@ -57,19 +57,19 @@ def test_a_measurement_older_than_symptoms_and_regions_has_none(tmp_path):
     measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
     for table in ("symptoms", "regions"):
         store.path(table, measurement_id).unlink()
-    assert np.isnan(store.load_symptoms(measurement_id).columns["in_step"]).all()
+    assert np.isnan(store.load_fault_features(measurement_id).columns["in_step"]).all()
     assert store.load_regions(measurement_id, 0) == []
     assert run_sql(store, "SELECT * FROM regions").num_rows == 0
 
 
 def test_symptoms_older_than_specks_have_none(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    frames = [replace(make_measurement(rig, 1), symptoms={(2, 3): SEEN})]
+    frames = [replace(make_measurement(rig, 1), fault_features={(2, 3): SEEN})]
     measurement_id = add_measurement(store, rig, frames)
     path = store.path("symptoms", measurement_id)
     older = pq.read_table(path).drop_columns(["specks_near", "specks_beyond"])
     pq.write_table(older.replace_schema_metadata({b"schema_version": b"4"}), path)
-    seen = store.load_symptoms(measurement_id)
+    seen = store.load_fault_features(measurement_id)
     assert np.isnan(seen.columns["specks_near"]).all()
     assert seen.columns["in_step"][0, 1] == 0.9
     assert run_sql(store, "SELECT specks_beyond FROM symptoms").to_pylist() == [{"specks_beyond": None}]
@@ -92,7 +92,7 @@ def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path
 def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [make_measurement(rig, n) for n in range(2)])
-    causes = (Suspicion(Cause.RAIN, 0, 0.75), Suspicion(Cause.DARK, None, 0.25))
+    causes = (FaultHypothesis(Cause.RAIN, 0, 0.75), FaultHypothesis(Cause.DARK, None, 0.25))
     verdicts = [
         (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", margin=0.1, causes=causes[: n + 1])) for n in range(2)
     ]

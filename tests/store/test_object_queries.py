@@ -25,9 +25,9 @@ FRAMES = {"a": 9, "b": 6}
 DETECTORS = {"geometric": "{}", "yolo.onnx + geometric": '{"camera": 1}'}
 
 
-def part(recording, experiment, detector="geometric", stretch=0):
+def part(recording, experiment, detector="geometric", chunk=0):
     return ObjectPart(
-        **part_columns(RIG, recording, experiment, stretch=stretch),
+        **part_columns(RIG, recording, experiment, chunk=chunk),
         detector=detector,
         detector_settings=DETECTORS[detector],
         labels=None,

@@ -27,14 +27,14 @@ def store(tmp_path):
     return new_store(tmp_path)
 
 
-def judged(store, kinds, *, skipped=(), margins=None, stamps=None, recording="a", **settings):
+def judged(store, kinds, *, skipped=(), scores=None, stamps=None, recording="a", **settings):
     """A recording with one frame a character of `kinds`; a blank is a frame that was skipped."""
     frames = [
         skip(f) if kind == " " else make_measurement(RIG, f, stamp_ns=stamps[f] if stamps else None)
         for f, kind in enumerate(kinds)
     ]
     measurement_id = add_measurement(store, RIG, [*frames, *skipped], recording=recording, **settings)
-    add_judgement(store, RIG, measurement_id, kinds, margins=margins, stamps=stamps)
+    add_judgement(store, RIG, measurement_id, kinds, scores=scores, stamps=stamps)
     return measurement_id
 
 
@@ -114,7 +114,7 @@ def test_an_incident_ends_where_the_clock_is_set_back_within_it_by_little(store)
 
 def test_an_incident_tells_when_who_and_its_strongest_frame(store):
     stamps = [1_700_000_000_000_000_000 + f * PERIOD_NS for f in range(4)]
-    judged(store, "c33c", margins=[0.9, 0.2, 0.4, 0.9], stamps=stamps, clock="utc")
+    judged(store, "c33c", scores=[0.9, 0.2, 0.4, 0.9], stamps=stamps, clock="utc")
     (row,) = run_query(store, "incidents").to_pylist()
     assert (row["from_ns"], row["to_ns"], row["seconds"]) == (stamps[1], stamps[2], 0.1)
     assert str(row["from_utc"])[:21] == "2023-11-14 22:13:20.1"

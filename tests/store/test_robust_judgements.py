@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from auditor.identification.robust import FrameSeries, System, judge_frames
-from auditor.identification.scores import margins
-from auditor.model.calibration import RobustThresholds, Yardstick
-from auditor.model.checks import rig_elements
+from auditor.identification.scores import scores
+from auditor.model.calibration import RobustThresholds, Scale
+from auditor.model.checks import rig_pair_checks
 from auditor.model.verdict import Finding, VerdictKind
 from auditor.store.describing import describe
 from auditor.store.queries import run_query, run_sql
@@ -25,7 +25,7 @@ from tests.making.stores import (
 )
 
 RIG = make_rig(3)
-ELEMENTS = rig_elements(RIG)
+ELEMENTS = rig_pair_checks(RIG)
 FRAMES = 30
 
 
@@ -35,21 +35,21 @@ def judged(tmp_path):
     rng = np.random.default_rng(3)
     ratios = rng.uniform(0, 0.4, (FRAMES, len(ELEMENTS)))
     ratios[rng.random(ratios.shape) < 0.05] = np.nan
-    ratios[10:20, [place for place, e in enumerate(ELEMENTS) if e.witness == "unlike" and e.i == 1]] = 0.9
+    ratios[10:20, [place for place, e in enumerate(ELEMENTS) if e.check == "unlike" and e.i == 1]] = 0.9
     given = [[None if np.isnan(x) else x for x in row] for row in ratios.tolist()]
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f, ratios=row) for f, row in enumerate(given)])
-    yardsticks = {element: Yardstick(0.35, 0.1, 100) for element in ELEMENTS[:-1]}  # the last has no clean samples
+    scales_of = {pair_check: Scale(0.35, 0.1, 100) for pair_check in ELEMENTS[:-1]}  # the last has no clean samples
     loaded = store.load_ratios(known)
     system = System(ELEMENTS, RIG.triples, RIG.sensors)
-    scales = [yardsticks.get(element) for element in ELEMENTS]
-    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), yardsticks, {}, resolvable=True, incidents_per_hour=2.0)
+    scales = [scales_of.get(pair_check) for pair_check in ELEMENTS]
+    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), scales_of, {}, resolvable=True, incidents_per_hour=2.0)
     present = loaded.states == "present"
     series = FrameSeries.of_recording(loaded.stamps_ns, loaded.ratios, present, loaded.fingerprints, {})
     verdicts = judge_frames(series, system, thresholds)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
-    return store, known, verdicts, margins(loaded.ratios, scales)
+    return store, known, verdicts, scores(loaded.ratios, scales)
 
 
 def test_margins_in_sql_are_those_in_python(judged):

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import StoreError
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Presence, SensorState, TopicBalance
 from auditor.model.measurement import Cells, Counts, Coverage, Measurement, Statistic
 from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
@@ -150,50 +150,50 @@ def test_frames_come_back_as_local_ratios_and_fingerprints(tmp_path):
     frames = [skip(0), make_measurement(rig, 1, ratios=given), make_measurement(rig, 2, missing=(2,))]
     measurement_id = add_measurement(store, rig, frames)
     found = store.load_ratios(measurement_id)
-    elements = rig_elements(rig)
-    assert found.ratios.shape == (2, len(elements))
-    rest = [None] * (len(elements) - 3)
+    pair_checks = rig_pair_checks(rig)
+    assert found.ratios.shape == (2, len(pair_checks))
+    rest = [None] * (len(pair_checks) - 3)
     assert [None if np.isnan(x) else x for x in found.ratios[0]] == [*given, *rest]
     assert np.isnan(found.ratios[1]).all()
     assert (found.frames.tolist(), found.stamps_ns.tolist()) == ([1, 2], [PERIOD_NS, 2 * PERIOD_NS])
     assert found.states.tolist()[1] == ["present", "present", "missing", "present"]
     assert found.fingerprints.tolist() == [[10, 11, 12, 13], [20, 21, -1, 23]]
     seen = run_sql(store, "SELECT witness, i, k, ratio FROM ratios WHERE frame = 1 ORDER BY position").to_pylist()
-    assert [(row["witness"], row["i"], row["k"]) for row in seen] == [tuple(element) for element in elements]
+    assert [(row["witness"], row["i"], row["k"]) for row in seen] == [tuple(pair_check) for pair_check in pair_checks]
     assert [row["ratio"] for row in seen] == [*given, *rest]
 
 
 def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    elements = rig_elements(rig)
+    pair_checks = rig_pair_checks(rig)
     rng = np.random.default_rng(4)
 
     def frame(number, chosen):
         grids = rng.integers(0, 17, (len(chosen), 2, 5, 7)).astype(np.uint8)
-        cells = {element: Cells(*pair) for element, pair in zip(chosen, grids, strict=True)}
+        cells = {pair_check: Cells(*pair) for pair_check, pair in zip(chosen, grids, strict=True)}
         return replace(make_measurement(rig, number), cells=cells)
 
     given = [
-        frame(1, elements[:4]),
+        frame(1, pair_checks[:4]),
         frame(2, ()),
-        frame(3, elements[1:2]),
-        *(frame(n, elements[:4]) for n in range(4, 90)),
+        frame(3, pair_checks[1:2]),
+        *(frame(n, pair_checks[:4]) for n in range(4, 90)),
     ]
     measurement_id = add_measurement(store, rig, [skip(0), *given])
     found = list(store.load_cells(measurement_id))
     assert [number for number, _ in found] == [f.number for f in given if f.cells]
     for (_, cells), original in zip(found, (f for f in given if f.cells), strict=True):
         assert list(cells) == list(original.cells)
-        for element, of_it in cells.items():
-            assert np.array_equal(of_it.valid, original.cells[element].valid)
-            assert np.array_equal(of_it.against, original.cells[element].against)
+        for pair_check, of_it in cells.items():
+            assert np.array_equal(of_it.valid, original.cells[pair_check].valid)
+            assert np.array_equal(of_it.inconsistent, original.cells[pair_check].inconsistent)
     with pq.ParquetFile(store.path("cells", measurement_id)) as file:
         assert file.num_row_groups == 2
     [row] = run_sql(store, "SELECT witness, i, k, rows, columns, valid, against FROM cells WHERE frame = 3").to_pylist()
-    of_it = given[2].cells[elements[1]]
-    assert (row["witness"], row["i"], row["k"]) == elements[1]
+    of_it = given[2].cells[pair_checks[1]]
+    assert (row["witness"], row["i"], row["k"]) == pair_checks[1]
     assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), of_it.valid)
-    assert np.array_equal(np.reshape(row["against"], (row["rows"], row["columns"])), of_it.against)
+    assert np.array_equal(np.reshape(row["against"], (row["rows"], row["columns"])), of_it.inconsistent)
 
 
 def test_a_measurement_older_than_cells_and_local_ratios_is_still_read(tmp_path):
@@ -203,7 +203,7 @@ def test_a_measurement_older_than_cells_and_local_ratios_is_still_read(tmp_path)
     pq.write_table(frames.replace_schema_metadata({b"schema_version": b"1"}), store.path("frames", measurement_id))
     store.path("cells", measurement_id).unlink()
     assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (1, 3)
-    assert run_sql(store, "SELECT ratio FROM ratios").column(0).null_count == len(rig_elements(rig))
+    assert run_sql(store, "SELECT ratio FROM ratios").column(0).null_count == len(rig_pair_checks(rig))
     assert run_sql(store, "SELECT * FROM cells").num_rows == 0
     with pytest.raises(StoreError, match="before there were local ratios; measure it again"):
         store.load_ratios(measurement_id)
@@ -213,7 +213,7 @@ def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
     assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 3)
-    assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_elements(rig)))
+    assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_pair_checks(rig)))
     assert store.measurement(measurement_id).frames == 0
 
 

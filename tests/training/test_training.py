@@ -25,7 +25,7 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
-from auditor.training import Recorded, SampleFiles, SampleTask, Street, lesson, make_samples
+from auditor.training import Recorded, SampleFiles, SampleTask, Street, make_samples, training_set
 from auditor.training.samples import dense_sample, lidar_sample, pair_of
 from tests.making.scenes import FOCAL, moved, plane_frame, plane_rig
 from tests.making.small_drives import drive_frames, write_drive
@@ -62,9 +62,9 @@ def test_of_cameras_beside_the_line_a_sample_is_a_pair_in_its_own_view_and_only_
     frame = replace(drive, vehicle=replace(drive.vehicle, rig=rig)).frame(0)
     left, right, disparity = lidar_sample(frame, rig)
     assert left.shape == right.shape == disparity.shape
-    sights = rectification(rig).pairs[pair_of(0, rig)].sights
-    assert 0.5 < np.mean(sights[2]) < 0.95
-    assert np.isnan(disparity[~sights[2]]).all()
+    valid_masks = rectification(rig).pairs[pair_of(0, rig)].valid_masks
+    assert 0.5 < np.mean(valid_masks[2]) < 0.95
+    assert np.isnan(disparity[~valid_masks[2]]).all()
     assert np.count_nonzero(~np.isnan(disparity)) > 10_000
     assert score(SgbmMatcher(), [(left, right, disparity)]).over_3px_share < 0.1
 
@@ -116,10 +116,10 @@ def test_attacked_recordings_and_those_without_a_lidar_teach_nothing(tmp_path: P
 def test_what_is_tried_on_is_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
     made = [make_samples(SampleTask(source, tmp_path, 4), heard) for source in (Recorded(drives[0]), Street(1, 1))]
     with pytest.raises(SettingError, match="the same recording"):
-        lesson(made, made[:1])
-    both = lesson(made[:1], made[1:])
+        training_set(made, made[:1])
+    both = training_set(made[:1], made[1:])
     assert {kind: len(files) for kind, files in both.validation.items()} == {"streets": 1}
-    assert both.known != lesson(made[1:], made[:1]).known
+    assert both.known != training_set(made[1:], made[:1]).known
 
 
 def test_a_killed_training_goes_on_and_ends_in_weights_that_say_everything(

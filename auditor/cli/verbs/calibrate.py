@@ -70,7 +70,7 @@ def command(
     from it. It holds for one rig kind, matcher and setting, and is refused for others. Each recording is also judged by
     the others: how often they raise it is what the thresholds will do on roads that they have not seen.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.calibration_tables import show_held_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.judging import Tally  # noqa: PLC0415
     from auditor.cli.measuring import measure_all  # noqa: PLC0415
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
@@ -107,7 +107,7 @@ def command(
         show_robust(calibration, system, r, form)
     else:
         show_paper(calibration, kept, r, form)
-    show_held_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean))
+    show_left_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean))
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
 

@@ -73,28 +73,28 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     return tally.exit_code()
 
 
-def _describe(path: Path, told: Path | None, written: Path | None) -> dict[str, Any]:
+def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str, Any]:
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
-    from auditor.pipeline.measure import misfits_of, rigs_of  # noqa: PLC0415
-    from auditor.recordings import look_for_rigs, look_through, open_recording, survey, synchronise, write_rig  # noqa: PLC0415
+    from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
+    from auditor.recordings import check_health, open_recording, search_rigs, survey, synchronise, write_rig  # noqa: PLC0415
 
     with open_recording(path) as recording:
         surveyed = survey(recording)
         rigs: tuple[Rig, ...] = ()
         missing = ""
         try:
-            rigs = rigs_of(surveyed, told)
+            rigs = rigs_of(surveyed, shown)
         except RigError as error:
-            if told:
+            if shown:
                 raise
             missing = error.what
         if rigs and written:
             write_rig(rigs[0], written)
             say(f"the rig is in {written}")
-        misfits = [misfits_of(recording, surveyed, rig) for rig in rigs]
+        misfits = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
         described = [
-            {**_rig(rig, look_through(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}
+            {**_rig(rig, check_health(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}
             for rig, unfit in zip(rigs, misfits, strict=True)
         ]
         if not rigs:
@@ -110,7 +110,7 @@ def _describe(path: Path, told: Path | None, written: Path | None) -> dict[str, 
             "damage": [str(piece) for piece in recording.damage],
             "problems": list(surveyed.problems),
             "rigs": described,
-            "left_out": list(look_for_rigs(surveyed).reasons) if rigs and not told else [],
+            "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
             "missing": missing,
         }
 
@@ -131,7 +131,7 @@ def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[st
 
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
-    from auditor.cli.capabilities import abilities, short_pairs  # noqa: PLC0415
+    from auditor.cli.capabilities import capabilities, short_pairs  # noqa: PLC0415
     from auditor.model.common_view import common_view  # noqa: PLC0415
 
     leftmost = rig.cameras[-1]
@@ -158,7 +158,7 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
         "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
-        "abilities": abilities(rig),
+        "abilities": capabilities(rig),
         "pairs_without_depth": [list(pair) for pair in short_pairs(rig)],
         "frames": health.frames,
         "skipped": dict(health.skipped),
@@ -243,11 +243,11 @@ def _frames(rig: dict[str, Any]) -> str:
 def _geometry(rig: dict[str, Any]) -> Iterator[str]:
     if rig["rectified_to"]:
         size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
-        told = f"pictures of {size} px, focal length {focal:.0f} px"
+        shown = f"pictures of {size} px, focal length {focal:.0f} px"
         if rig["beside_line_px"]:
             beside = ", ".join(f"{name} by {rows:.1f} px" for name, rows in rig["beside_line_px"].items())
-            yield f"not on one line ({beside} at 10 m): rectified pair by pair, and brought back to {told}"
+            yield f"not on one line ({beside} at 10 m): rectified pair by pair, and brought back to {shown}"
         else:
-            yield f"not rectified as recorded: measured on rectified {told}"
-    for misfit in rig["misfits"]:
-        yield f"WARNING: {misfit}"
+            yield f"not rectified as recorded: measured on rectified {shown}"
+    for warning in rig["misfits"]:
+        yield f"WARNING: {warning}"

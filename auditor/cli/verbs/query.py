@@ -54,10 +54,10 @@ def command(
         _describe(name)
     else:
         _refuse_view(name)
-        asked, values = query(name), _values(parameters)
+        wanted, values = query(name), _values(parameters)
         kept = Store.open(store)
-        _check_names(kept, asked, values)
-        _show(kept, asked.sql, run_query(kept, name, values), form)
+        _check_names(kept, wanted, values)
+        _show(kept, wanted.sql, run_query(kept, name, values), form)
 
 
 def _refuse_view(name: str) -> None:
@@ -72,22 +72,22 @@ def _refuse_view(name: str) -> None:
         )
 
 
-def _check_names(store: "Store", asked: "SqlFile", values: Mapping[str, str]) -> None:
+def _check_names(store: "Store", wanted: "SqlFile", values: Mapping[str, str]) -> None:
     """Raises QueryError where a recording or calibration is named that the store has not: no rows would hide it."""
     from auditor.cli.judging import listing_calibrations  # noqa: PLC0415 - keeps --help quick
 
-    named = {parameter.name: values[parameter.name] for parameter in asked.parameters if parameter.name in values}
+    named = {parameter.name: values[parameter.name] for parameter in wanted.parameters if parameter.name in values}
     recording, calibration = named.get("recording"), named.get("calibration")
     if recording is not None and not store.recordings_called(recording):
         raise QueryError(
             f"no recording has the name or id {recording!r}",
-            where=f"query {asked.name}",
+            where=f"query {wanted.name}",
             remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
         )
     if calibration is not None and not store.calibrations_called(calibration):
         raise QueryError(
             f"no calibration has an id that begins with {calibration!r}",
-            where=f"query {asked.name}",
+            where=f"query {wanted.name}",
             remedy=listing_calibrations(store.folder),
         )
 

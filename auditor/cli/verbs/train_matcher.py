@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from auditor.training import Made, Point, SampleSource, SampleTask
 
 _FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on
-_FIRST_HELD_OUT = 9000
-_HELD_OUT_SHARE = 8
+_FIRST_LEFT_OUT = 9000
+_LEFT_OUT_SHARE = 8
 _STREET_SAMPLES = 8
 _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 
@@ -105,7 +105,7 @@ def command(
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - heavy
     from auditor.recordings import find_recordings  # noqa: PLC0415
-    from auditor.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, lesson, teach  # noqa: PLC0415
+    from auditor.training import CURVE, WEIGHTS, Recorded, SampleTask, Street, train_on, training_set  # noqa: PLC0415
 
     if not recordings and synthetic is None:
         raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
@@ -128,16 +128,16 @@ def command(
         sources += [Street(first_street + number, _STREET_SAMPLES) for number in range(streets)]
         return [SampleTask(source, samples, frames) for source in sources]
 
-    held_out_streets = -(-synthetic // _HELD_OUT_SHARE) if synthetic else 0
+    left_out_streets = -(-synthetic // _LEFT_OUT_SHARE) if synthetic else 0
     learnt = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
-    made = _make([*learnt, *tasks(found[1].recordings, _FIRST_HELD_OUT, held_out_streets)], jobs)
-    learning = lesson(made[: len(learnt)], made[len(learnt) :])
+    made = _make([*learnt, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs)
+    learning = training_set(made[: len(learnt)], made[len(learnt) :])
     tried = ", ".join(f"{len(files)} of {kind}" for kind, files in learning.validation.items())
     say(f"{len(learning.training)} samples to train on; tried on {tried}")
 
     training.use_threads(jobs)
     points: list[Point] = []
-    for some in teach(learning, replace(chosen, samples=learning.known), out):
+    for some in train_on(learning, replace(chosen, samples=learning.known), out):
         points += some
         for point in some:
             say(_line(point))

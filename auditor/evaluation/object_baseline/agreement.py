@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import Attacks, Bench
+from auditor.evaluation.attacked_frame import AttackedFrame, Attacks
 from auditor.evaluation.object_baseline.detectors import Detection, Detectors, ImageBox, SolidBox, SolidDetection
 from auditor.evaluation.object_baseline.detectors.geometric import NEAREST_M, find_objects, lidar_points, stereo_points
 from auditor.evaluation.object_baseline.detectors.overlap import best_partners
@@ -25,16 +25,16 @@ class _Pair:
     reach_px: float = 0.0
 
 
-class ObjectBench:
+class AttackedObjects:
     """Finds objects in a frame under one set of attacks after the other; what did not change is not looked at again.
 
     With a camera detector the objects in images are compared, else the clusters of stereo points; with a cloud
     detector its boxes, else the clusters of LiDAR points.
     """
 
-    def __init__(self, bench: Bench, detectors: Detectors) -> None:
-        self._bench = bench
-        self._rig = bench.view_rig
+    def __init__(self, attacked_frame: AttackedFrame, detectors: Detectors) -> None:
+        self._frame = attacked_frame
+        self._rig = attacked_frame.view_rig
         self._detectors = detectors
 
     def agreement(self, triple: Triple, attacks: Attacks) -> tuple[float, ...]:
@@ -56,12 +56,12 @@ class ObjectBench:
         detector = self._detectors.camera
         if detector is None:
             return ()
-        return self._bench.once(
+        return self._frame.memoise(
             "objects in image",
             camera,
             attacks,
             (camera,),
-            lambda: detector.detect(self._bench.rectified(camera, attacks)),
+            lambda: detector.detect(self._frame.rectified(camera, attacks)),
         )
 
     def in_cloud(self, attacks: Attacks) -> tuple[SolidDetection, ...]:
@@ -69,12 +69,12 @@ class ObjectBench:
         detector, lidar = self._detectors.cloud, self._rig.lidar
         if detector is None or lidar is None:
             return ()
-        return self._bench.once(
+        return self._frame.memoise(
             "objects in cloud",
             LIDAR,
             attacks,
             (LIDAR,),
-            lambda: detector.detect(self._bench.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
+            lambda: detector.detect(self._frame.cloud(attacks).xyz_m, lidar.rig_SE3_lidar),
         )
 
     def _pairs(self, triple: Triple, attacks: Attacks) -> Iterator[_Pair]:
@@ -98,31 +98,31 @@ class ObjectBench:
         elif camera is None:
             yield _Pair(self._by_stereo(i, k, attacks), self._by_stereo(j, k, attacks))
         elif self._rig.shares_view:
-            for witness in (i, j):
-                reach = self._rig.camera(k).focal_px * self._rig.baseline_m(witness, k) / NEAREST_M
-                objects = self.in_image(k, attacks), self.in_image(witness, attacks)
+            for source in (i, j):
+                reach = self._rig.camera(k).focal_px * self._rig.baseline_m(source, k) / NEAREST_M
+                objects = self.in_image(k, attacks), self.in_image(source, attacks)
                 yield _Pair(*objects, named_in_images, named_in_images, reach)
 
     def _by_lidar(self, k: int, attacks: Attacks) -> tuple[Detection, ...]:
         """The LiDAR's objects in the view of camera k."""
         camera = self._rig.camera(k)
         if self._detectors.cloud is None:
-            return self._bench.once(
+            return self._frame.memoise(
                 "clusters",
                 k,
                 attacks,
                 (LIDAR,),
-                lambda: find_objects(lidar_points(self._bench.lidar_view(k, attacks), self._rig), camera),
+                lambda: find_objects(lidar_points(self._frame.lidar_view(k, attacks), self._rig), camera),
             )
         boxes = [(found, in_view(found.box, camera)) for found in self.in_cloud(attacks)]
         return tuple(Detection(box, found.score, found.label) for found, box in boxes if box is not None)
 
     def _by_stereo(self, i: int, k: int, attacks: Attacks) -> tuple[Detection, ...]:
         def find() -> tuple[Detection, ...]:
-            camera, stereo = self._rig.camera(k), self._bench.stereo_map(i, k, attacks)
+            camera, stereo = self._rig.camera(k), self._frame.stereo_map(i, k, attacks)
             return find_objects(stereo_points(stereo, camera.focal_px, self._rig.baseline_m(i, k)), camera)
 
-        return self._bench.once("stereo clusters", (i, k), attacks, (i, k), find)
+        return self._frame.memoise("stereo clusters", (i, k), attacks, (i, k), find)
 
 
 def scenarios(rig: Rig) -> tuple[Triple, ...]:

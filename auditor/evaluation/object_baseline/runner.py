@@ -5,9 +5,9 @@ from dataclasses import KW_ONLY, asdict, dataclass
 from pathlib import Path
 
 from auditor.errors import SettingError
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.experiments import EXPERIMENTS, Case, Experiment
-from auditor.evaluation.object_baseline.agreement import ObjectBench, in_view, scenarios
+from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
 from auditor.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.evaluation.object_baseline.detectors import Detectors, find_detectors
 from auditor.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
@@ -72,9 +72,9 @@ class _Run(Run):
         self._detectors = detectors
         self._labels = labels
 
-    def part(self, experiment: Experiment, stretch: int) -> ObjectPart:
+    def part(self, experiment: Experiment, chunk: int) -> ObjectPart:
         return ObjectPart(
-            **self.shared_columns(experiment, stretch),
+            **self.shared_columns(experiment, chunk),
             detector=self._detectors.name,
             detector_settings=self._detectors.settings,
             labels=self._labels.content if self._labels else None,
@@ -83,45 +83,54 @@ class _Run(Run):
     def versions(self) -> Mapping[str, str]:
         return {**super().versions(), **self._detectors.libraries}
 
-    def look(self, bench: Bench, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
-        frame, objects = bench.frame, ObjectBench(bench, self._detectors)
+    def look(
+        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
+    ) -> Iterator[ObjectCase]:
+        frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
         if self._detectors.camera is None and experiment.name != _SENSITIVITY:
-            compared = (case.attacks for case in cases if self._triples(bench, case, experiment))
-            bench.match_together(compared, scenarios(bench.rig))
+            compared = (case.attacks for case in cases if self._triples(attacked_frame, case, experiment))
+            attacked_frame.match_together(compared, scenarios(attacked_frame.rig))
         for case in cases:
-            overlaps = self._overlaps(objects, bench, case, experiment)
-            scored = self._scored(objects, bench, case)
+            overlaps = self._overlaps(objects, attacked_frame, case, experiment)
+            scored = self._scored(objects, attacked_frame, case)
             if scored or any(one is not None for one in overlaps):
                 rows = [asdict(one) for one in scored]
                 varied = case.strength, case.size, case.visible_share
                 yield ObjectCase(frame.number, frame.stamp_ns, draw, case.attacked, *varied, overlaps, rows)
 
     def _overlaps(
-        self, objects: ObjectBench, bench: Bench, case: Case, experiment: Experiment
+        self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case, experiment: Experiment
     ) -> list[tuple[float, ...] | None]:
         """By triple; None for those that are not compared."""
-        compared = self._triples(bench, case, experiment)
-        return [objects.agreement(triple, case.attacks) if triple in compared else None for triple in bench.rig.triples]
+        compared = self._triples(attacked_frame, case, experiment)
+        return [
+            objects.agreement(triple, case.attacks) if triple in compared else None
+            for triple in attacked_frame.rig.triples
+        ]
 
     @staticmethod
-    def _triples(bench: Bench, case: Case, experiment: Experiment) -> list[Triple]:
+    def _triples(attacked_frame: AttackedFrame, case: Case, experiment: Experiment) -> list[Triple]:
         """Those whose sensors are all there, and hold all that are attacked."""
-        asked = scenarios(bench.rig) if experiment.name != _SENSITIVITY else ()
-        return [triple for triple in asked if set(bench.sensors) >= set(triple) >= set(case.attacked)]
+        asked = scenarios(attacked_frame.rig) if experiment.name != _SENSITIVITY else ()
+        return [triple for triple in asked if set(attacked_frame.sensors) >= set(triple) >= set(case.attacked)]
 
-    def _scored(self, objects: ObjectBench, bench: Bench, case: Case) -> list[Scored]:
+    def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case) -> list[Scored]:
         """What the detectors found against the labels: of clean data, and of what a sensitivity case varies."""
-        labels = self._labels.frames.get(bench.frame.number) if self._labels else None
+        labels = self._labels.frames.get(attacked_frame.frame.number) if self._labels else None
         if labels is None or (case.attacked and case.size is None):
             return []
-        return list(_score(objects, bench, case, labels, self._detectors))
+        return list(_score(objects, attacked_frame, case, labels, self._detectors))
 
 
 def _score(
-    objects: ObjectBench, bench: Bench, case: Case, labels: Sequence[ObjectLabel], detectors: Detectors
+    objects: AttackedObjects,
+    attacked_frame: AttackedFrame,
+    case: Case,
+    labels: Sequence[ObjectLabel],
+    detectors: Detectors,
 ) -> Iterator[Scored]:
-    rig: Rig = bench.view_rig
-    looked_at = set(case.attacked or rig.sensors) & set(bench.sensors)
+    rig: Rig = attacked_frame.view_rig
+    looked_at = set(case.attacked or rig.sensors) & set(attacked_frame.sensors)
     if detectors.camera is not None and rig.n in looked_at:
         yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)
     if detectors.cloud is not None and LIDAR in looked_at:

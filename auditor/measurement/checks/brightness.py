@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.parameters import BRIGHTNESS_DIFFERENCE, GAIN_FIT
 
 Grid = NDArray[np.float32]
@@ -19,8 +19,8 @@ def fit_gain(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:
     Both are grey levels of one shape. Saturated ones say nothing of either; where hardly any other is left the cameras
     are taken to be equal.
     """
-    told = np.maximum(source, target) < GAIN_FIT.saturated
-    x, y = source[told], target[told]
+    usable = np.maximum(source, target) < GAIN_FIT.saturated
+    x, y = source[usable], target[usable]
     if x.size < GAIN_FIT.fewest:
         return np.float32(1), np.float32(0)
     gain, offset = np.float32(1), np.float32(np.median(y) - np.median(x))
@@ -56,7 +56,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Light:
+class BrightnessDifference:
     """How much light cameras i < k each see that the other one does not.
 
     Each is the largest share, 0 to 1, of cells in any window of 6 x 6 that show it. Light thrown into a camera makes
@@ -77,13 +77,13 @@ def coarse_mask(half: Mask) -> Mask:
     return np.asarray(cv2.resize(half.astype(np.float32), (_COLUMNS, _ROWS), interpolation=cv2.INTER_AREA) > 0)
 
 
-def reach(width_px: int) -> Reach:
+def range_mask(width_px: int) -> RangeMask:
     """What is too near in images of that width: its partner lies more than 5 columns away."""
     cell_px = width_px / _COLUMNS
-    return Reach((_SHIFTS - 1) * cell_px, round((_NEAR_SHIFTS - 1) * cell_px))
+    return RangeMask((_SHIFTS - 1) * cell_px, round((_NEAR_SHIFTS - 1) * cell_px))
 
 
-def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> Light:
+def compare_brightness(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> BrightnessDifference:
     """Compare the (24, 78) grids of a right camera i and a left camera k.
 
     What lies in column u of k lies up to 5 columns farther left in i. A camera alone sees light where a cell of it is
@@ -109,7 +109,7 @@ def compare_light(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> L
     # What one camera is darker in the other swallows about where its partners usually lie.
     brighter_i[:, :-_USUAL_SHIFT] |= darker_k[:, _USUAL_SHIFT:]
     brighter_k[:, _USUAL_SHIFT:] |= darker_i[:, :-_USUAL_SHIFT]
-    return Light(_largest_share(brighter_i), _largest_share(brighter_k))
+    return BrightnessDifference(_largest_share(brighter_i), _largest_share(brighter_k))
 
 
 def _around(extreme: Callable[..., cv2.typing.MatLike], grid: Grid, columns: int, *, ahead: bool) -> Grid:

@@ -7,14 +7,20 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.brightness import Light, coarse, coarse_mask, compare_light, reach
-from auditor.measurement.checks.count_grid import cells_of_likeness, cells_of_points
-from auditor.measurement.checks.lidar_conflict import Adjudication, adjudicate
-from auditor.measurement.checks.photometric_consistency import Likeness, likeness, matchable
-from auditor.measurement.checks.point_distribution import emptiness, isolated, scatter, specks
-from auditor.measurement.disparity.lidar import LidarView, too_near
+from auditor.measurement.checks.brightness import (
+    BrightnessDifference,
+    coarse,
+    coarse_mask,
+    compare_brightness,
+    range_mask,
+)
+from auditor.measurement.checks.count_grid import cells_of_consistency, cells_of_points
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
+from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
+from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
+from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.model.checks import Element, Pair, Specks, Witness, resolves_depth
+from auditor.model.checks import Check, IsolatedShares, Pair, PairCheck, resolves_depth
 from auditor.model.measurement import Cells
 from auditor.model.rig import LIDAR, Rig
 
@@ -22,7 +28,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Testimony:
+class FrameChecks:
     """Five witnesses, the first three by camera pair (i, k), the others by reference camera.
 
     `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
@@ -31,36 +37,42 @@ class Testimony:
     two pixel by pixel, for localising: they are not stored.
     """
 
-    contradicted: Mapping[Pair, Cells]
+    lidar_conflicts: Mapping[Pair, Cells]
     unlike: Mapping[Pair, Cells]
-    light: Mapping[Pair, Light]
-    emptiness: Mapping[int, float]
-    specks: Mapping[int, Specks]
-    adjudications: Mapping[Pair, Adjudication]
-    likenesses: Mapping[Pair, Likeness]
+    light: Mapping[Pair, BrightnessDifference]
+    point_dropout: Mapping[int, float]
+    isolated_shares: Mapping[int, IsolatedShares]
+    verified_conflicts: Mapping[Pair, VerifiedConflicts]
+    consistencies: Mapping[Pair, PairConsistency]
 
     @property
-    def cells(self) -> dict[Element, Cells]:
+    def cells(self) -> dict[PairCheck, Cells]:
         """The counts of the elements that have them."""
-        return {Element(Witness.CONTRADICTED, *pair): cells for pair, cells in self.contradicted.items()} | {
-            Element(Witness.UNLIKE, *pair): cells for pair, cells in self.unlike.items()
+        return {PairCheck(Check.LIDAR_CONFLICT, *pair): cells for pair, cells in self.lidar_conflicts.items()} | {
+            PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair): cells for pair, cells in self.unlike.items()
         }
 
     @property
-    def shares(self) -> dict[Element, float]:
+    def shares(self) -> dict[PairCheck, float]:
         """The statistics of the others; a pair cannot tell light in one camera from darkness in the other."""
-        light = {Element(Witness.LIGHT, *pair): max(s.brighter_i, s.brighter_k) for pair, s in self.light.items()}
-        empty = {Element(Witness.EMPTY, LIDAR, k): share for k, share in self.emptiness.items()}
-        scattered = {Element(Witness.SCATTERED, LIDAR, k): scatter(found) for k, found in self.specks.items()}
-        return light | empty | {element: share for element, share in scattered.items() if share is not None}
+        light = {
+            PairCheck(Check.BRIGHTNESS_DIFFERENCE, *pair): max(s.brighter_i, s.brighter_k)
+            for pair, s in self.light.items()
+        }
+        empty = {PairCheck(Check.POINT_DROPOUT, LIDAR, k): share for k, share in self.point_dropout.items()}
+        scattered = {
+            PairCheck(Check.ISOLATED_POINTS, LIDAR, k): isolated_ratio(found)
+            for k, found in self.isolated_shares.items()
+        }
+        return light | empty | {pair_check: share for pair_check, share in scattered.items() if share is not None}
 
 
-def testify(
-    halves: Mapping[int, NDArray[np.uint8]],
+def collect_checks(
+    half_res: Mapping[int, NDArray[np.uint8]],
     maps: Mapping[Pair, StereoMap],
     views: Mapping[int, LidarView],
     rig: Rig,
-) -> Testimony:
+) -> FrameChecks:
     """Hear all witnesses of a frame.
 
     `halves` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (witness, reference),
@@ -68,39 +80,41 @@ def testify(
     """
     alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
-        (i, k): too_near(views[k], alone[k], i, matchable(stereo.range_px), halves[k].shape)
+        (i, k): out_of_range(views[k], alone[k], i, matchable(stereo.range_px), half_res[k].shape)
         for (i, k), stereo in maps.items()
         if k in views
     }
-    likenesses = {(i, k): likeness(halves[k], halves[i], stereo) for (i, k), stereo in maps.items()}
-    adjudications = {
-        (j, k): adjudicate(views[k], stereo, likenesses[j, k], rig, j, (halves[k], halves[j]))
+    consistencies = {
+        (i, k): photometric_consistency(half_res[k], half_res[i], stereo) for (i, k), stereo in maps.items()
+    }
+    verified_conflicts = {
+        (j, k): verify_conflicts(views[k], stereo, consistencies[j, k], rig, j, (half_res[k], half_res[j]))
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
-    return Testimony(
-        contradicted={
+    return FrameChecks(
+        lidar_conflicts={
             (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
-            for (j, k), points in adjudications.items()
+            for (j, k), points in verified_conflicts.items()
         },
-        unlike={pair: cells_of_likeness(map_, near.get(pair)) for pair, map_ in likenesses.items()},
-        light=_lights(halves, views, alone, rig),
-        emptiness={k: emptiness(view, rig.camera(k).width_px) for k, view in views.items()},
-        specks={k: specks(view, alone[k], rig.camera(k).width_px) for k, view in views.items()},
-        adjudications=adjudications,
-        likenesses=likenesses,
+        unlike={pair: cells_of_consistency(map_, near.get(pair)) for pair, map_ in consistencies.items()},
+        light=_brightness_differences(half_res, views, alone, rig),
+        point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
+        isolated_shares={k: isolated_shares(view, alone[k], rig.camera(k).width_px) for k, view in views.items()},
+        verified_conflicts=verified_conflicts,
+        consistencies=consistencies,
     )
 
 
-def _lights(
-    halves: Mapping[int, NDArray[np.uint8]], views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig
-) -> dict[Pair, Light]:
+def _brightness_differences(
+    half_res: Mapping[int, NDArray[np.uint8]], views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig
+) -> dict[Pair, BrightnessDifference]:
     """The light that one of two cameras alone sees, for all pairs."""
-    grids = {camera: coarse(half) for camera, half in halves.items()}
+    grids = {camera: coarse(half) for camera, half in half_res.items()}
     pairs = list(combinations(sorted(grids), 2))
     near = {
-        (i, k): coarse_mask(too_near(views[k], alone[k], i, reach(rig.camera(k).width_px), halves[k].shape))
+        (i, k): coarse_mask(out_of_range(views[k], alone[k], i, range_mask(rig.camera(k).width_px), half_res[k].shape))
         for i, k in pairs
         if k in views
     }
-    return {(i, k): compare_light(grids[i], grids[k], near.get((i, k))) for i, k in pairs}
+    return {(i, k): compare_brightness(grids[i], grids[k], near.get((i, k))) for i, k in pairs}

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.lidar_conflict import Adjudication
-from auditor.measurement.checks.photometric_consistency import Likeness
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
+from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.parameters import COUNT_GRID
 from auditor.model.measurement import Cells
 
@@ -15,18 +15,18 @@ CELL_PX = COUNT_GRID.cell_px
 _HALF_SIDE = CELL_PX // 2
 
 
-def cells_of_points(adjudication: Adjudication, height_px: int, width_px: int) -> Cells:
+def cells_of_points(conflicts: VerifiedConflicts, height_px: int, width_px: int) -> Cells:
     """Count LiDAR points, valid and contradicted, in an image of that size."""
     rows, columns = -(-height_px // CELL_PX), -(-width_px // CELL_PX)
-    cell = adjudication.row // CELL_PX * columns + adjudication.column // CELL_PX
-    valid, against = (
+    cell = conflicts.row // CELL_PX * columns + conflicts.column // CELL_PX
+    valid, inconsistent = (
         np.bincount(cell[mask], minlength=rows * columns).astype(np.uint8).reshape(rows, columns)
-        for mask in (adjudication.valid, adjudication.contradicted)
+        for mask in (conflicts.valid, conflicts.lidar_conflicts)
     )
-    return Cells(valid, against)
+    return Cells(valid, inconsistent)
 
 
-def cells_of_likeness(pair: Likeness, near: NDArray[np.bool_] | None = None) -> Cells:
+def cells_of_consistency(pair: PairConsistency, near: NDArray[np.bool_] | None = None) -> Cells:
     """Count half-resolution pixels, comparable and unlike: at most 16 a cell.
 
     Those of `near` (h, w) are left out: there something is too near for the matcher, or hides what the reference sees

@@ -63,13 +63,13 @@ def compare_cameras(
     return Comparison(counts, row, column, first.step)
 
 
-def compare_with_lidar(view: LidarView, stereo: StereoMap, witness: int) -> Comparison:
+def compare_with_lidar(view: LidarView, stereo: StereoMap, source: int) -> Comparison:
     """E_{0,j,k}: DM_{0,k} at witness j against DM_{j,k}, at the pixels that hold a LiDAR point.
 
     LiDAR points nearer than the matcher can see are valid: they count as inconsistent where it says farther.
     """
     row, column = view.row // stereo.step, view.column // stereo.step
-    d0 = view.disparity_px(witness)
+    d0 = view.disparity_px(source)
     valid = stereo.valid[row, column] & (view.u_px - d0 >= 0)
     over = valid & inconsistent(d0, stereo.disparity_px[row, column])
     gate = stereo.textured[row, column]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.disparity_error import inconsistent
-from auditor.measurement.checks.photometric_consistency import Likeness, likeness_at
-from auditor.measurement.disparity.lidar import LidarView, visible_to_witness
+from auditor.measurement.checks.photometric_consistency import PairConsistency, ncc_at
+from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
 from auditor.model.rig import Rig
@@ -23,7 +23,7 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Adjudication:
+class VerifiedConflicts:
     """E_{0,j,k} adjudicated, point by point.
 
     `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): seen by both cameras, with
@@ -34,27 +34,27 @@ class Adjudication:
     row: NDArray[np.int32]
     column: NDArray[np.int32]
     valid: Mask
-    contradicted: Mask
+    lidar_conflicts: Mask
 
 
-def adjudicate(
+def verify_conflicts(
     view: LidarView,
     stereo: StereoMap,
-    alike: Likeness,
+    alike: PairConsistency,
     rig: Rig,
-    witness: int,
-    halves: tuple[NDArray[np.uint8], NDArray[np.uint8]],
-) -> Adjudication:
+    source: int,
+    half_res: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+) -> VerifiedConflicts:
     """Compare DM_{0,k} at a witness with DM_{j,k}, and keep the inconsistent pixels that the pictures confirm.
 
     `halves` are the half-resolution grey images of the reference and of the witness, `alike` their likeness.
     """
-    d0 = view.disparity_px(witness)
+    d0 = view.disparity_px(source)
     row, column = view.row // stereo.step, view.column // stereo.step
     ds = stereo.disparity_px[row, column]
     valid = stereo.valid[row, column] & stereo.textured[row, column]
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
-    valid &= visible_to_witness(view, rig, witness, d0)
+    valid &= visible_to_source(view, rig, source, d0)
     confident = alike.alike[view.row // HALF, view.column // HALF]
     valid &= confident > PATCH_CORRELATION.consistent
     over = inconsistent(d0, ds)
@@ -62,16 +62,16 @@ def adjudicate(
     # Under a strong attack most pixels are inconsistent: every so many-th stands for its neighbours.
     stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
     sample = flagged[::stride]
-    n0 = likeness_at(*halves, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
+    n0 = ncc_at(*half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
     guilty = n0 < confident[sample] - np.float32(LIDAR_CONFLICT.clearly_less)
-    guilty[guilty] = ~_merely_hidden(view, stereo, rig, witness, sample[guilty])
-    contradicted = np.zeros(valid.size, dtype=np.bool_)
+    guilty[guilty] = ~_occluded(view, stereo, rig, source, sample[guilty])
+    lidar_conflicts = np.zeros(valid.size, dtype=np.bool_)
     # Points lie in row-major order: those left out are neighbours of the one that stands for them.
-    contradicted[flagged] = guilty.repeat(stride)[: flagged.size]
-    return Adjudication(view.row, view.column, valid & (contradicted | ~over), contradicted)
+    lidar_conflicts[flagged] = guilty.repeat(stride)[: flagged.size]
+    return VerifiedConflicts(view.row, view.column, valid & (lidar_conflicts | ~over), lidar_conflicts)
 
 
-def _merely_hidden(view: LidarView, stereo: StereoMap, rig: Rig, witness: int, sample: NDArray[np.intp]) -> Mask:
+def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: NDArray[np.intp]) -> Mask:
     """(S,) mask of points whose beam passes over the surface that stereo sees (free space).
 
     Stereo sees something nearer than the LiDAR; at its depth z_s = f b / ds the beam runs through a pixel p' whose own
@@ -82,7 +82,7 @@ def _merely_hidden(view: LidarView, stereo: StereoMap, rig: Rig, witness: int, s
     ds = stereo.disparity_px[view.row[sample] // stereo.step, view.column[sample] // stereo.step]
     P = (camera.projection @ rig.lidar.rig_SE3_lidar).astype(np.float32)
     origin, ray = P[:, 3:], P[:, :3] @ view.point_m[sample].T  # homogeneous pixels of O and of X - O
-    focal_times_baseline = np.float32(camera.focal_px * rig.baseline_m(witness, view.reference))
+    focal_times_baseline = np.float32(camera.focal_px * rig.baseline_m(source, view.reference))
     depth = focal_times_baseline / np.maximum(ds, np.float32(LIDAR_CONFLICT.smallest_px))
     u, v, w = origin + ray * ((depth - origin[2]) / ray[2])
     column, row = np.rint(u / w / stereo.step).astype(np.intp), np.rint(v / w / stereo.step).astype(np.intp)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.brightness import fit_gain
-from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import GAIN_FIT, HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 
@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Likeness:
+class PairConsistency:
     """A pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
     `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: both cameras can see
@@ -40,12 +40,14 @@ class Likeness:
     unlike: Mask
 
 
-def matchable(range_px: int) -> Reach:
+def matchable(range_px: int) -> RangeMask:
     """What is too near for a matcher of that range; towards its end matches are wrong already."""
-    return Reach(MATCHER_RANGE.comparable_share * range_px, range_px)
+    return RangeMask(MATCHER_RANGE.comparable_share * range_px, range_px)
 
 
-def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: StereoMap) -> Likeness:
+def photometric_consistency(
+    reference: NDArray[np.uint8], source: NDArray[np.uint8], stereo: StereoMap
+) -> PairConsistency:
     """Warp the witness by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
     height, width = reference.shape
     step = HALF // stereo.step
@@ -53,7 +55,7 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
     column = np.arange(width, dtype=np.float32) - disparity
     row = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], column.shape)
     warped = cv2.remap(
-        witness, column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        source, column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     ).astype(np.float32)
     still = reference.astype(np.float32)
     mean_r, mean_w = _mean(still), _mean(warped)
@@ -64,7 +66,9 @@ def likeness(reference: NDArray[np.uint8], witness: NDArray[np.uint8], stereo: S
     structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
     lit, differs = _brightness(mean_r, mean_w)
     unlike = (structured & (cv2.dilate(alike, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)) | (lit & differs)
-    return Likeness(np.asarray(alike, np.float32), np.asarray(seen & (structured | lit)), np.asarray(seen & unlike))
+    return PairConsistency(
+        np.asarray(alike, np.float32), np.asarray(seen & (structured | lit)), np.asarray(seen & unlike)
+    )
 
 
 def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple[Mask, Mask]:
@@ -96,9 +100,9 @@ def _hidden(column: Floats) -> Mask:
     return np.asarray(cv2.dilate(hidden, _AROUND_HIDDEN), dtype=np.bool_)
 
 
-def likeness_at(
+def ncc_at(
     reference: NDArray[np.uint8],
-    witness: NDArray[np.uint8],
+    source: NDArray[np.uint8],
     row: NDArray[np.integer],
     column: NDArray[np.integer],
     disparity: Floats,
@@ -111,7 +115,7 @@ def likeness_at(
     wide = _OVERSAMPLING * (_SIDE - 1) + 1
     shifts = 2 * _BESIDE_STEPS + 1
     doubled = cv2.copyMakeBorder(
-        _oversampled(witness), _REACH, _REACH, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
+        _oversampled(source), _REACH, _REACH, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
     )
     framed = cv2.copyMakeBorder(reference, _REACH, _REACH, _REACH, _REACH, cv2.BORDER_REPLICATE)
     patch = framed.ravel()[(row * framed.shape[1] + column)[:, None] + _offsets(framed.shape[1], _SIDE)]
@@ -120,7 +124,7 @@ def likeness_at(
     norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_PATCH_FLOOR)
     patch = patch.reshape(row.size, _SIDE, _SIDE)
     middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
-    start = np.clip(middle, 0, _OVERSAMPLING * (witness.shape[1] - 1)) - _OVERSAMPLING * _REACH - _BESIDE_STEPS + margin
+    start = np.clip(middle, 0, _OVERSAMPLING * (source.shape[1] - 1)) - _OVERSAMPLING * _REACH - _BESIDE_STEPS + margin
     stride = doubled.shape[1]
     strips = doubled.ravel()[(row * stride + start)[:, None] + _offsets(stride, wide + shifts - 1)]
     strips = strips.astype(np.float32).reshape(row.size, _SIDE, wide + shifts - 1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import ISOLATED_POINTS, POINT_DROPOUT
-from auditor.model.checks import Specks
+from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
 
@@ -23,19 +23,19 @@ _ACROSS = ISOLATED_POINTS.parts_across
 Mask = NDArray[np.bool_]
 
 
-def specks(view: LidarView, alone: Mask, width_px: int) -> Specks:
+def isolated_shares(view: LidarView, alone: Mask, width_px: int) -> IsolatedShares:
     """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
     if view.row.size < ISOLATED_POINTS.fewest:
-        return Specks()
+        return IsolatedShares()
     distance = np.linalg.norm(view.point_m, axis=1)
     near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
-    return Specks(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))
+    return IsolatedShares(float(np.quantile(shares, ISOLATED_POINTS.near_quantile)), float(np.mean(beyond)))
 
 
-def scatter(found: Specks) -> float | None:
+def isolated_ratio(found: IsolatedShares) -> float | None:
     """How many points stand alone 8 to 40 m away, from 0 to 1; half a per cent of the view's are a half.
 
     Drops of rain do so nearby many times as often: half of what stands alone there is taken off. None where too few
@@ -67,7 +67,7 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
 _STEP_PX = POINT_DROPOUT.step_px
 
 
-def emptiness(view: LidarView, width_px: int) -> float:
+def point_dropout(view: LidarView, width_px: int) -> float:
     """The share of its usual points that the emptiest upright strip of the view lacks, 0 to 1.
 
     Strips are 104 px wide, every 8 px one; usual is the median strip's number of points. 1 where the view is empty.

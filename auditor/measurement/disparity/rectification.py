@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.disparity.warping import WayBack
+from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import RECTIFICATION
 from auditor.model.checks import Pair
 from auditor.model.common_view import CommonView, common_view, recorded_pixels, sees
@@ -81,10 +81,10 @@ class PairView:
 
     cameras: Pair
     seen: Rectification
-    back: WayBack
+    back: PairToSharedView
 
     @property
-    def sights(self) -> dict[int, Mask]:
+    def valid_masks(self) -> dict[int, Mask]:
         """(H, W) by camera of the pair what it sees of the view, well inside its picture."""
         return {number: remap.seen for number, remap in self.seen.remaps.items()}
 
@@ -121,7 +121,7 @@ def rectification(rig: Rig) -> Rectification:
 def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:
     of_two = rig.pair(*pair)
     view = common_view(of_two, widest=True)
-    back = WayBack(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
+    back = PairToSharedView(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
     return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), back)
 
 

@@ -50,12 +50,12 @@ class StereoMap:
 def stereo_map(
     matcher: Matcher,
     reference: NDArray[np.uint8],
-    witness: NDArray[np.uint8],
+    source: NDArray[np.uint8],
     reference_texture: Mask,
-    witness_texture: Mask,
+    source_texture: Mask,
 ) -> StereoMap:
     """Match two images, (H, W) grey or (H, W, 3) BGR; their texture masks are at half resolution."""
-    return _stereo_map(matcher, matcher.match(reference, witness), reference_texture, witness_texture)
+    return _stereo_map(matcher, matcher.match(reference, source), reference_texture, source_texture)
 
 
 def stereo_maps(
@@ -77,25 +77,25 @@ def stereo_maps(
     }
 
 
-def within(stereo: StereoMap, reference_sees: Mask, witness_sees: Mask) -> StereoMap:
+def within(stereo: StereoMap, reference_sees: Mask, source_sees: Mask) -> StereoMap:
     """The map, valid only where the reference sees and the witness does at the match; (H, W) full-resolution masks."""
-    seen = seen_by_both(stereo.disparity_px, stereo.step, reference_sees, witness_sees)
+    seen = seen_by_both(stereo.disparity_px, stereo.step, reference_sees, source_sees)
     return replace(stereo, valid=stereo.valid & seen)
 
 
 def seen_by_both(
-    disparity_px: NDArray[np.float32], step: int, reference_sees: Mask, witness_sees: Mask
+    disparity_px: NDArray[np.float32], step: int, reference_sees: Mask, source_sees: Mask
 ) -> NDArray[np.bool_]:
     """(h, w) mask of the disparities whose pixel the reference sees and whose match the witness does."""
     width = disparity_px.shape[1]
     match = np.nan_to_num(np.rint(np.arange(width) - disparity_px / step))
     column = np.clip(match, 0, width - 1).astype(np.intp)
-    there = np.take_along_axis(witness_sees[::step, ::step], column, axis=1)
+    there = np.take_along_axis(source_sees[::step, ::step], column, axis=1)
     return np.asarray(there & reference_sees[::step, ::step])
 
 
 def _stereo_map(
-    matcher: Matcher, disparity: NDArray[np.float32], reference_texture: Mask, witness_texture: Mask
+    matcher: Matcher, disparity: NDArray[np.float32], reference_texture: Mask, source_texture: Mask
 ) -> StereoMap:
     height, width = disparity.shape
     step = matcher.step
@@ -103,7 +103,7 @@ def _stereo_map(
     match = u - disparity / np.float32(step)
     valid = match >= 0  # False where the disparity is NaN
     column = np.where(valid, match, 0).astype(np.intp)
-    texture = np.take_along_axis(_on_grid(witness_texture, step, height, width), column, axis=1)
+    texture = np.take_along_axis(_on_grid(source_texture, step, height, width), column, axis=1)
     texture |= _on_grid(reference_texture, step, height, width)
     return StereoMap(disparity, valid, texture, step, matcher.range_px)
 

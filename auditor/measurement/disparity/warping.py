@@ -34,7 +34,7 @@ class _Lookup:
 
 
 @dataclass(frozen=True, eq=False)
-class WayBack:
+class PairToSharedView:
     """From a pair's own view to the reference view of either of its cameras.
 
     `own` and `reference` are ideal cameras of the two views; `own_SO3_reference` (3, 3) turns the axes of the reference

@@ -14,11 +14,11 @@ import numpy as np
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import CALIBRATION_CHECK, HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import Evidence
-from auditor.model.checks import Pair, PairSymptoms, lead
+from auditor.model.checks import Pair, PairFaultFeatures, lead
 from auditor.model.rig import Rig
 
 
-class Fitting:
+class CalibrationCheck:
     """Looks at some frames of one recording, and says what does not fit even in the better ones.
 
     In every clean frame of KITTI's drives looked at, at least 63 % of the points followed lie on the same row, and at
@@ -29,45 +29,45 @@ class Fitting:
     def __init__(self) -> None:
         self._frames = 0
         self._rig: Rig | None = None
-        self._symptoms: dict[Pair, list[PairSymptoms]] = {}
+        self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
 
-    def offer(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
+    def offer(self, evidence: Evidence, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Take the next measured frame; most are let pass."""
         number, self._frames = self._frames, self._frames + 1
         if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
-            self.look(evidence, symptoms)
+            self.look(evidence, fault_features)
 
-    def look(self, evidence: Evidence, symptoms: Mapping[Pair, PairSymptoms]) -> None:
+    def look(self, evidence: Evidence, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Take this frame."""
         self._rig = evidence.rig
-        for pair, seen in symptoms.items():
-            self._symptoms.setdefault(pair, []).append(seen)
+        for pair, seen in fault_features.items():
+            self._features.setdefault(pair, []).append(seen)
             scale = _scale(evidence, pair)
             if scale is not None:
                 self._scales.setdefault(pair, []).append(scale)
 
-    def complaints(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """One sentence each about what does not fit; none where rig and recording agree."""
         if self._rig is None:
             return ()
         leftmost = self._rig.n
         off = [
             sentence
-            for pair, seen in sorted(self._symptoms.items())
-            if pair[1] == leftmost and (sentence := _rows_complaint(pair, seen, self._rig)) is not None
+            for pair, seen in sorted(self._features.items())
+            if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
         ]
         # Where rows do not fit, stereo's distances are no measure for the LiDAR's.
-        return tuple(off) or tuple(self._lidar_complaints(self._rig))
+        return tuple(off) or tuple(self._lidar_warnings(self._rig))
 
-    def _lidar_complaints(self, rig: Rig) -> Iterator[str]:
-        pairs = [pair for pair in self._symptoms if pair[1] == rig.n]
-        agreeing = {pair: _fitting([s.agreement.agreeing for s in self._symptoms[pair]]) for pair in pairs}
+    def _lidar_warnings(self, rig: Rig) -> Iterator[str]:
+        pairs = [pair for pair in self._features if pair[1] == rig.n]
+        agreeing = {pair: _fitting([s.agreement.agreeing for s in self._features[pair]]) for pair in pairs}
         known = [pair for pair in pairs if not isnan(agreeing[pair])]
         if not known or rig.lidar is None:
             return
         best = max(known, key=lambda pair: agreeing[pair])
-        sentence = self._lidar_complaint(best, agreeing[best], known)
+        sentence = self._lidar_warning(best, agreeing[best], known)
         if sentence is not None:
             yield f"the LiDAR {rig.lidar.name} and stereo {sentence}"
             return
@@ -78,28 +78,28 @@ class Fitting:
                     f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera turned?"
                 )
 
-    def _lidar_complaint(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
-        symptoms = [s.agreement for s in self._symptoms[best]]
+    def _lidar_warning(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
+        fault_features = [s.agreement for s in self._features[best]]
         leads = [
-            _median([lead(s.agreement.turned_only, s.agreement.unturned_only) for s in self._symptoms[pair]])
+            _median([lead(s.agreement.turned_only, s.agreement.unturned_only) for s in self._features[pair]])
             for pair in known
         ]
-        turned = _median([one.turned for one in symptoms])
+        turned = _median([one.turned for one in fault_features])
         moved = min(leads) >= CALIBRATION_CHECK.least_lead and turned >= CALIBRATION_CHECK.least_agreeing
         if agreeing >= CALIBRATION_CHECK.least_agreeing and not moved:
             return None
-        told = f"agree at {agreeing:.0%} of points within 1 px"
+        usable = f"agree at {agreeing:.0%} of points within 1 px"
         if moved:
-            ways = Counter((one.right_px, one.down_px) for one in symptoms if not isnan(one.turned))
+            ways = Counter((one.right_px, one.down_px) for one in fault_features if not isnan(one.turned))
             way = _way(*ways.most_common(1)[0][0])
-            return f"{told}, and better once its points are {way}: wrong LiDAR mounting?"
+            return f"{usable}, and better once its points are {way}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))
         if abs(scale - 1) > CALIBRATION_CHECK.wrong_scale:
-            told += f", its disparities being {scale:.2f} times the LiDAR's"
-        return f"{told}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
+            usable += f", its disparities being {scale:.2f} times the LiDAR's"
+        return f"{usable}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
 
 
-def _rows_complaint(pair: Pair, seen: list[PairSymptoms], rig: Rig) -> str | None:
+def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
     in_step, offset_px = _fitting([s.rows.in_step for s in seen]), _median([s.rows.offset_px for s in seen])
     if isnan(in_step) or in_step >= CALIBRATION_CHECK.least_aligned:
         return None
@@ -117,12 +117,16 @@ def _scale(evidence: Evidence, pair: Pair) -> float | None:
     if k not in evidence.lidar:
         return None
     view, stereo = evidence.lidar[k], evidence.maps[pair]
-    sure = evidence.testimony.likenesses[pair]
+    sure = evidence.frame_checks.consistencies[pair]
     row, column = view.row // stereo.step, view.column // stereo.step
-    told = (sure.alike * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
+    usable = (sure.alike * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
     d0, ds = view.disparity_px(i), stereo.disparity_px[row, column]
-    told &= (d0 > CALIBRATION_CHECK.smallest_px) & (ds > 0)
-    return float(np.median(ds[told] / d0[told])) if np.count_nonzero(told) >= CALIBRATION_CHECK.fewest_points else None
+    usable &= (d0 > CALIBRATION_CHECK.smallest_px) & (ds > 0)
+    return (
+        float(np.median(ds[usable] / d0[usable]))
+        if np.count_nonzero(usable) >= CALIBRATION_CHECK.fewest_points
+        else None
+    )
 
 
 def _fitting(shares: list[float]) -> float:

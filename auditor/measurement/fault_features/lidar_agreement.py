@@ -11,7 +11,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.photometric_consistency import Likeness
+from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
@@ -22,7 +22,7 @@ Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class LidarComparison:
     """What the LiDAR and a camera pair saw of the same view at one moment, as far as it can be compared.
 
     `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's pictures are not
@@ -35,12 +35,12 @@ class Moment:
     d0_px: Floats
 
     @classmethod
-    def of(cls, view: LidarView, stereo: StereoMap, alike: Likeness, witness: int) -> "Moment":
+    def of(cls, view: LidarView, stereo: StereoMap, alike: PairConsistency, source: int) -> "LidarComparison":
         """Keep what the pictures confirm, and points within the matcher's range."""
         step = HALF // stereo.step
         sure = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
         every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
-        d0 = view.disparity_px(witness)[every]
+        d0 = view.disparity_px(source)[every]
         near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
         return cls(
             np.where(sure, stereo.disparity_px[::step, ::step], np.float32(np.nan)),
@@ -50,11 +50,11 @@ class Moment:
         )
 
 
-def agreement(now: Moment, before: Moment | None) -> Agreement:
+def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement:
     """Compare the LiDAR's points with stereo, of this frame and of the one before; all NaN where too few can be."""
     difference = _differences(now, now.sure_px)
-    asked = np.count_nonzero(~np.isnan(difference))
-    if asked < LIDAR_AGREEMENT.fewest:
+    compared = np.count_nonzero(~np.isnan(difference))
+    if compared < LIDAR_AGREEMENT.fewest:
         return Agreement()
     bias, biased = _bias(difference)
     moved = {(s, 0): _differences(now, now.sure_px, right=s) for s in LIDAR_AGREEMENT.shifts_px}
@@ -62,7 +62,7 @@ def agreement(now: Moment, before: Moment | None) -> Agreement:
     (right, down), most = max(moved.items(), key=lambda one: _only(one[1], difference) - _only(difference, one[1]))
     earlier = None if before is None else _differences(now, before.sure_px)
     return Agreement(
-        compared=float(asked),
+        compared=float(compared),
         agreeing=_agreeing(difference),
         bias_px=bias,
         biased=biased,
@@ -76,7 +76,7 @@ def agreement(now: Moment, before: Moment | None) -> Agreement:
     )
 
 
-def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
+def _differences(points: LidarComparison, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
     """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
     height, width = sure_px.shape
     row, column = (points.row + down) // HALF, (points.column + right) // HALF
@@ -87,9 +87,9 @@ def _differences(points: Moment, sure_px: Floats, right: int = 0, down: int = 0)
 
 def _agreeing(difference: Floats) -> float:
     """The share of those asked that agree; 0 where too few were."""
-    asked = int(np.count_nonzero(~np.isnan(difference)))
+    compared = int(np.count_nonzero(~np.isnan(difference)))
     agreeing = float(np.count_nonzero(np.abs(difference) <= LIDAR_AGREEMENT.agree_px))
-    return agreeing / asked if asked >= LIDAR_AGREEMENT.fewest else 0.0
+    return agreeing / compared if compared >= LIDAR_AGREEMENT.fewest else 0.0
 
 
 def _only(these: Floats, others: Floats) -> float:

@@ -75,11 +75,11 @@ def register(
             # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
             late_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
             late_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
-            found[i, k] = _symptoms(apart, tracked, late_i, late_k)
+            found[i, k] = _features(apart, tracked, late_i, late_k)
     return found
 
 
-def _symptoms(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Rows:
+def _features(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Rows:
     offset = np.median(apart[tracked])
     return Rows(
         tracked=float(np.count_nonzero(tracked)),

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.photometric_consistency import Likeness
+from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import DAMAGED_PIXELS, GAIN_FIT, HALF
@@ -52,7 +52,9 @@ def _differences(evidence: Evidence, camera: int) -> list[Floats]:
     rig = evidence.rig
     small = {number: _shrunk(half) for number, half in evidence.views.items()}
     still = small[camera].astype(np.float32)
-    nearness, sure = _nearness(camera, rig, evidence.lidar, evidence.maps, evidence.testimony.likenesses, still.shape)
+    nearness, sure = _nearness(
+        camera, rig, evidence.lidar, evidence.maps, evidence.frame_checks.consistencies, still.shape
+    )
     place = np.indices(still.shape).astype(np.float32)
     row, column = place[0], place[1]
     differences = []
@@ -61,14 +63,14 @@ def _differences(evidence: Evidence, camera: int) -> list[Floats]:
             there = column - nearness * np.float32(_direction(rig, camera, other) / REGION_STEP)
             warped = cv2.remap(seen, there, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             difference = still - _fitted(warped.astype(np.float32), still, sure)
-            if evidence.sights:
-                seen_there = cv2.remap(_sight(evidence.sights[other]), there, row, cv2.INTER_NEAREST)
-                difference[np.minimum(seen_there, _sight(evidence.sights[camera])) == 0] = np.nan
+            if evidence.valid_masks:
+                seen_there = cv2.remap(_shrunk_mask(evidence.valid_masks[other]), there, row, cv2.INTER_NEAREST)
+                difference[np.minimum(seen_there, _shrunk_mask(evidence.valid_masks[camera])) == 0] = np.nan
             differences.append(difference)
     return differences
 
 
-def _sight(sees: Mask) -> NDArray[np.uint8]:
+def _shrunk_mask(sees: Mask) -> NDArray[np.uint8]:
     return sees[::REGION_STEP, ::REGION_STEP].astype(np.uint8)
 
 
@@ -87,7 +89,7 @@ def _nearness(
     rig: Rig,
     views: Mapping[int, LidarView],
     maps: Mapping[Pair, StereoMap],
-    likenesses: Mapping[Pair, Likeness],
+    consistencies: Mapping[Pair, PairConsistency],
     shape: tuple[int, ...],
 ) -> tuple[Floats, Mask]:
     """Disparities at a baseline of one metre in a camera's picture, and where that picture was alike to another.
@@ -111,8 +113,8 @@ def _nearness(
         put(k, view.u_px, view.row, view.disparity_px(i) / np.float32(rig.baseline_m(i, k)))
     for (i, k), stereo in maps.items():
         step, every = HALF // stereo.step, REGION_STEP // HALF
-        likeness = likenesses[i, k]
-        consistent = likeness.comparable & (likeness.alike > DAMAGED_PIXELS.consistent)
+        photometric_consistency = consistencies[i, k]
+        consistent = photometric_consistency.comparable & (photometric_consistency.alike > DAMAGED_PIXELS.consistent)
         row, column = np.nonzero(consistent[::every, ::every])
         disparity = stereo.disparity_px[:: step * every, :: step * every][row, column]
         u = (column * REGION_STEP).astype(np.float32)
@@ -130,8 +132,8 @@ def _nearness(
 
 def _fitted(warped: Floats, still: Floats, sure: Mask) -> Floats:
     """The other picture at this camera's gain and offset, learnt where the two are surely alike."""
-    told = sure & (np.maximum(warped, still) < GAIN_FIT.saturated)
-    x, y = warped[told], still[told]
+    of_pairs = sure & (np.maximum(warped, still) < GAIN_FIT.saturated)
+    x, y = warped[of_pairs], still[of_pairs]
     if x.size < DAMAGED_PIXELS.gain_fewest:
         return warped
     gain, offset = np.float32(1), np.float32(np.median(y - x))

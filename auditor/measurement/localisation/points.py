@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.count_grid import CELL_PX
-from auditor.measurement.checks.lidar_conflict import Adjudication
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import DAMAGED_POINTS
 from auditor.model.measurement import Solid
@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 Points = NDArray[np.float32]
 
 
-def damaged_points(view: LidarView, adjudications: Sequence[Adjudication], rig: Rig) -> Mask:
+def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflicts], rig: Rig) -> Mask:
     """(M,) mask of the view's points, from what its pairs say of them.
 
     Where denied points are dense they are taken apart into layers of equal depth, and each layer grows over its
@@ -26,12 +26,12 @@ def damaged_points(view: LidarView, adjudications: Sequence[Adjudication], rig: 
     camera = rig.camera(view.reference)
     shape = -(-camera.height_px // CELL_PX), -(-camera.width_px // CELL_PX)
     row, column = view.row // CELL_PX, view.column // CELL_PX
-    denied, asked = (
-        np.logical_or.reduce([getattr(a, name) for a in adjudications]) for name in ("contradicted", "valid")
+    conflicting, comparable = (
+        np.logical_or.reduce([getattr(a, name) for a in verified_conflicts]) for name in ("contradicted", "valid")
     )
-    against, valid = (_window_sums(row[mask], column[mask], shape) for mask in (denied, asked))
-    dense = (valid >= DAMAGED_POINTS.window_fewest) & (against >= DAMAGED_POINTS.window_share * valid)
-    left = denied & dense[row, column]
+    inconsistent, valid = (_window_sums(row[mask], column[mask], shape) for mask in (conflicting, comparable))
+    dense = (valid >= DAMAGED_POINTS.window_fewest) & (inconsistent >= DAMAGED_POINTS.window_share * valid)
+    left = conflicting & dense[row, column]
     damaged = np.zeros(left.size, dtype=np.bool_)
     depth = _depth(view.point_m, rig)
     fewest = max(DAMAGED_POINTS.fewest, DAMAGED_POINTS.layer_share * np.count_nonzero(left))

@@ -7,34 +7,36 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.lidar_conflict import Adjudication
+from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.localisation.images import damaged_pixels
 from auditor.measurement.localisation.points import among, damaged_points, solid_around
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import Evidence
-from auditor.model.checks import Element, Pair, Witness
+from auditor.model.checks import Check, Pair, PairCheck
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
 Mask = NDArray[np.bool_]
 
 
-def localise(evidence: Evidence, raised: Collection[Element]) -> tuple[Region, ...]:
+def localise(evidence: Evidence, raised: Collection[PairCheck]) -> tuple[Region, ...]:
     """The regions of the sensors that may be attacked, given the elements that thresholds could raise.
 
     Which of them is attacked is only known once a frame is judged with its neighbours.
     """
     rig = evidence.rig
     regions = [_of_camera(evidence, camera) for camera in suspects(raised, tuple(evidence.views))]
-    if any(element.witness is Witness.CONTRADICTED for element in raised):
+    if any(pair_check.check is Check.LIDAR_CONFLICT for pair_check in raised):
         regions.append(_of_lidar(evidence, rig))
     return tuple(region for region in regions if region)
 
 
-def suspects(raised: Iterable[Element], cameras: Collection[int]) -> tuple[int, ...]:
+def suspects(raised: Iterable[PairCheck], cameras: Collection[int]) -> tuple[int, ...]:
     """The cameras of the smallest sets that touch every pair raised by what cameras see."""
-    pairs: set[Pair] = {(e.i, e.k) for e in raised if e.witness in (Witness.UNLIKE, Witness.LIGHT)}
+    pairs: set[Pair] = {
+        (e.i, e.k) for e in raised if e.check in (Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE)
+    }
     for size in range(len(cameras) + 1):
         sets = [s for s in combinations(sorted(cameras), size) if all(i in s or k in s for i, k in pairs)]
         if sets:
@@ -50,8 +52,10 @@ def _of_camera(evidence: Evidence, camera: int) -> Region | None:
 def _of_lidar(evidence: Evidence, rig: Rig) -> Region | None:
     k = max(evidence.lidar)
     view = evidence.lidar[k]
-    adjudications = _adjudications(evidence, k)
-    damaged = damaged_points(view, adjudications, rig) if adjudications else np.zeros(view.row.size, dtype=np.bool_)
+    verified_conflicts = _verified_conflicts(evidence, k)
+    damaged = (
+        damaged_points(view, verified_conflicts, rig) if verified_conflicts else np.zeros(view.row.size, dtype=np.bool_)
+    )
     if not damaged.any():
         return None
     mask = _pixels(view, damaged, rig)
@@ -60,21 +64,23 @@ def _of_lidar(evidence: Evidence, rig: Rig) -> Region | None:
     return Region(LIDAR, k, region.box_px, region.share, region.mask, points, solid_around(view.point_m[damaged], rig))
 
 
-def _adjudications(evidence: Evidence, k: int) -> list[Adjudication]:
+def _verified_conflicts(evidence: Evidence, k: int) -> list[VerifiedConflicts]:
     """What pairs say of the LiDAR's points in view k; those with views of their own say it of the same points there."""
     if not evidence.pairs:
-        return [points for (_, of), points in evidence.testimony.adjudications.items() if of == k]
+        return [points for (_, of), points in evidence.frame_checks.verified_conflicts.items() if of == k]
     view = evidence.lidar[k]
     own = [part.own for (_, of), part in evidence.pairs.items() if of == k]
-    told = [(one.lidar[OF_TWO[1]], points) for one in own for points in one.testimony.adjudications.values()]
+    of_pairs = [
+        (one.lidar[OF_TWO[1]], points) for one in own for points in one.frame_checks.verified_conflicts.values()
+    ]
     return [
-        Adjudication(
+        VerifiedConflicts(
             view.row,
             view.column,
             valid=among(view.point_m, seen.point_m[points.valid]),
-            contradicted=among(view.point_m, seen.point_m[points.contradicted]),
+            lidar_conflicts=among(view.point_m, seen.point_m[points.lidar_conflicts]),
         )
-        for seen, points in told
+        for seen, points in of_pairs
     ]
 
 

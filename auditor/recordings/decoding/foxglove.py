@@ -23,7 +23,7 @@ from auditor.recordings.decoding.foxglove_layouts import (
 from auditor.recordings.decoding.geometry import ABSURD, checked_matrix
 from auditor.recordings.decoding.images import raw_pixels
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, look_at_picture
+from auditor.recordings.decoding.pictures import decode_picture, inspect_picture
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
 
@@ -114,7 +114,7 @@ class FoxgloveCompressedImageDecoder(_Decoder):
 
     def size_px(self, message: Message) -> SizePx:
         """What the picture's own header declares."""
-        return look_at_picture(self._picture(message)).size_px
+        return inspect_picture(self._picture(message)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.interface import Header, SizePx
-from auditor.recordings.decoding.pictures import check_size, decode_picture, look_at_picture
+from auditor.recordings.decoding.pictures import check_size, decode_picture, inspect_picture
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.video import Videos, is_h264
 
@@ -168,7 +168,7 @@ class CompressedImageDecoder:
         """What the picture's own header declares."""
         if self._of_video(message):
             return self._videos.size_px(message)
-        return look_at_picture(self.picture(message)).size_px
+        return inspect_picture(self.picture(message)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""

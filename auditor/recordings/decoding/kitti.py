@@ -13,7 +13,7 @@ from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite
 from auditor.recordings.decoding.interface import CameraInfo, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, look_at_picture
+from auditor.recordings.decoding.pictures import decode_picture, inspect_picture
 
 PICTURE = "kitti/Picture"
 SCAN = "kitti/Scan"
@@ -39,7 +39,7 @@ class KittiPictureDecoder:
 
     def size_px(self, message: Message) -> SizePx:
         """What the picture's own header declares."""
-        return look_at_picture(memoryview(message.data)).size_px
+        return inspect_picture(memoryview(message.data)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""

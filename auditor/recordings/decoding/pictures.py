@@ -34,18 +34,18 @@ class Picture(NamedTuple):
     grey: bool
 
 
-def look_at_picture(data: memoryview) -> Picture:
+def inspect_picture(data: memoryview) -> Picture:
     """Read size and colour from a PNG's or JPEG's header. Raises DecodingError."""
     if data[:8] == PNG_MAGIC:
-        return _look_at_png(data)
+        return _inspect_png(data)
     if data[:2] == JPEG_MAGIC:
-        return _look_at_jpeg(data)
+        return _inspect_jpeg(data)
     raise DecodingError("the compressed image is neither PNG nor JPEG")
 
 
 def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) -> NDArray[np.uint8]:
     """Pixels of a whole PNG or JPEG file. Raises DecodingError where it is cut, damaged, or of another size."""
-    picture = look_at_picture(data)
+    picture = inspect_picture(data)
     check_size(picture.size_px, size_px)
     if picture.form == "png":
         _check_png_chunks(data)
@@ -85,7 +85,7 @@ def check_size(found: SizePx, expected: SizePx | None) -> None:
         raise DecodingError(f"the image has {found[0]} x {found[1]} px instead of {expected[0]} x {expected[1]}")
 
 
-def _look_at_png(data: memoryview) -> Picture:
+def _inspect_png(data: memoryview) -> Picture:
     if len(data) < 33 or bytes(data[12:16]) != b"IHDR":
         raise DecodingError("the PNG is cut in its header")
     width, height, _, colour_type = struct.unpack_from(">IIBB", data, 16)
@@ -108,7 +108,7 @@ def _check_png_chunks(data: memoryview) -> None:
         position = end + 4
 
 
-def _look_at_jpeg(data: memoryview) -> Picture:
+def _inspect_jpeg(data: memoryview) -> Picture:
     position = 2
     while position + 4 <= len(data) and data[position] == 0xFF:
         marker = data[position + 1]

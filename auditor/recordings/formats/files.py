@@ -64,9 +64,9 @@ class FilesRecording(ABC):
     @cached_property
     def clock(self) -> Clock:
         """What the recording says of its own clock, else a guess from its first log time."""
-        said = self.metadata().get("clock")
-        if said in CLOCKS:
-            return cast("Clock", said)
+        declared = self.metadata().get("clock")
+        if declared in CLOCKS:
+            return cast("Clock", declared)
         first = next(self._read(None, DamageLog())[1], None)
         if first is None:
             return "unknown"

@@ -108,14 +108,14 @@ class RosbagRecording(FilesRecording):
 
     def metadata(self) -> Mapping[str, str]:
         """What the topic /auditor/metadata says."""
-        said = self._said.get("metadata", {})
-        return {str(name): str(value) for name, value in said.items()} if isinstance(said, dict) else {}
+        declared = self._said.get("metadata", {})
+        return {str(name): str(value) for name, value in declared.items()} if isinstance(declared, dict) else {}
 
     @cached_property
     def _said(self) -> dict[str, Any]:
-        said: dict[str, Any] = {}
+        declared: dict[str, Any] = {}
         if METADATA_TOPIC not in {topic.name for topic in self.topics() if topic.schema == STRING}:
-            return said
+            return declared
         for message in self._read([METADATA_TOPIC], DamageLog())[1]:
             # A std_msgs/String: its length, then its text; CDR has 4 bytes before it and a zero at its end.
             start = 4 if self._kind is BagRead else 8
@@ -123,5 +123,5 @@ class RosbagRecording(FilesRecording):
                 part = load_json(bytes(message.data[start:]).rstrip(b"\0"))
             except (ValueError, RecursionError) as error:
                 raise RecordingError(f"its {METADATA_TOPIC} is ill-formed ({error})", where=self.path) from error
-            said.update(part if isinstance(part, dict) else {})
-        return said
+            declared.update(part if isinstance(part, dict) else {})
+        return declared

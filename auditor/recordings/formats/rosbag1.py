@@ -255,18 +255,18 @@ class BagRead:
 
     def _cut_chunk(self, stream: ForwardStream, head: Head, size: int, start: int) -> Iterator[Message]:
         """What is left of the chunk that the file's end cuts."""
-        salvaged = 0
+        recovered = 0
         packed = memoryview(stream.read(min(stream.size - stream.offset, MAX_BYTES)))
         inside = unpack_beginning(head.fields.get(b"compression", b""), packed, min(size, MAX_BYTES))
         try:
             for op, fields, content, _ in inner_records(inside):
                 if not is_trusted(content):
                     break
-                salvaged += op == Op.MESSAGE
+                recovered += op == Op.MESSAGE
                 yield from self._inner(op, fields, content, start)
         except NoRecordError:
             pass  # that the chunk is cut is told below
-        self._damage.add(f"the recording is cut inside this chunk; {salvaged} messages before the cut are kept", start)
+        self._damage.add(f"the recording is cut inside this chunk; {recovered} messages before the cut are kept", start)
 
     def _inner(self, op: int, fields: Fields, data: memoryview, offset: int) -> Iterator[Message]:
         if op == Op.CONNECTION:
@@ -282,11 +282,11 @@ class BagRead:
 
     def _learn(self, fields: Fields, data: memoryview, *, spare: bool = False) -> None:
         """Take in a connection record."""
-        said = parse_fields(data)
-        schema = schema_name(said.get(b"type", b"").decode("utf-8", "replace"))
+        declared = parse_fields(data)
+        schema = schema_name(declared.get(b"type", b"").decode("utf-8", "replace"))
         topic = Topic(fields.get(b"topic", b"").decode("utf-8", "replace"), schema, self.encoding)
         self.channels.learn(number(fields, b"conn"), topic, spare=spare)
-        definition = Definition("ros1msg", said.get(b"message_definition", b""))
+        definition = Definition("ros1msg", declared.get(b"message_definition", b""))
         self._names.add_definition(schema, definition, self._damage)
 
     def _learn_index(self, file: IO[bytes], size: int) -> None:

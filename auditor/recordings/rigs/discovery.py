@@ -34,7 +34,7 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `look_for_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images:
         raise RigError("no triple possible: there are no camera images", remedy="give a recording with two cameras")
-    found = look_for_rigs(survey)
+    found = search_rigs(survey)
     if not found.rigs:
         raise RigError(
             "no triple possible: " + "; ".join(_summary(survey, found.reasons)),
@@ -44,7 +44,7 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     return found.rigs
 
 
-def look_for_rigs(survey: Survey) -> FoundRigs:
+def search_rigs(survey: Survey) -> FoundRigs:
     """Every group of overlapping cameras that, with a LiDAR or without, has three sensors.
 
     Rectified cameras of one size and focal length are taken as they are. Where these are too few to tell which of them
@@ -123,7 +123,7 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
 
-def told_rig(path: Path, survey: Survey) -> Rig:
+def given_rig(path: Path, survey: Survey) -> Rig:
     """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
     rig = rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path)
     check_rig(rig, survey)
@@ -233,8 +233,10 @@ def _rectified_camera(placed: Placed, index: int) -> Camera:
     """The camera of a rectified view where it was placed; its number is not known yet."""
     view, centre_m = placed.views[index], placed.centres_m[index]
     # A P that already tells this centre is kept digit by digit.
-    told = np.array_equal(view.offset_m, centre_m)
-    return _camera(view, view.projection if told else view.K @ np.column_stack([np.eye(3), -centre_m]), rectified=True)
+    declared = np.array_equal(view.offset_m, centre_m)
+    return _camera(
+        view, view.projection if declared else view.K @ np.column_stack([np.eye(3), -centre_m]), rectified=True
+    )
 
 
 def _turned_camera(placed: Placed, index: int) -> Camera:

@@ -70,7 +70,7 @@ def _beside(a: View, b: View, frames: FrameTree) -> bool:
         return False
     a_SE3_b = frames.between(a.frame_id, b.frame_id)
     if a_SE3_b is None:
-        return _told_apart(a, b)
+        return _distinguished(a, b)
     return angle_between(a_SE3_b[:3, 2], np.array([0.0, 0, 1])) <= MAX_SQUINT
 
 
@@ -79,12 +79,12 @@ def _alike(a: View, b: View, frames: FrameTree) -> bool:
         return False
     a_SE3_b = frames.between(a.frame_id, b.frame_id)
     if a_SE3_b is None:
-        return _told_apart(a, b)
+        return _distinguished(a, b)
     turn = np.arccos(np.clip((np.trace(a_SE3_b[:3, :3]) - 1) / 2, -1, 1))
     return bool(turn <= MAX_TURN)
 
 
-def _told_apart(a: View, b: View) -> bool:
+def _distinguished(a: View, b: View) -> bool:
     """Without tf only offsets in P say that two cameras belong together."""
     return _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
 

@@ -32,7 +32,7 @@ class Health:
     sensors: Mapping[int, SensorHealth]
 
 
-def look_through(stream: FrameStream, rig: Rig) -> Health:
+def check_health(stream: FrameStream, rig: Rig) -> Health:
     """Put all frames together, decoding everything in them, and tell how it went."""
     frames = 0
     skipped: Counter[str] = Counter()

@@ -66,7 +66,7 @@ class Group:
     members: Mapping[int, Waiting]
     complete: bool
     last_ns: int
-    stretch: int = 0
+    chunk: int = 0
     edge: bool = False
 
 
@@ -270,11 +270,11 @@ class Edges:
         held: deque[Group] = deque()
         start: int | None = None
         newest = 0
-        stretch = 0
+        chunk = 0
         for group in groups:
-            if group.stretch != stretch:
+            if group.chunk != chunk:
                 yield from self._last(held, start, newest)
-                stretch, start, newest = group.stretch, None, 0
+                chunk, start, newest = group.chunk, None, 0
             start = group.time_ns if start is None else start
             newest = max(newest, group.last_ns)
             held.append(group)

@@ -24,7 +24,7 @@ from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
 from auditor.recordings.decoding.kitti import scan_points
-from auditor.recordings.decoding.pictures import encode_picture, look_at_picture
+from auditor.recordings.decoding.pictures import encode_picture, inspect_picture
 from auditor.recordings.decoding.ros import RosTypes, Types, parse_definition, registered
 from auditor.recordings.recording import Damage, Definition, Recording, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
@@ -78,7 +78,7 @@ class Changing:
     def _compressed_image(self, message: Message, change: Callable[[CameraImage], CameraImage]) -> bytes:
         decoder = CompressedImageDecoder(self._types)
         header = decoder.header(message)
-        form = look_at_picture(decoder.picture(message)).form
+        form = inspect_picture(decoder.picture(message)).form
         pixels = change(CameraImage(0, header.stamp_ns, decoder.pixels(message, colour=True))).pixels
         data = encode_picture(pixels, form)
         # The format is free text that may tell of colours; it stays.

@@ -110,11 +110,11 @@ def _with_said(
     for message in messages:
         last_ns = max(last_ns, message.stamp_ns)
         yield message
-    said = {
+    declared = {
         "labels": [label_to_dict(label) for label in labels],
         "metadata": {"vehicle": vehicle} if vehicle else {},
     }
-    yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(said)))
+    yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(declared)))
 
 
 def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form) -> Iterator[_Outgoing]:

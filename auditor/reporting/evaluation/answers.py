@@ -5,7 +5,7 @@ from itertools import combinations
 from typing import Any
 
 from auditor.model.rig import LIDAR, Rig, Triple
-from auditor.reporting.evaluation.page import HELD_OUT, STRENGTHS, Rate
+from auditor.reporting.evaluation.page import LEFT_OUT, STRENGTHS, Rate
 
 Rows = list[dict[str, Any]]
 Sensors = tuple[int, ...]
@@ -50,7 +50,7 @@ class Answers:
             for row in rows["identification"]
         }
         n = rig.n
-        self.modes = [mode for mode in HELD_OUT if any(row["held_out"] == mode for row in rows["false_alarms"])]
+        self.modes = [mode for mode in LEFT_OUT if any(row["held_out"] == mode for row in rows["false_alarms"])]
         scenarios = {1: Triple(LIDAR, 1, n), 2: Triple(1, 2, n)} if self.modes else {}  # else no frame was measured
         self.scenarios = {number: triple for number, triple in scenarios.items() if triple in rig.triples}
         self.strengths = [s for s in STRENGTHS if any(key[2] == s for key in self.detection)]

@@ -4,23 +4,23 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from auditor.reporting.evaluation.answers import Answers, names
-from auditor.reporting.evaluation.page import HELD_OUT, Cell, Grid, Rate, Row
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Rate, Row
 
 _METHODS = {"paper": "E and Algorithm 2", "robust": "robust"}
 
 
 def incident_grids(methods: Mapping[str, Answers]) -> dict[str, list[Grid]]:
     """False incidents of clean drives, then attacked intervals by each method."""
-    told = {method: answers for method, answers in methods.items() if answers.rows["incidents"]}
-    lasting = [_intervals(method, answers) for method, answers in told.items()]
+    shown = {method: answers for method, answers in methods.items() if answers.rows["incidents"]}
+    lasting = [_intervals(method, answers) for method, answers in shown.items()]
     return {
-        "false_incidents": [_false(told)] if told else [],
+        "false_incidents": [_false(shown)] if shown else [],
         "intervals": [table for table in lasting if table.rows],
     }
 
 
-def _false(told: Mapping[str, Answers]) -> Grid:
-    modes = _modes(told)
+def _false(shown: Mapping[str, Answers]) -> Grid:
+    modes = _modes(shown)
 
     def cells(answers: Answers) -> Iterator[Cell]:
         for mode in modes:
@@ -35,9 +35,9 @@ def _false(told: Mapping[str, Answers]) -> Grid:
 
     return Grid(
         title="False incidents of clean driving, all sensors, r = 1 %",
-        groups=tuple((HELD_OUT[mode], 3) for mode in modes),
+        groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
         columns=("incidents", "an hour", "at most") * len(modes),
-        rows=tuple(Row(_METHODS[method], tuple(cells(answers))) for method, answers in told.items()),
+        rows=tuple(Row(_METHODS[method], tuple(cells(answers))) for method, answers in shown.items()),
     )
 
 
@@ -56,7 +56,7 @@ def _intervals(method: str, answers: Answers) -> Grid:
 
     return Grid(
         title=f"Intervals of one second, {_METHODS[method]}, all sensors, r = 1 %",
-        groups=tuple((HELD_OUT[mode], 3) for mode in modes),
+        groups=tuple((LEFT_OUT[mode], 3) for mode in modes),
         columns=("found", "named", "after") * len(modes),
         rows=tuple(
             Row(f"{names(attacked)}, {variant}", tuple(cells((attacked, variant)))) for attacked, variant in kinds
@@ -64,8 +64,8 @@ def _intervals(method: str, answers: Answers) -> Grid:
     )
 
 
-def _modes(told: Mapping[str, Answers]) -> list[str]:
-    return [mode for mode in HELD_OUT if any(_clean(answers, mode) for answers in told.values())]
+def _modes(shown: Mapping[str, Answers]) -> list[str]:
+    return [mode for mode in LEFT_OUT if any(_clean(answers, mode) for answers in shown.values())]
 
 
 def _clean(answers: Answers, mode: str) -> Mapping[str, Any] | None:

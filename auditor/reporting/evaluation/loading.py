@@ -152,6 +152,6 @@ def _raised_clean(answers: Answers, mode: str) -> float:
 def _how_seldom(row: Mapping[str, Any], clean: float) -> str:
     """Whether an attack is seen at all: not where the clean share lies within or above its interval."""
     if row["low"] <= clean:
-        told = f"cannot be seen on this rig, as far as {row['cases']} frames tell"
-        return f"{told}: it was detected in {row['detected']}, no oftener than clean ones may be."
+        shown = f"cannot be seen on this rig, as far as {row['cases']} frames tell"
+        return f"{shown}: it was detected in {row['detected']}, no oftener than clean ones may be."
     return f"was detected in {row['detected']} of {row['cases']} frames."

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 
 from auditor.reporting.evaluation.answers import R_SHOWN, SHORT_ROLES, Answers, Rows, names, percent, rate_of, size_of
-from auditor.reporting.evaluation.page import HELD_OUT, Cell, Grid, Row
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Row
 from auditor.reporting.evaluation.tables import described
 
 METHODS = ("paper", "robust")
@@ -33,7 +33,7 @@ def _grid(title: str, rows: list[tuple[str, Lookup]], methods: tuple[Answers, An
     modes = methods[0].modes
     return Grid(
         title=title,
-        groups=tuple((HELD_OUT[mode], len(methods)) for mode in modes),
+        groups=tuple((LEFT_OUT[mode], len(methods)) for mode in modes),
         columns=("E", "robust") * len(modes),
         rows=tuple(Row(label, tuple(look(one, mode) for mode in modes for one in methods)) for label, look in rows),
     )

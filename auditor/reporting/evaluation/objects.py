@@ -6,7 +6,7 @@ from typing import Any
 from auditor.model.rig import Triple
 from auditor.reporting.evaluation import published
 from auditor.reporting.evaluation.answers import R_SHOWN, Answers, Rows, names, percent, rate_of, size_of, subsets
-from auditor.reporting.evaluation.page import HELD_OUT, Cell, Grid, Rate, Row, Sheet
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Rate, Row, Sheet
 from auditor.reporting.evaluation.plots import Axes, Panel, Point, rate_panel
 
 OBJECT_RATES = ("0.01", "0.05")
@@ -71,7 +71,7 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
     if found:
         width = 2 + len(answers.strengths)
         yield Grid(
-            title=f"{detector}; {HELD_OUT[mode] if mode else _LEARNT_NOTHING}",
+            title=f"{detector}; {LEFT_OUT[mode] if mode else _LEARNT_NOTHING}",
             groups=tuple((f"Scenario {n}: {names(t)}", width) for n, t in answers.scenarios.items()),
             columns=("paper", *answers.strengths, "clean") * len(answers.scenarios),
             rows=tuple(
@@ -103,7 +103,7 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
         if (row["held_out"], row["r"], row["i"], row["j"]) == (mode, R_SHOWN, triple.i, triple.j) and row["attacked"]
     }
     return Grid(
-        title=f"Scenario {number}: {names(triple)}; {detector}; {HELD_OUT[mode]}",
+        title=f"Scenario {number}: {names(triple)}; {detector}; {LEFT_OUT[mode]}",
         groups=tuple((f"IoU {iou}", len(answers.strengths)) for iou in published.BASELINE),
         columns=tuple(answers.strengths) * len(published.BASELINE),
         rows=tuple(

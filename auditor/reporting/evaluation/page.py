@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from auditor.reporting.evaluation.plots import Panel
 
-HELD_OUT = {
+LEFT_OUT = {
     "nothing": "in sample, as in the paper",
     "block": "held out by blocks of ten frames",
     "recording": "held out by recording",

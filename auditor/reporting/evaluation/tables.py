@@ -17,7 +17,7 @@ from auditor.reporting.evaluation.answers import (
     size_of,
     subsets,
 )
-from auditor.reporting.evaluation.page import HELD_OUT, Cell, Grid, Row
+from auditor.reporting.evaluation.page import LEFT_OUT, Cell, Grid, Row
 
 _UNITS = {
     "hidden sector": "°",
@@ -51,7 +51,7 @@ def _detection(answers: Answers, mode: str) -> Grid:
             yield from (answers.detection.get((mode, triple, s, None, float(r))) for s in answers.strengths)
 
     return Grid(
-        title=HELD_OUT[mode],
+        title=LEFT_OUT[mode],
         groups=tuple((f"Scenario {n}: {names(t)}", 1 + len(answers.strengths)) for n, t in answers.scenarios.items()),
         columns=("paper", *answers.strengths) * len(answers.scenarios),
         rows=tuple(Row(f"r = {percent(r)}", tuple(cells(r))) for r in published.TABLE_RATES),
@@ -62,7 +62,7 @@ def _combinations(answers: Answers, number: int) -> Grid:
     triple = answers.scenarios[number]
     return Grid(
         title=f"Scenario {number}: {names(triple)}",
-        groups=tuple((HELD_OUT[mode], len(answers.strengths)) for mode in answers.modes),
+        groups=tuple((LEFT_OUT[mode], len(answers.strengths)) for mode in answers.modes),
         columns=tuple(answers.strengths) * len(answers.modes),
         rows=tuple(
             Row(
@@ -84,7 +84,7 @@ def _identification(answers: Answers, mode: str, system: Sensors) -> Grid:
     def cell(strength: str, key: Sensors | int, r: str) -> Cell:
         return answers.identification.get((mode, len(system), strength, key, float(r)))
 
-    title = f"{names(system)}; {HELD_OUT[mode]}"
+    title = f"{names(system)}; {LEFT_OUT[mode]}"
     if len(system) > 4:
         sizes = [size for size in (1, 2) if size <= len(system) - 3]
         return Grid(
@@ -124,7 +124,7 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
             strengths = len(columns) // len(answers.modes)
             yield Grid(
                 title=ROLES[sensor],
-                groups=tuple((HELD_OUT[mode], strengths) for mode in answers.modes),
+                groups=tuple((LEFT_OUT[mode], strengths) for mode in answers.modes),
                 columns=tuple(strength or "wall" for _, strength in columns),
                 rows=tuple(
                     Row(size_of(row), tuple(found.get((*column, size)) for column in columns))
@@ -151,7 +151,7 @@ def _further(answers: Answers) -> Iterator[Grid]:
         columns = ("detected", "named") if answers.rig.max_attacked else ("detected",)
         yield Grid(
             title=f"On {names(attacked)}",
-            groups=tuple((HELD_OUT[mode], len(columns)) for mode in answers.modes),
+            groups=tuple((LEFT_OUT[mode], len(columns)) for mode in answers.modes),
             columns=columns * len(answers.modes),
             rows=tuple(Row(kind, tuple(cells(kind))) for kind in kinds),
         )
@@ -178,7 +178,7 @@ def _false_alarms(answers: Answers, mode: str) -> Grid:
         yield None if hourly is None else f"{hourly:,.0f}"
 
     return Grid(
-        title=HELD_OUT[mode],
+        title=LEFT_OUT[mode],
         groups=(("frames raised", len(published.TABLE_RATES)), ("frames an hour", 1)),
         columns=(*(f"r = {percent(r)}" for r in published.TABLE_RATES), f"r = {percent(str(R_SHOWN))}"),
         rows=tuple(Row(names(system), tuple(cells(system))) for system in systems),
@@ -194,13 +194,13 @@ def _confusion(answers: Answers, system: Sensors) -> Grid:
         if row["attacked"] == [LIDAR] and row["strength"] != answers.strengths[0]:
             continue  # a wall has no strength: it is repeated under each
         counts[tuple(row["attacked"]), names(row["accused"]) or row["verdict"]] += row["cases"]
-    said = ["clean", *(f"S_{s}" for s in system), "unidentified", "not_auditable"]
+    kinds = ["clean", *(f"S_{s}" for s in system), "unidentified", "not_auditable"]
     return Grid(
-        title=f"{names(system)}; r = {percent(str(R_SHOWN))}; {HELD_OUT[mode]}; faculas of all strengths",
-        groups=(("verdict", len(said)),),
-        columns=tuple(name.replace("_a", " a") for name in said),
+        title=f"{names(system)}; r = {percent(str(R_SHOWN))}; {LEFT_OUT[mode]}; faculas of all strengths",
+        groups=(("verdict", len(kinds)),),
+        columns=tuple(name.replace("_a", " a") for name in kinds),
         rows=tuple(
-            Row(names(truth) + " attacked" if truth else "clean", tuple(f"{counts[truth, s]:,}" for s in said))
+            Row(names(truth) + " attacked" if truth else "clean", tuple(f"{counts[truth, s]:,}" for s in kinds))
             for truth in sorted({tuple(row["attacked"]) for row in rows}, key=lambda t: (len(t), t))
         ),
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import auditor
 from auditor.errors import StoreError
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
@@ -46,7 +46,7 @@ MOST_DRAWN = 6
 COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "returns")
 
 
-_Teachers = Mapping[str, tuple[str, ...]]
+_CalibrationRecordings = Mapping[str, tuple[str, ...]]
 """The recordings that each calibration was made from, by its id."""
 
 
@@ -65,9 +65,9 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
 
     Raises StoreError where the store has no such recording, or was not measured.
     """
-    teachers = store.teachers()
-    audits = _audits(store, recording, teachers)
-    outlines = [_outline(store, audit, teachers) for audit in audits]
+    calibration_recordings = store.calibration_recordings()
+    audits = _audits(store, recording, calibration_recordings)
+    outlines = [_outline(store, audit, calibration_recordings) for audit in audits]
     numbered = _numbered(outlines, _incidents(store, recording))
     shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
     drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
@@ -87,7 +87,7 @@ def _page(store: Store, parts: Sequence[RecordingPart]) -> IncidentPage:
     )
 
 
-def _audits(store: Store, wanted: str | None, teachers: _Teachers) -> list[_Audit]:
+def _audits(store: Store, wanted: str | None, calibration_recordings: _CalibrationRecordings) -> list[_Audit]:
     """The latest measurement of each rig of each wanted recording, by time of recording."""
     recordings = {
         recording.recording_id: recording
@@ -114,18 +114,18 @@ def _audits(store: Store, wanted: str | None, teachers: _Teachers) -> list[_Audi
         for measurement in latest.values()
     ]
     if wanted is None:
-        audits = _without_teachers(audits, teachers)
+        audits = _without_calibration(audits, calibration_recordings)
     return sorted(audits, key=lambda audit: (audit.recording.from_ns or 0, audit.recording.name))
 
 
-def _without_teachers(audits: list[_Audit], teachers: _Teachers) -> list[_Audit]:
+def _without_calibration(audits: list[_Audit], calibration_recordings: _CalibrationRecordings) -> list[_Audit]:
     """Leave out what was only calibrated on: nobody asked for its audit. All stay where that would leave none."""
-    taught = set(chain.from_iterable(teachers.values()))
+    taught = set(chain.from_iterable(calibration_recordings.values()))
     asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in taught]
     return asked_for or audits
 
 
-def _outline(store: Store, audit: _Audit, teachers: _Teachers) -> RecordingPart:
+def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRecordings) -> RecordingPart:
     """What the tables at the top of the page need."""
     ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
     stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
@@ -148,7 +148,7 @@ def _outline(store: Store, audit: _Audit, teachers: _Teachers) -> RecordingPart:
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.triples,
         balance=audit.measurement.balance,
-        provenance=_provenance(store, audit, teachers),
+        provenance=_provenance(store, audit, calibration_recordings),
     )
 
 
@@ -197,7 +197,7 @@ def _sensor_lines(rig: Rig) -> tuple[SensorLine, ...]:
     return tuple(SensorLine(sensor, rig.name(sensor), rig.topic(sensor)) for sensor in rig.sensors)
 
 
-def _provenance(store: Store, audit: _Audit, teachers: _Teachers) -> Provenance:
+def _provenance(store: Store, audit: _Audit, calibration_recordings: _CalibrationRecordings) -> Provenance:
     measurement, judgement = audit.measurement, audit.judgement
     measured = Provenance(
         measurement_id=measurement.measurement_id,
@@ -214,7 +214,7 @@ def _provenance(store: Store, audit: _Audit, teachers: _Teachers) -> Provenance:
     return replace(
         measured,
         calibration_id=judgement.calibration_id,
-        calibrated_on=teachers.get(judgement.calibration_id, ()),
+        calibrated_on=calibration_recordings.get(judgement.calibration_id, ()),
         method=judgement.method,
         statistic=judgement.statistic,
         r=judgement.r,
@@ -231,10 +231,10 @@ def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine
     """Those of a judgement's row, in the order of triples or, by the robust method, of elements."""
     if row["method"] == Method.ROBUST:
         # Judgements of earlier versions know fewer elements: later ones were added at the end.
-        for element, theta, samples in zip(
-            rig_elements(rig), row["element_theta"], row["element_samples"], strict=False
+        for pair_check, theta, samples in zip(
+            rig_pair_checks(rig), row["element_theta"], row["element_samples"], strict=False
         ):
-            yield ThresholdLine(element.witness, (element.i, element.k), theta, samples or 0)
+            yield ThresholdLine(pair_check.check, (pair_check.i, pair_check.k), theta, samples or 0)
     else:
         for triple, theta, samples in zip(rig.triples, row["theta"], row["samples"], strict=True):
             yield ThresholdLine("E", triple, theta, samples or 0)

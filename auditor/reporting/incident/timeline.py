@@ -97,7 +97,7 @@ class Timeline:
                 Series(line.name, line.indices, _known(self._values[part, place]), line.theta)
                 for place, line in self._charted(self._around(incident, 0))
             ],
-            rows=[*self._rows(part), *self._element_rows(part)],
+            rows=[*self._rows(part), *self._pair_check_rows(part)],
             shaded=[(incident.from_ns, incident.to_ns)],
         )
 
@@ -136,7 +136,7 @@ class Timeline:
             rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
         return rows
 
-    def _element_rows(self, part: slice) -> list[Row]:
+    def _pair_check_rows(self, part: slice) -> list[Row]:
         stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
         return [
             Row("", stamps_ns, [e[place] for e in vectors], (), triple)

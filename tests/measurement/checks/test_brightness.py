@@ -2,8 +2,15 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.brightness import Light, coarse, coarse_mask, compare_light, fit_gain, reach
-from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.checks.brightness import (
+    BrightnessDifference,
+    coarse,
+    coarse_mask,
+    compare_brightness,
+    fit_gain,
+    range_mask,
+)
+from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import textured
 
 HEIGHT, WIDTH, SHIFT = 188, 621, 20
@@ -24,40 +31,40 @@ def facula(image, amplitude, radius=100, centre=(90, 300)):
 
 
 def test_clean_pictures_show_no_light(pair):
-    light = compare_light(*map(coarse, pair))
+    light = compare_brightness(*map(coarse, pair))
     assert (light.brighter_i, light.brighter_k) == (0.0, 0.0)
 
 
 def test_a_camera_of_another_gain_and_offset_shows_no_light(pair):
     i, k = pair
-    light = compare_light(coarse((i * 0.7 + 50).astype(np.uint8)), coarse(k))
+    light = compare_brightness(coarse((i * 0.7 + 50).astype(np.uint8)), coarse(k))
     assert (light.brighter_i, light.brighter_k) == (0.0, 0.0)
 
 
 def test_a_facula_names_the_brighter_camera(pair):
     i, k = pair
-    assert compare_light(coarse(facula(i, 255)), coarse(k)).brighter_i > 0.9
-    assert compare_light(coarse(facula(i, 255)), coarse(k)).brighter_k == 0.0
-    assert compare_light(coarse(i), coarse(facula(k, 255))).brighter_k > 0.9
+    assert compare_brightness(coarse(facula(i, 255)), coarse(k)).brighter_i > 0.9
+    assert compare_brightness(coarse(facula(i, 255)), coarse(k)).brighter_k == 0.0
+    assert compare_brightness(coarse(i), coarse(facula(k, 255))).brighter_k > 0.9
 
 
 def test_darkness_in_one_camera_makes_the_other_the_brighter_one(pair):
     i, k = pair
     dark = facula(i, -255, radius=140)
-    assert compare_light(coarse(dark), coarse(k)).brighter_k > 0.5
-    assert compare_light(coarse(dark), coarse(k)).brighter_i == 0.0
+    assert compare_brightness(coarse(dark), coarse(k)).brighter_k > 0.5
+    assert compare_brightness(coarse(dark), coarse(k)).brighter_i == 0.0
 
 
 def test_a_facula_over_half_the_image_does_not_spoil_the_fit_of_the_gain(pair):
     i, k = pair
-    light = compare_light(coarse(facula(i, 2000, radius=150)), coarse(k))
+    light = compare_brightness(coarse(facula(i, 2000, radius=150)), coarse(k))
     assert light.brighter_i == 1.0
     assert light.brighter_k == 0.0
 
 
 def test_light_that_lies_elsewhere_in_the_other_picture_within_its_reach_is_the_scene_s(pair):
     i, k = pair
-    both = compare_light(coarse(facula(i, 2000, radius=30)), coarse(facula(k, 2000, radius=30, centre=(90, 320))))
+    both = compare_brightness(coarse(facula(i, 2000, radius=30)), coarse(facula(k, 2000, radius=30, centre=(90, 320))))
     assert both.brighter_i == 0.0
 
 
@@ -68,9 +75,9 @@ def bright(pair, level=150):
 
 def test_light_that_swallows_dark_things_in_a_bright_scene_names_its_camera(pair):
     i, k = bright(pair)
-    assert compare_light(coarse(i), coarse(k)) == Light(0.0, 0.0)
-    in_i = compare_light(coarse(facula(i, 2000, radius=50)), coarse(k))
-    in_k = compare_light(coarse(i), coarse(facula(k, 2000, radius=50)))
+    assert compare_brightness(coarse(i), coarse(k)) == BrightnessDifference(0.0, 0.0)
+    in_i = compare_brightness(coarse(facula(i, 2000, radius=50)), coarse(k))
+    in_k = compare_brightness(coarse(i), coarse(facula(k, 2000, radius=50)))
     assert in_i.brighter_i > 0.3 > in_i.brighter_k
     assert in_k.brighter_k > 0.3 > in_k.brighter_i
 
@@ -78,8 +85,8 @@ def test_light_that_swallows_dark_things_in_a_bright_scene_names_its_camera(pair
 def test_a_sky_that_one_camera_alone_saturates_swallows_nothing(pair):
     i, k = bright(pair, level=220)
     k = (k * 0.75).astype(np.uint8)
-    assert compare_light(coarse(i), coarse(k)) == Light(0.0, 0.0)
-    assert compare_light(coarse(k[:, ::-1]), coarse(i[:, ::-1])) == Light(0.0, 0.0)
+    assert compare_brightness(coarse(i), coarse(k)) == BrightnessDifference(0.0, 0.0)
+    assert compare_brightness(coarse(k[:, ::-1]), coarse(i[:, ::-1])) == BrightnessDifference(0.0, 0.0)
 
 
 def test_near_things_find_their_partners_farther_away(pair):
@@ -87,9 +94,9 @@ def test_near_things_find_their_partners_farther_away(pair):
     near = np.zeros((HEIGHT, WIDTH), dtype=bool)
     near[20:160, 200:500] = True
     lamp_i, lamp_k = facula(i, 255, radius=40), facula(k, 255, radius=40, centre=(90, 300 + 80))
-    assert compare_light(coarse(lamp_i), coarse(lamp_k)).brighter_i > 0.2
-    assert compare_light(coarse(lamp_i), coarse(lamp_k), coarse_mask(near)).brighter_i == 0.0
-    assert compare_light(coarse(facula(i, 255)), coarse(k), coarse_mask(near)).brighter_i > 0.5
+    assert compare_brightness(coarse(lamp_i), coarse(lamp_k)).brighter_i > 0.2
+    assert compare_brightness(coarse(lamp_i), coarse(lamp_k), coarse_mask(near)).brighter_i == 0.0
+    assert compare_brightness(coarse(facula(i, 255)), coarse(k), coarse_mask(near)).brighter_i > 0.5
 
 
 def test_what_near_things_hide_is_not_missed(pair):
@@ -98,8 +105,8 @@ def test_what_near_things_hide_is_not_missed(pair):
     trunk[:, 300:360] = 20
     near = np.zeros((HEIGHT, WIDTH), dtype=bool)
     near[:, 260:480] = True
-    assert compare_light(coarse(trunk), coarse(k)).brighter_k > 0.3
-    assert compare_light(coarse(trunk), coarse(k), coarse_mask(near)).brighter_k == 0.0
+    assert compare_brightness(coarse(trunk), coarse(k)).brighter_k > 0.3
+    assert compare_brightness(coarse(trunk), coarse(k), coarse_mask(near)).brighter_k == 0.0
 
 
 def test_a_cell_is_near_where_any_pixel_of_it_is():
@@ -109,7 +116,7 @@ def test_a_cell_is_near_where_any_pixel_of_it_is():
 
 
 def test_its_reach_is_five_of_78_columns():
-    assert reach(780) == Reach(50, 150)
+    assert range_mask(780) == RangeMask(50, 150)
 
 
 def by_hand(grid_i, grid_k, near):
@@ -152,7 +159,7 @@ def test_light_is_what_comparing_cell_by_cell_finds(seed):
             spot += np.float32(rng.choice([-100, -60, 60, 90, 200]))
         np.clip(grid, 0, 255, out=grid)
     near = rng.random((24, 78)) < (0.3 if seed else 0)
-    found = compare_light(grid_i, grid_k, near if seed else None)
+    found = compare_brightness(grid_i, grid_k, near if seed else None)
     assert (found.brighter_i, found.brighter_k) == pytest.approx(by_hand(grid_i, grid_k, near), abs=1e-6)
 
 
@@ -167,7 +174,7 @@ def street():
 def test_light_is_more_than_seventy_five_grey_levels(level, light):
     grid, lit = street()
     lit[9:15, 30:35] = level
-    for found in (compare_light(lit, grid), compare_light(grid, lit)):
+    for found in (compare_brightness(lit, grid), compare_brightness(grid, lit)):
         assert max(found.brighter_i, found.brighter_k) == pytest.approx(light)
         assert min(found.brighter_i, found.brighter_k) == 0
 
@@ -176,8 +183,8 @@ def test_light_is_more_than_seventy_five_grey_levels(level, light):
 def test_darkness_is_more_than_forty_grey_levels(level, light):
     grid, dark = street()
     dark[9:15, 30:36] = level
-    assert compare_light(dark, grid) == Light(0.0, light)
-    assert compare_light(grid, dark) == Light(light, 0.0)
+    assert compare_brightness(dark, grid) == BrightnessDifference(0.0, light)
+    assert compare_brightness(grid, dark) == BrightnessDifference(light, 0.0)
 
 
 def line(count=400, every=0):

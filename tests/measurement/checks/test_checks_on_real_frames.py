@@ -5,12 +5,12 @@ from itertools import islice
 
 import pytest
 
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.scores import FLOORS
 from auditor.identification.statistics import WINDOWS, fitted
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import Witness
+from auditor.model.checks import Check
 from tests.benchmarks.real_drives import frames
 
 pytestmark = pytest.mark.skipif(
@@ -21,9 +21,9 @@ FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
 
 
 @pytest.fixture(scope="module")
-def bench():
+def attacked_frame():
     rig, stream = frames("0009")
-    return Bench(next(islice(stream, 20, None)), rig, find_matcher("sgbm"))
+    return AttackedFrame(next(islice(stream, 20, None)), rig, find_matcher("sgbm"))
 
 
 @pytest.mark.parametrize(
@@ -37,12 +37,12 @@ def bench():
     ],
     ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
-def test_exactly_the_elements_of_the_attacked_sensor_are_raised(bench, attacks, raised):
-    ratios = zip(bench.elements, bench.ratios(attacks), strict=True)
-    assert {f"{e.witness} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.witness]} == raised
+def test_exactly_the_elements_of_the_attacked_sensor_are_raised(attacked_frame, attacks, raised):
+    ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
+    assert {f"{e.source} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.source]} == raised
 
 
-def test_sixty_four_beams_need_what_the_window_says(bench):
-    window = WINDOWS[Witness.CONTRADICTED]
+def test_sixty_four_beams_need_what_the_window_says(attacked_frame):
+    window = WINDOWS[Check.LIDAR_CONFLICT]
     for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
-        assert fitted(window, bench.testimony(1, 3, attacks).contradicted[1, 3].valid) == window
+        assert fitted(window, attacked_frame.frame_checks(1, 3, attacks).lidar_conflicts[1, 3].valid) == window

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.collect import testify as hear
+from auditor.measurement.checks.collect import collect_checks as hear
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -12,50 +12,50 @@ from tests.making.scenes import plane_frame, plane_rig
 
 def heard(rig, without=frozenset()):
     frame = plane_frame(rig, without=without)
-    halves = {n: halve(image.pixels) for n, image in frame.images.items()}
-    texture = {n: textured(half) for n, half in halves.items()}
-    pairs = [(i, 3) for i in (1, 2) if i in halves and 3 in halves]
+    half_res = {n: halve(image.pixels) for n, image in frame.images.items()}
+    texture = {n: textured(half) for n, half in half_res.items()}
+    pairs = [(i, 3) for i in (1, 2) if i in half_res and 3 in half_res]
     maps = {
         (i, k): stereo_map(SgbmMatcher(), frame.images[k].pixels, frame.images[i].pixels, texture[k], texture[i])
         for i, k in pairs
     }
     views = {3: lidar_view(frame.cloud, rig, 3)} if frame.cloud is not None else {}
-    return hear(halves, maps, views, rig)
+    return hear(half_res, maps, views, rig)
 
 
 def test_every_matched_pair_is_heard_and_every_pair_s_light():
-    testimony = heard(plane_rig())
-    assert set(testimony.contradicted) == set(testimony.unlike) == {(1, 3), (2, 3)}
-    assert set(testimony.light) == {(1, 2), (1, 3), (2, 3)}
-    assert testimony.emptiness == {3: pytest.approx(0, abs=0.01)}
-    assert all(cells.valid.shape == (15, 40) for cells in testimony.unlike.values())
+    frame_checks = heard(plane_rig())
+    assert set(frame_checks.lidar_conflicts) == set(frame_checks.unlike) == {(1, 3), (2, 3)}
+    assert set(frame_checks.light) == {(1, 2), (1, 3), (2, 3)}
+    assert frame_checks.point_dropout == {3: pytest.approx(0, abs=0.01)}
+    assert all(cells.valid.shape == (15, 40) for cells in frame_checks.unlike.values())
     # At the images' left and right edges some pixels have nothing to be matched by.
-    for cells in (*testimony.contradicted.values(), *testimony.unlike.values()):
-        assert not cells.against[:, 4:-1].any()
+    for cells in (*frame_checks.lidar_conflicts.values(), *frame_checks.unlike.values()):
+        assert not cells.inconsistent[:, 4:-1].any()
 
 
 def test_without_a_lidar_nothing_contradicts_it():
-    testimony = heard(plane_rig(), without=frozenset({0}))
-    assert not testimony.contradicted
-    assert set(testimony.unlike) == {(1, 3), (2, 3)}
+    frame_checks = heard(plane_rig(), without=frozenset({0}))
+    assert not frame_checks.lidar_conflicts
+    assert set(frame_checks.unlike) == {(1, 3), (2, 3)}
 
 
 def test_a_missing_camera_s_pairs_are_not_heard():
-    testimony = heard(plane_rig(), without=frozenset({1}))
-    assert set(testimony.unlike) == set(testimony.contradicted) == set(testimony.light) == {(2, 3)}
+    frame_checks = heard(plane_rig(), without=frozenset({1}))
+    assert set(frame_checks.unlike) == set(frame_checks.lidar_conflicts) == set(frame_checks.light) == {(2, 3)}
 
 
 def test_a_pair_too_close_together_contradicts_nobody_but_still_sees_what_is_unlike():
     rig = plane_rig((0.6, 0.06, 0.0))
     assert resolves_depth(rig, 1, 3)
     assert not resolves_depth(rig, 2, 3)
-    testimony = heard(rig)
-    assert set(testimony.contradicted) == {(1, 3)}
-    assert set(testimony.unlike) == {(1, 3), (2, 3)}
+    frame_checks = heard(rig)
+    assert set(frame_checks.lidar_conflicts) == {(1, 3)}
+    assert set(frame_checks.unlike) == {(1, 3), (2, 3)}
 
 
 def test_what_lies_behind_the_counts_is_there_to_be_drawn():
-    testimony = heard(plane_rig())
-    points, map_ = testimony.adjudications[1, 3], testimony.likenesses[1, 3]
-    assert points.valid.sum() == testimony.contradicted[1, 3].valid.sum()
-    assert np.count_nonzero(map_.comparable) == testimony.unlike[1, 3].valid.sum()
+    frame_checks = heard(plane_rig())
+    points, map_ = frame_checks.verified_conflicts[1, 3], frame_checks.consistencies[1, 3]
+    assert points.valid.sum() == frame_checks.lidar_conflicts[1, 3].valid.sum()
+    assert np.count_nonzero(map_.comparable) == frame_checks.unlike[1, 3].valid.sum()

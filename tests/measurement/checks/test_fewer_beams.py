@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.evaluation.attacked_frame import Bench
+from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.scores import CEILINGS, FLOORS
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import Witness
+from auditor.model.checks import Check
 from auditor.model.frames import PointCloud
 
 LOWEST_DEG, BEAMS, FIELD_DEG = -24.9, 64, 26.9
@@ -29,11 +29,13 @@ def test_a_wall_is_contradicted_and_a_clean_street_is_not(street, beams):
     ring = np.floor((np.rad2deg(np.arctan2(z, np.hypot(x, y))) - LOWEST_DEG) / (FIELD_DEG / BEAMS))
     kept = frame.cloud.xyz_m[ring % (BEAMS // beams) == 0]
     assert len(kept) < 1.2 * len(x) * beams / BEAMS
-    bench = Bench(replace(frame, cloud=PointCloud(frame.cloud.stamp_ns, kept)), rig, find_matcher("sgbm"))
+    attacked_frame = AttackedFrame(
+        replace(frame, cloud=PointCloud(frame.cloud.stamp_ns, kept)), rig, find_matcher("sgbm")
+    )
 
-    def contradicted(attacks):
-        ratios = zip(bench.elements, bench.ratios(attacks), strict=True)
-        return [ratio for element, ratio in ratios if element.witness is Witness.CONTRADICTED]
+    def lidar_conflicts(attacks):
+        ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
+        return [ratio for pair_check, ratio in ratios if pair_check.source is Check.LIDAR_CONFLICT]
 
-    assert max(contradicted({})) < FLOORS[Witness.CONTRADICTED]
-    assert min(contradicted({0: BogusWall(range_m=7.0, lateral_m=0.5)})) > CEILINGS[Witness.CONTRADICTED]
+    assert max(lidar_conflicts({})) < FLOORS[Check.LIDAR_CONFLICT]
+    assert min(lidar_conflicts({0: BogusWall(range_m=7.0, lateral_m=0.5)})) > CEILINGS[Check.LIDAR_CONFLICT]

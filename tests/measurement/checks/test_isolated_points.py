@@ -9,11 +9,11 @@ import pytest
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.rain import Rain
-from auditor.measurement import Watch, measure
-from auditor.measurement.checks.point_distribution import isolated, scatter, specks
+from auditor.measurement import FaultFeatures, measure
+from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.model.checks import Element, Specks, Witness
+from auditor.model.checks import Check, IsolatedShares, PairCheck
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
@@ -23,7 +23,7 @@ PLANE = PointCloud(0, plane_cloud(20.0))
 
 def seen(cloud):
     view = lidar_view(cloud, RIG, 3)
-    return specks(view, isolated(view, FOCAL), WIDTH)
+    return isolated_shares(view, isolated(view, FOCAL), WIDTH)
 
 
 def pulled(share, nearest_m, farthest_m, columns=slice(None)):
@@ -80,21 +80,21 @@ def test_a_view_of_hardly_any_points_says_nothing():
 def test_they_are_watched_where_a_pair_may_deny_the_lidar():
     frame = plane_frame(RIG)
     wet = replace(frame, cloud=Rain(25, seed=1).apply(frame.cloud, RIG))
-    watch = Watch()
+    watch = FaultFeatures()
     for given, raining in ((frame, False), (wet, True)):
-        found = watch.observe(measure(given, RIG, SgbmMatcher())[1])
-        assert {pair.specks for pair in found.values()} == {found[1, 3].specks}
-        assert (found[1, 3].specks.specks_near > 0.01) is raining
+        found = watch.update(measure(given, RIG, SgbmMatcher())[1])
+        assert {pair.isolated_shares for pair in found.values()} == {found[1, 3].isolated_shares}
+        assert (found[1, 3].isolated_shares.specks_near > 0.01) is raining
     rig = plane_rig(lidar=False)
-    blind = Watch().observe(measure(replace(plane_frame(rig), cloud=None), rig, SgbmMatcher())[1])
-    assert isnan(blind[1, 3].specks.specks_near)
+    blind = FaultFeatures().update(measure(replace(plane_frame(rig), cloud=None), rig, SgbmMatcher())[1])
+    assert isnan(blind[1, 3].isolated_shares.specks_near)
 
 
 def test_scattered_points_are_told_and_neither_drops_nor_a_dry_view():
     dry, rain, scattered = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
-    assert scatter(dry) == scatter(rain) == 0
-    assert scatter(scattered) > 0.6
-    assert scatter(Specks()) is None
+    assert isolated_ratio(dry) == isolated_ratio(rain) == 0
+    assert isolated_ratio(scattered) > 0.6
+    assert isolated_ratio(IsolatedShares()) is None
 
 
 @pytest.mark.parametrize("xyz", [np.zeros((0, 3)), [[-5, 0, 0]], [[5, 0, 0]]], ids=["none", "behind", "one"])
@@ -102,5 +102,5 @@ def test_a_cloud_of_hardly_any_points_is_measured(xyz):
     frame = plane_frame(RIG)
     bare = replace(frame, cloud=PointCloud(0, np.asarray(xyz, dtype=np.float32)))
     measurement, _ = measure(bare, RIG, SgbmMatcher())
-    assert measurement.shares[Element(Witness.EMPTY, 0, 3)] == 1.0
-    assert Element(Witness.SCATTERED, 0, 3) not in measurement.shares
+    assert measurement.shares[PairCheck(Check.POINT_DROPOUT, 0, 3)] == 1.0
+    assert PairCheck(Check.ISOLATED_POINTS, 0, 3) not in measurement.shares

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from auditor.measurement.checks import lidar_conflict
-from auditor.measurement.checks.lidar_conflict import adjudicate
-from auditor.measurement.checks.photometric_consistency import Likeness, likeness
+from auditor.measurement.checks.lidar_conflict import verify_conflicts
+from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -21,10 +21,10 @@ def judged(cloud, images=None):
     """Adjudicate S_1 and S_3's pictures of a plane 9 m away against a cloud."""
     rig = plane_rig()
     images = images or plane_images(rig, DEPTH_M)
-    halves = halve(images[3]), halve(images[1])
-    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in halves))
+    half_res = halve(images[3]), halve(images[1])
+    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in half_res))
     view = lidar_view(PointCloud(0, cloud), rig, 3)
-    return adjudicate(view, stereo, likeness(*halves, stereo), rig, 1, halves)
+    return verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, 1, half_res)
 
 
 def with_wall(cloud, depth_m=5.0):
@@ -36,15 +36,15 @@ def with_wall(cloud, depth_m=5.0):
 def test_a_cloud_that_agrees_is_not_contradicted():
     result = judged(plane_cloud(DEPTH_M))
     assert result.valid.sum() > 5000
-    assert not result.contradicted[result.column < WIDTH - BORDER_PX].any()
+    assert not result.lidar_conflicts[result.column < WIDTH - BORDER_PX].any()
 
 
 def test_a_bogus_wall_is_contradicted_where_it_stands_and_nowhere_else():
     result = judged(with_wall(plane_cloud(DEPTH_M)))
     inside = np.abs(result.column - WIDTH / 2) < 25
-    assert result.contradicted[result.valid & inside].mean() > 0.9
+    assert result.lidar_conflicts[result.valid & inside].mean() > 0.9
     outside = (np.abs(result.column - WIDTH / 2) > 45) & (result.column < WIDTH - BORDER_PX)
-    assert not result.contradicted[outside].any()
+    assert not result.lidar_conflicts[outside].any()
 
 
 def test_a_facula_on_a_camera_contradicts_nothing():
@@ -52,7 +52,7 @@ def test_a_facula_on_a_camera_contradicts_nothing():
     images[1] = images[1].copy()
     images[1][20:100, 100:220] = 255
     result = judged(plane_cloud(DEPTH_M), images)
-    assert result.contradicted.sum() < 0.01 * result.valid.sum()
+    assert result.lidar_conflicts.sum() < 0.01 * result.valid.sum()
 
 
 def test_points_moved_by_one_period_of_a_texture_are_denied_only_by_a_pair_of_another_baseline():
@@ -63,11 +63,11 @@ def test_points_moved_by_one_period_of_a_texture_are_denied_only_by_a_pair_of_an
     near_m = 300 * 0.6 / (20 + period)  # 44 px instead of 20 between S_1 and S_3, 22 instead of 10 between S_2 and S_3
     view = lidar_view(PointCloud(0, plane_cloud(near_m)), rig, 3)
     denied = {}
-    for witness in (1, 2):
-        halves = halve(images[3]), halve(images[witness])
-        stereo = stereo_map(SgbmMatcher(), images[3], images[witness], *(textured(half) for half in halves))
-        found = adjudicate(view, stereo, likeness(*halves, stereo), rig, witness, halves)
-        denied[witness] = int(found.contradicted[found.column < WIDTH - period].sum())
+    for source in (1, 2):
+        half_res = halve(images[3]), halve(images[source])
+        stereo = stereo_map(SgbmMatcher(), images[3], images[source], *(textured(half) for half in half_res))
+        found = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, source, half_res)
+        denied[source] = int(found.lidar_conflicts[found.column < WIDTH - period].sum())
     assert denied[2] > 3000
     assert denied[1] < denied[2] / 50
 
@@ -88,12 +88,12 @@ def test_points_beyond_the_matcher_s_range_are_not_valid():
 
 def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
     cloud = with_wall(plane_cloud(DEPTH_M))
-    everything = judged(cloud).contradicted
+    everything = judged(cloud).lidar_conflicts
     monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=50))
     asked = []
-    original = lidar_conflict.likeness_at
+    original = lidar_conflict.ncc_at
     monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))
-    few = judged(cloud).contradicted
+    few = judged(cloud).lidar_conflicts
     assert asked[0] <= 50
     assert few.sum() == pytest.approx(everything.sum(), rel=0.1)
 
@@ -109,17 +109,17 @@ def test_a_surface_that_the_beam_passes_over_is_no_contradiction():
     top = HEIGHT // 2
     for number, left in ((1, 140 - 40), (3, 140)):
         images[number][top:, left : left + 60] = near[number][top:, left : left + 60]
-    halves = halve(images[3]), halve(images[1])
-    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in halves))
+    half_res = halve(images[3]), halve(images[1])
+    stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in half_res))
     cloud = plane_cloud(DEPTH_M)
     cloud[:, 2] -= 2.0
     results = {}
     for name, vehicle in (("above", lifted), ("beside", rig)):
         points = cloud if name == "above" else plane_cloud(DEPTH_M)
         view = lidar_view(PointCloud(0, points), vehicle, 3)
-        result = adjudicate(view, stereo, likeness(*halves, stereo), vehicle, 1, halves)
+        result = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), vehicle, 1, half_res)
         band = (result.row > top + 8) & (result.row < top + 20) & (result.column > 155) & (result.column < 190)
-        results[name] = int(result.contradicted[band].sum())
+        results[name] = int(result.lidar_conflicts[band].sum())
     # The beam from the camera's own place would have to go through the post: there it is a contradiction.
     assert results["beside"] > 50
     assert results["above"] < results["beside"] / 5
@@ -187,10 +187,10 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         "likeness_at",
         lambda _, __, r, c, ___: np.array([n0_at[at] for at in zip(r.tolist(), c.tolist(), strict=True)], np.float32),
     )
-    found = adjudicate(
+    found = verify_conflicts(
         seen_at(rig, row, column, u, d0),
         StereoMap(disparity, valid, textured, 2, 128),
-        Likeness(alike, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
+        PairConsistency(alike, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
         rig,
         1,
         NO_IMAGES,
@@ -207,11 +207,11 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         denies[n] = n0[n] < alike[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
     flagged = np.flatnonzero(can_be & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
-    contradicted = np.zeros(count, np.bool_)
+    lidar_conflicts = np.zeros(count, np.bool_)
     for place, n in enumerate(flagged):
-        contradicted[n] = denies[flagged[place - place % stride]]
-    np.testing.assert_array_equal(found.contradicted, contradicted)
-    np.testing.assert_array_equal(found.valid, can_be & (contradicted | ~over))
+        lidar_conflicts[n] = denies[flagged[place - place % stride]]
+    np.testing.assert_array_equal(found.lidar_conflicts, lidar_conflicts)
+    np.testing.assert_array_equal(found.valid, can_be & (lidar_conflicts | ~over))
 
 
 @pytest.mark.parametrize(
@@ -237,10 +237,10 @@ def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, 
     monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
-    found = adjudicate(
-        view, StereoMap(disparity, ones, ones, 2, 128), Likeness(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
+    found = verify_conflicts(
+        view, StereoMap(disparity, ones, ones, 2, 128), PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
     )
-    assert found.contradicted.tolist() == [not hidden]
+    assert found.lidar_conflicts.tolist() == [not hidden]
 
 
 @pytest.mark.parametrize(("flagged", "asked"), [(1000, 1000), (1001, 501), (2001, 667)])
@@ -257,6 +257,6 @@ def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th
     rig, ones = plane_rig(), np.ones(grid, np.bool_)
     view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))
     stereo = StereoMap(np.full(grid, 20.0, np.float32), ones, ones, 2, 128)
-    found = adjudicate(view, stereo, Likeness(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES)
+    found = verify_conflicts(view, stereo, PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES)
     assert sizes == [asked]
-    assert found.contradicted.sum() == flagged
+    assert found.lidar_conflicts.sum() == flagged

@@ -2,9 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.photometric_consistency import likeness, likeness_at, matchable
+from auditor.measurement.checks.photometric_consistency import matchable, ncc_at, photometric_consistency
 from auditor.measurement.disparity.half_resolution import halve
-from auditor.measurement.disparity.lidar import Reach
+from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
 from tests.making.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
@@ -20,36 +20,39 @@ def flat_map(disparity_px, step=2):
 
 
 @pytest.fixture
-def halves():
+def half_res():
     images = plane_images(plane_rig(), DEPTH_M)
     return halve(images[3]), halve(images[1])
 
 
-def test_pictures_of_one_plane_are_alike_at_its_disparity(halves):
-    pair = likeness(*halves, flat_map(20))
+def test_pictures_of_one_plane_are_alike_at_its_disparity(half_res):
+    pair = photometric_consistency(*half_res, flat_map(20))
     assert np.median(pair.alike[:, 20:]) > 0.9
     assert pair.comparable[:, 22:].all()
     assert not pair.comparable[:, :22].any()  # ten without a match, and twelve beside them
     assert not pair.unlike.any()
 
 
-def test_a_full_resolution_map_gives_the_same_likeness(halves):
-    coarse, fine = likeness(*halves, flat_map(20)), likeness(*halves, flat_map(20, step=1))
+def test_a_full_resolution_map_gives_the_same_likeness(half_res):
+    coarse, fine = (
+        photometric_consistency(*half_res, flat_map(20)),
+        photometric_consistency(*half_res, flat_map(20, step=1)),
+    )
     np.testing.assert_array_equal(coarse.alike, fine.alike)
     np.testing.assert_array_equal(coarse.comparable, fine.comparable)
 
 
-def test_a_change_of_brightness_and_contrast_is_not_unlike(halves):
-    reference, witness = halves
-    pair = likeness(reference, (witness * 0.7 + 40).astype(np.uint8), flat_map(20))
+def test_a_change_of_brightness_and_contrast_is_not_unlike(half_res):
+    reference, source = half_res
+    pair = photometric_consistency(reference, (source * 0.7 + 40).astype(np.uint8), flat_map(20))
     assert not pair.unlike.any()
 
 
-def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(halves):
-    reference, witness = halves
-    witness = witness.copy()
-    witness[10:50, 60:110] = 255
-    pair = likeness(reference, witness, flat_map(20))
+def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(half_res):
+    reference, source = half_res
+    source = source.copy()
+    source[10:50, 60:110] = 255
+    pair = photometric_consistency(reference, source, flat_map(20))
     assert pair.unlike[16:44, 78:112].all()  # ten half-resolution pixels to the right of it, less the patch's reach
     assert not pair.unlike[:, 125:].any()
 
@@ -57,7 +60,7 @@ def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(h
 @pytest.mark.parametrize(("level", "comparable"), [(128, True), (255, False)])
 def test_without_texture_light_is_compared_unless_it_saturates(level, comparable):
     grey = np.full((60, 160), level, dtype=np.uint8)
-    pair = likeness(grey, grey, flat_map(20))
+    pair = photometric_consistency(grey, grey, flat_map(20))
     assert pair.comparable[:, 22:].all() == comparable
     assert not pair.unlike.any()
 
@@ -68,7 +71,7 @@ def test_light_or_darkness_that_only_one_camera_sees_is_unlike_where_there_is_no
     shade = np.tile(np.linspace(80, 160, 60, dtype=np.float32)[:, None], (1, 160)).astype(np.uint8)
     pair = [shade, shade.copy()]
     pair[brighter][20:45, 60:110] += np.uint8(added % 256)
-    found = likeness(*pair, flat_map(0)).unlike
+    found = photometric_consistency(*pair, flat_map(0)).unlike
     assert found[26:39, 66:104].all()
     assert not found[:, 120:].any()
 
@@ -80,47 +83,47 @@ def test_a_sky_that_saturates_in_one_camera_is_not_unlike_where_the_other_s_lens
     scene[:20] = 400
     fade = np.linspace(1, 0.6, 160)  # to 240 at the right edge of the reference
     reference = np.clip(scene * np.where(scene > 255, fade, 1), 0, 255).astype(np.uint8)
-    witness = np.clip(scene / gain, 0, 255).astype(np.uint8)
-    assert not likeness(reference, witness, flat_map(0)).unlike[:16].any()
+    source = np.clip(scene / gain, 0, 255).astype(np.uint8)
+    assert not photometric_consistency(reference, source, flat_map(0)).unlike[:16].any()
 
 
-def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(halves):
+def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(half_res):
     stereo = flat_map(20)
     stereo.disparity_px[:, 90:120] = 80  # lands at columns 50 to 80: what lies there at a disparity of 20 is hidden
-    comparable = likeness(*halves, stereo).comparable
+    comparable = photometric_consistency(*half_res, stereo).comparable
     assert not comparable[:, 62:90].any()
     assert comparable[:, 125:].all()
 
 
-def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_not_unlike(halves):
+def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_not_unlike(half_res):
     stereo = flat_map(20)
     stereo.disparity_px[30, 80] = 90
-    assert not likeness(*halves, stereo).unlike.any()
+    assert not photometric_consistency(*half_res, stereo).unlike.any()
 
 
-def test_pixels_without_a_disparity_are_not_comparable(halves):
+def test_pixels_without_a_disparity_are_not_comparable(half_res):
     nothing = StereoMap(
         np.full((60, 160), np.nan, np.float32), np.zeros((60, 160), bool), np.ones((60, 160), bool), 2, 128
     )
-    assert not likeness(*halves, nothing).comparable.any()
+    assert not photometric_consistency(*half_res, nothing).comparable.any()
 
 
-def test_single_points_are_alike_at_the_right_disparity_and_half_a_pixel_beside_it_only(halves):
+def test_single_points_are_alike_at_the_right_disparity_and_half_a_pixel_beside_it_only(half_res):
     row, column = np.array([30, 40, 0, 59]), np.array([80, 100, 60, 150])
-    right = likeness_at(*halves, row, column, np.full(4, 10, np.float32))
+    right = ncc_at(*half_res, row, column, np.full(4, 10, np.float32))
     assert right.min() > 0.8
-    assert likeness_at(*halves, row, column, np.full(4, 10.5, np.float32)).min() > 0.8
-    assert likeness_at(*halves, row, column, np.full(4, 13, np.float32)).max() < 0.6
+    assert ncc_at(*half_res, row, column, np.full(4, 10.5, np.float32)).min() > 0.8
+    assert ncc_at(*half_res, row, column, np.full(4, 13, np.float32)).max() < 0.6
 
 
-def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(halves):
+def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(half_res):
     row, column = np.array([30]), np.array([5])
-    assert -1 <= likeness_at(*halves, row, column, np.array([60], np.float32))[0] <= 1
+    assert -1 <= ncc_at(*half_res, row, column, np.array([60], np.float32))[0] <= 1
 
 
-def test_no_points_have_no_likeness(halves):
+def test_no_points_have_no_likeness(half_res):
     nothing = np.zeros(0, dtype=np.int64)
-    assert likeness_at(*halves, nothing, nothing, np.zeros(0, np.float32)).shape == (0,)
+    assert ncc_at(*half_res, nothing, nothing, np.zeros(0, np.float32)).shape == (0,)
 
 
 def patches(image, border):
@@ -140,24 +143,24 @@ def correlated(one, other):
 def test_the_correlation_of_two_pictures_is_that_of_each_patch_by_itself(contrast):
     rng = np.random.default_rng(5)
     scene = cv2.GaussianBlur(rng.uniform(0, 255, (40, 90)), (3, 3), 0) * contrast + 20
-    reference, witness = (scene + rng.normal(0, 4 * contrast, scene.shape)).astype(np.uint8), scene.astype(np.uint8)
+    reference, source = (scene + rng.normal(0, 4 * contrast, scene.shape)).astype(np.uint8), scene.astype(np.uint8)
     disparity = np.float32(2 * rng.integers(0, 6, (40, 90)))
     stereo = StereoMap(disparity, np.ones((40, 90), bool), np.ones((40, 90), bool), 2, 128)
     column = np.clip(np.arange(90) - disparity.astype(int) // 2, 0, 89)
-    warped = np.take_along_axis(witness, column, axis=1)
+    warped = np.take_along_axis(source, column, axis=1)
     expected = correlated(patches(reference, "reflect"), patches(warped, "reflect"))
-    np.testing.assert_allclose(likeness(reference, witness, stereo).alike, expected, atol=2e-4)
+    np.testing.assert_allclose(photometric_consistency(reference, source, stereo).alike, expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("contrast", [1.0, 0.05])
 def test_the_correlation_of_a_point_is_the_best_of_three_half_a_pixel_apart(contrast):
     rng = np.random.default_rng(6)
-    reference, witness = ((rng.uniform(0, 255, (2, 30, 50))) * contrast).astype(np.uint8)
+    reference, source = ((rng.uniform(0, 255, (2, 30, 50))) * contrast).astype(np.uint8)
     row, column = rng.integers(0, 30, 200), rng.integers(0, 50, 200)
     disparity = np.float32(rng.choice([-1.0, 0.0, 0.2, 3.5, 7.8, 20.0, 60.0], 200))
     doubled = np.zeros((30, 100), np.int64)
-    doubled[:, ::2], doubled[:, 1::2] = witness, witness
-    doubled[:, 1:-1:2] = (witness[:, :-1].astype(int) + witness[:, 1:]) // 2
+    doubled[:, ::2], doubled[:, 1::2] = source, source
+    doubled[:, 1:-1:2] = (source[:, :-1].astype(int) + source[:, 1:]) // 2
     padded = np.pad(doubled, ((3, 3), (30, 30)), mode="edge")
     expected = []
     for r, c, d in zip(row, column, disparity, strict=True):
@@ -165,15 +168,15 @@ def test_the_correlation_of_a_point_is_the_best_of_three_half_a_pixel_apart(cont
         one = patches(reference, "edge")[r, c]
         shifted = [padded[r : r + 7, middle + s - 6 : middle + s + 7 : 2].astype(float) for s in (-1, 0, 1)]
         expected.append(max(correlated(one, other) for other in shifted))
-    np.testing.assert_allclose(likeness_at(reference, witness, row, column, disparity), expected, atol=1e-3)
+    np.testing.assert_allclose(ncc_at(reference, source, row, column, disparity), expected, atol=1e-3)
 
 
 def flat(level=128.0):
     return np.full((60, 160), level, dtype=np.float64)
 
 
-def compared(reference, witness, disparity_px=0):
-    return likeness(reference.astype(np.uint8), witness.astype(np.uint8), flat_map(disparity_px))
+def compared(reference, source, disparity_px=0):
+    return photometric_consistency(reference.astype(np.uint8), source.astype(np.uint8), flat_map(disparity_px))
 
 
 @pytest.mark.parametrize(("level", "comparable"), [(249, True), (250, False)])
@@ -185,9 +188,9 @@ def test_light_that_saturates_both_cameras_says_nothing(level, comparable):
 @pytest.mark.parametrize(("difference", "unlike"), [(40, False), (41, True), (-40, False), (-41, True)])
 def test_brightness_differs_from_forty_grey_levels_on(difference, unlike):
     # Half of the picture is brighter: gain and offset follow the larger, equal part.
-    reference, witness = flat(100), flat(100)
+    reference, source = flat(100), flat(100)
     reference[:, :50] += difference
-    found = compared(reference, witness)
+    found = compared(reference, source)
     assert found.unlike[30, 20] == unlike
     assert not found.unlike[:, 60:].any()
 
@@ -207,18 +210,18 @@ def test_what_lands_more_than_two_pixels_left_of_its_left_neighbours_hides_them(
     # The surface to the right of column 80 lands `gap_px` / 2 half-resolution pixels further left than its neighbour.
     stereo = flat_map(20)
     stereo.disparity_px[:, 80:] = 20 + 2 + gap_px
-    pair = likeness(*(np.full((60, 160), 128, np.uint8),) * 2, stereo)
+    pair = photometric_consistency(*(np.full((60, 160), 128, np.uint8),) * 2, stereo)
     assert pair.comparable[30, 79] == comparable
 
 
 def test_invalid_pixels_and_twelve_on_each_side_of_them_are_not_comparable():
     stereo = flat_map(0)
     stereo.valid[30, 80] = False
-    comparable = likeness(*(np.full((60, 160), 128, np.uint8),) * 2, stereo).comparable
+    comparable = photometric_consistency(*(np.full((60, 160), 128, np.uint8),) * 2, stereo).comparable
     expected = np.ones((60, 160), dtype=np.bool_)
     expected[30, 68:93] = False
     np.testing.assert_array_equal(comparable, expected)
 
 
 def test_what_a_matcher_can_see_ends_at_nine_tenths_of_its_range():
-    assert matchable(128) == Reach(0.9 * 128, 128)
+    assert matchable(128) == RangeMask(0.9 * 128, 128)

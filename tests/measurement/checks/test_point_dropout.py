@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from auditor.measurement.checks.point_distribution import emptiness
+from auditor.measurement.checks.point_distribution import point_dropout
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.model.frames import PointCloud
 from tests.making.scenes import WIDTH, plane_cloud, plane_rig
 
 
 def emptiness_of(cloud):
-    return emptiness(lidar_view(PointCloud(0, cloud), plane_rig(), 3), WIDTH)
+    return point_dropout(lidar_view(PointCloud(0, cloud), plane_rig(), 3), WIDTH)
 
 
 def test_an_even_cloud_lacks_nothing():

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auditor.measurement import Fitting, Watch, localise, measure
+from auditor.measurement import CalibrationCheck, FaultFeatures, localise, measure
 from auditor.measurement.disparity import lidar
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.model.checks import rig_elements
+from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
@@ -123,7 +123,7 @@ def test_all_checks_of_a_frame_project_its_points_once_into_each_camera_of_a_vie
     rig, projected, project = plane_rig((0.6, 0.3, 0.0)), [], lidar._project
     monkeypatch.setattr(lidar, "_project", lambda P, points: projected.append(P.tobytes()) or project(P, points))
     _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
-    Fitting().look(evidence, Watch().observe(evidence))
-    localise(evidence, rig_elements(rig))
+    CalibrationCheck().look(evidence, FaultFeatures().update(evidence))
+    localise(evidence, rig_pair_checks(rig))
     assert sorted(evidence.lidar) == [3]
     assert len(projected) == len(set(projected)) == 3

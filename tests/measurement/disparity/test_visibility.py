@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from auditor.measurement.checks.point_distribution import isolated
-from auditor.measurement.disparity.lidar import LidarView, Reach, lidar_view, too_near, visible_to_witness
+from auditor.measurement.disparity.lidar import LidarView, RangeMask, lidar_view, out_of_range, visible_to_source
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, WrittenDown, plane_cloud, plane_rig
 
-MATCHER = Reach(115.2, 128)
+MATCHER = RangeMask(115.2, 128)
 
 
 def view_of(columns, rows, depths):
@@ -21,35 +21,35 @@ def view_of(columns, rows, depths):
 def test_a_point_behind_a_near_one_in_the_witness_s_image_is_hidden_from_it():
     # In the witness both fall into column 140: 150 - 10 and 200 - 60.
     view, d0 = view_of([150, 200], [60, 60], [18, 3])
-    assert visible_to_witness(view, plane_rig(), 1, d0).tolist() == [False, True]
+    assert visible_to_source(view, plane_rig(), 1, d0).tolist() == [False, True]
 
 
 def test_points_side_by_side_in_the_witness_s_image_hide_nothing():
     view, d0 = view_of([150, 230], [60, 60], [18, 3])
-    assert visible_to_witness(view, plane_rig(), 1, d0).all()
+    assert visible_to_source(view, plane_rig(), 1, d0).all()
 
 
 def test_a_slope_of_less_than_three_pixels_hides_nothing():
     view, d0 = view_of([150, 152], [60, 60], [18, 15])
-    assert visible_to_witness(view, plane_rig(), 1, d0).all()
+    assert visible_to_source(view, plane_rig(), 1, d0).all()
 
 
 def test_a_point_outside_the_witness_s_image_is_not_visible_to_it():
     view, d0 = view_of([5, 200], [60, 60], [9, 9])
-    assert visible_to_witness(view, plane_rig(), 1, d0).tolist() == [False, True]
+    assert visible_to_source(view, plane_rig(), 1, d0).tolist() == [False, True]
 
 
 def test_the_scale_is_that_of_a_baseline_of_sixty_centimetres():
     # At a baseline of 0.3 m the same two points differ by half as many pixels; what hides them does not change.
     view, d0 = view_of([145, 170], [60, 60], [18, 3])
-    assert visible_to_witness(view, plane_rig(), 2, d0 / 2).tolist() == [False, True]
+    assert visible_to_source(view, plane_rig(), 2, d0 / 2).tolist() == [False, True]
 
 
 def seen(u, rows, d0, rig=None):
     """Which of the points at these columns and rows of S_3 are visible to S_1, given their disparities."""
     view, _ = view_of(u, rows, np.ones(len(u)))
     view = replace(view, u_px=np.float32(u))
-    return visible_to_witness(view, rig or plane_rig(), 1, np.float32(d0)).tolist()
+    return visible_to_source(view, rig or plane_rig(), 1, np.float32(d0)).tolist()
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_points_in_the_outermost_columns_and_rows_stay_where_they_are():
 def test_half_the_baseline_is_half_the_difference(d0, visible):
     view, _ = view_of([200, 200], [60, 60], [1, 1])
     view = replace(view, u_px=np.float32([200, 170 + d0]))
-    assert visible_to_witness(view, plane_rig(), 2, np.float32([30, d0])).tolist() == [True, visible]
+    assert visible_to_source(view, plane_rig(), 2, np.float32([30, d0])).tolist() == [True, visible]
 
 
 def test_a_point_left_of_the_witness_s_image_hides_nothing():
@@ -103,7 +103,7 @@ def test_the_mask_of_what_is_too_near_is_that_worked_out_by_hand():
     view = WrittenDown(
         3, columns, rows, np.float32(columns), np.zeros((3, 3), np.float32), 3, np.float32([116, 115, 120])
     )
-    mask = too_near(view, np.array([False, False, True]), plane_rig(), 1, Reach(115.0, 20), (60, 160))
+    mask = out_of_range(view, np.array([False, False, True]), plane_rig(), 1, RangeMask(115.0, 20), (60, 160))
     expected = np.zeros((60, 160), dtype=np.bool_)
     expected[30 - 8 : 30 + 9, 100 - 8 - 9 : 100 + 9] = True
     np.testing.assert_array_equal(mask, expected)
@@ -117,7 +117,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
     cloud = plane_cloud(1.5)  # 300 px 0.6 m / 1.5 m = 120 px
     right = cloud[:, 1] < -0.2
     view = lidar_view(PointCloud(0, cloud[right]), plane_rig(), 3)
-    mask = too_near(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2))
+    mask = out_of_range(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2))
     edge = int(view.column.min()) // 2
     assert mask[30, edge + 4 :].all()
     assert mask[30, edge - 60 : edge].all()
@@ -126,7 +126,7 @@ def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked(
 
 def test_nothing_is_masked_where_everything_can_be_matched():
     view = lidar_view(PointCloud(0, plane_cloud(2.0)), plane_rig(), 3)  # 90 px
-    assert not too_near(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
+    assert not out_of_range(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
 
 
 def test_drops_that_stand_alone_hide_nothing():
@@ -134,5 +134,5 @@ def test_drops_that_stand_alone_hide_nothing():
     alone = isolated(view, plane_rig().camera(3).focal_px)
     assert alone.any()
     size = HEIGHT // 2, WIDTH // 2
-    assert too_near(view, nothing(view), 1, MATCHER, size).any()
-    assert not too_near(view, alone, 1, MATCHER, size).any()
+    assert out_of_range(view, nothing(view), 1, MATCHER, size).any()
+    assert not out_of_range(view, alone, 1, MATCHER, size).any()

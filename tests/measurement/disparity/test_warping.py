@@ -5,7 +5,7 @@ from auditor.lab.simulation.vehicles import make_rig, rotation
 from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.disparity.warping import WayBack
+from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.model.measurement import Counts
 from auditor.model.rig import Camera, Rig
 from tests.making.scenes import moved
@@ -77,7 +77,7 @@ def test_marks_lie_where_the_reference_view_has_them() -> None:
 def test_what_the_pair_does_not_see_is_unknown() -> None:
     near = Camera(1, "near", "/near", 40, 30, np.array([[50.0, 0, 20, 0], [0, 50, 15, 0], [0, 0, 1, 0]]))
     wide = Camera(1, "wide", "/wide", 80, 30, np.array([[50.0, 0, 40, 0], [0, 50, 15, 0], [0, 0, 1, 0]]))
-    values = WayBack(near, wide, np.eye(3)).values(np.ones((30, 40), dtype=np.float32), 1)
+    values = PairToSharedView(near, wide, np.eye(3)).values(np.ones((30, 40), dtype=np.float32), 1)
     assert np.isnan(values[:, :20]).all()
     assert np.isnan(values[:, 60:]).all()
     assert (values[:, 20:60] == 1).all()

@@ -10,7 +10,7 @@ import pytest
 from auditor.lab.attacks.paper import Facula
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.fitting import CASES, complaints
+from tests.benchmarks.fitting import CASES, warnings
 from tests.benchmarks.real_drives import frames
 
 
@@ -35,12 +35,12 @@ def some(real_data: Path) -> tuple[Rig, list[Frame]]:
 def test_a_broken_geometry_is_told_and_a_sound_one_is_not(
     some: tuple[Rig, list[Frame]], case: str, said: str | None
 ) -> None:
-    told = complaints(CASES[case], *some)
+    usable = warnings(CASES[case], *some)
     if said is None:
-        assert told == ()
+        assert usable == ()
     else:
-        assert len(told) == 1
-        assert re.search(said, told[0])
+        assert len(usable) == 1
+        assert re.search(said, usable[0])
 
 
 def test_an_attack_on_two_frames_of_three_is_no_broken_geometry(some: tuple[Rig, list[Frame]]) -> None:
@@ -49,5 +49,5 @@ def test_an_attack_on_two_frames_of_three_is_no_broken_geometry(some: tuple[Rig,
         replace(frame, images={**frame.images, 3: Facula(2000, 375, 600, 180).apply(frame.images[3])})
         for frame in clean * 2
     ]
-    assert complaints(CASES["as it is"], rig, dazzled)
-    assert complaints(CASES["as it is"], rig, [clean[0], *dazzled[:2], clean[1], *dazzled[2:]]) == ()
+    assert warnings(CASES["as it is"], rig, dazzled)
+    assert warnings(CASES["as it is"], rig, [clean[0], *dazzled[:2], clean[1], *dazzled[2:]]) == ()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from auditor.lab.attacks.faults import DimmedCamera, ShiftedCamera
-from auditor.measurement import Watch, measure
+from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.model.checks import COLUMNS, PairSymptoms
+from auditor.model.checks import COLUMNS, PairFaultFeatures
 from auditor.model.frames import CameraImage
 from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
@@ -35,10 +35,10 @@ def with_image(frame, sensor, fault):
 
 
 def observed(*frames, rig=RIG):
-    watch = Watch()
+    watch = FaultFeatures()
     for frame in frames:
         _, evidence = measure(frame, rig, SgbmMatcher())
-        seen = watch.observe(evidence)
+        seen = watch.update(evidence)
     return seen
 
 
@@ -144,5 +144,5 @@ def test_without_a_lidar_nothing_is_said_of_it():
     rig = plane_rig(lidar=False)
     pair = observed(replace(scene(), cloud=None), rig=rig)[1, 3]
     assert all(isnan(value) for value in pair.agreement)
-    assert len(PairSymptoms().values) == len(COLUMNS)
-    assert all(isnan(value) for value in PairSymptoms().values)
+    assert len(PairFaultFeatures().values) == len(COLUMNS)
+    assert all(isnan(value) for value in PairFaultFeatures().values)

@@ -8,15 +8,15 @@ from auditor.measurement import localise, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.localisation.points import solid_around
 from auditor.measurement.localisation.regions import suspects
-from auditor.model.checks import Element, Witness
+from auditor.model.checks import Check, PairCheck
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import REGION_STEP
 from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_rig
 from tests.measurement.fault_features.test_fault_features import DEPTH_M, scene
 
 RIG = plane_rig()
-UNLIKE = [Element(Witness.UNLIKE, i, 3) for i in (1, 2)]
-CONTRADICTED = [Element(Witness.CONTRADICTED, i, 3) for i in (1, 2)]
+PHOTOMETRIC_INCONSISTENCY = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, 3) for i in (1, 2)]
+LIDAR_CONFLICT = [PairCheck(Check.LIDAR_CONFLICT, i, 3) for i in (1, 2)]
 
 
 def regions(frame, raised):
@@ -42,7 +42,9 @@ def test_what_is_brighter_or_darker_than_all_others_see_is_found(sensor, light):
     image = frame.images[sensor]
     pixels = np.where(truth, np.clip(image.pixels.astype(int) + light, 0, 255), image.pixels).astype(np.uint8)
     changed = replace(frame, images={**frame.images, sensor: replace(image, pixels=pixels)})
-    region = regions(changed, UNLIKE if sensor == 3 else UNLIKE[sensor - 1 : sensor])[sensor]
+    region = regions(
+        changed, PHOTOMETRIC_INCONSISTENCY if sensor == 3 else PHOTOMETRIC_INCONSISTENCY[sensor - 1 : sensor]
+    )[sensor]
     assert overlap(covered(region), truth) > 0.75
     assert region.view == sensor
     assert region.box_px == pytest.approx((120, 32, 200, 88), abs=8)
@@ -54,7 +56,7 @@ def test_a_wall_s_points_and_their_box_are_found():
     cloud = plane_cloud(DEPTH_M)
     inside = np.abs(cloud[:, 1]) < 1.0
     wall = np.where(inside[:, None], cloud * np.float32(5 / DEPTH_M), cloud)
-    region = regions(replace(scene(), cloud=PointCloud(0, wall)), CONTRADICTED)[0]
+    region = regions(replace(scene(), cloud=PointCloud(0, wall)), LIDAR_CONFLICT)[0]
     truth = np.zeros((HEIGHT, WIDTH), dtype=bool)
     truth[:, WIDTH // 2 - 33 : WIDTH // 2 + 34] = True
     assert overlap(covered(region), truth) > 0.9
@@ -70,16 +72,16 @@ def test_nothing_is_looked_for_where_nothing_can_be_raised():
 
 
 def test_nothing_is_found_where_nothing_is_wrong():
-    assert regions(scene(), [*UNLIKE, *CONTRADICTED]) == {}
+    assert regions(scene(), [*PHOTOMETRIC_INCONSISTENCY, *LIDAR_CONFLICT]) == {}
 
 
 def test_the_fewest_cameras_that_touch_all_raised_pairs_are_suspects():
-    assert suspects(UNLIKE, (1, 2, 3)) == (3,)
-    assert suspects(UNLIKE[:1], (1, 2, 3)) == (1, 3)
-    assert suspects(CONTRADICTED, (1, 2, 3)) == ()
-    two = [Element(Witness.UNLIKE, *pair) for pair in ((1, 4), (2, 4), (1, 3), (2, 3))]
+    assert suspects(PHOTOMETRIC_INCONSISTENCY, (1, 2, 3)) == (3,)
+    assert suspects(PHOTOMETRIC_INCONSISTENCY[:1], (1, 2, 3)) == (1, 3)
+    assert suspects(LIDAR_CONFLICT, (1, 2, 3)) == ()
+    two = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair) for pair in ((1, 4), (2, 4), (1, 3), (2, 3))]
     assert suspects(two, (1, 2, 3, 4)) == (1, 2, 3, 4)  # either S_1 and S_2, or S_3 and S_4
-    assert suspects([*two, Element(Witness.LIGHT, 3, 4)], (1, 2, 3, 4)) == (3, 4)
+    assert suspects([*two, PairCheck(Check.BRIGHTNESS_DIFFERENCE, 3, 4)], (1, 2, 3, 4)) == (3, 4)
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 20, -30])

@@ -284,13 +284,13 @@ def test_frames_in_batches_have_the_disparities_of_single_ones_also_when_memory_
 
 
 def test_compiled_both_halves_are_and_nothing_else_changes(monkeypatch) -> None:
-    halves = []
-    monkeypatch.setattr(torch, "compile", lambda work: halves.append(work.__name__) or work)
-    monkeypatch.setattr(torch.nn.Module, "compile", lambda module: halves.append(type(module).__name__))
+    half_res = []
+    monkeypatch.setattr(torch, "compile", lambda work: half_res.append(work.__name__) or work)
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda module: half_res.append(type(module).__name__))
     compiled = PsmnetMatcher(weights(), compiled=True)
-    assert halves == ["Features", "costs"]
+    assert half_res == ["Features", "costs"]
     assert compiled.settings == PsmnetMatcher(weights()).settings
-    assert len(halves) == 2
+    assert len(half_res) == 2
     left, right = noise(32, 64, 1), noise(32, 64, 2)
     assert np.array_equal(compiled.match(left, right), PsmnetMatcher(weights()).match(left, right))
 

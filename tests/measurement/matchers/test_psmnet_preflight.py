@@ -3,11 +3,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from auditor.measurement.disparity.matchers import SgbmMatcher, foretell  # noqa: E402
+from auditor.measurement.disparity.matchers import SgbmMatcher, preflight  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.network import PSMNet  # noqa: E402
 from auditor.measurement.disparity.matchers.psmnet.preflight import (  # noqa: E402
-    Cost,  # noqa: E402
+    Cost,
     check_precision,
     check_scale,
     first_frames_warnings,
@@ -138,7 +138,7 @@ def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypat
         "auditor.measurement.disparity.matchers.psmnet.preflight.first_frames_warnings",
         lambda matcher, rig, frames: (f"{len(frames)} looked at",),
     )
-    said = foretell(matcher, rig, [plane_frame(rig)], 7200)
+    said = preflight(matcher, rig, [plane_frame(rig)], 7200)
     # Three images, and two pairs in the view of the leftmost.
     assert said == ("psmnet on cuda:0: about 5.5 s a frame, 11.0 h for 7200 frames", "1 looked at")
-    assert foretell(SgbmMatcher(), rig, [plane_frame(rig)], 7200) == ()
+    assert preflight(SgbmMatcher(), rig, [plane_frame(rig)], 7200) == ()

@@ -77,14 +77,14 @@ def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
     return open_torchscript(path, device=options.device, threads=options.threads)
 
 
-def foretell(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
+def preflight(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
     """What a network says before it measures `count` frames, from the first of them: its cost, and what looks wrong.
 
     Matchers that are no networks of this package say nothing.
     """
     if matcher.name != "psmnet":
         return ()
-    return tuple(psmnet_module("preflight").foretell(matcher, rig, first, count))
+    return tuple(psmnet_module("preflight").preflight(matcher, rig, first, count))
 
 
 def psmnet_module(name: str, package: str = "auditor.measurement.disparity.matchers.psmnet") -> ModuleType:
@@ -117,7 +117,7 @@ __all__ = [
     "MatcherOptions",
     "SgbmMatcher",
     "find_matcher",
-    "foretell",
     "libraries",
+    "preflight",
     "psmnet_module",
 ]

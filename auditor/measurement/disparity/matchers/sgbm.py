@@ -41,10 +41,10 @@ class SgbmMatcher:
         if self.step == 2:
             left, right = halve(left), halve(right)
         # Without the border SGBM gives no disparity in the leftmost `reach` columns of the left image.
-        reach = self.range_px // self.step
+        range_mask = self.range_px // self.step
         matcher = cv2.StereoSGBM.create(
             minDisparity=0,
-            numDisparities=reach,
+            numDisparities=range_mask,
             blockSize=_BLOCK,
             P1=SGBM.smoothness_1 * _BLOCK * _BLOCK,
             P2=SGBM.smoothness_2 * _BLOCK * _BLOCK,
@@ -52,11 +52,11 @@ class SgbmMatcher:
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         )
         # Negative where there is no match.
-        fixed = matcher.compute(_bordered(left, reach), _bordered(right, reach))[:, reach:]
+        fixed = matcher.compute(_bordered(left, range_mask), _bordered(right, range_mask))[:, range_mask:]
         disparity = fixed.astype(np.float32) * np.float32(self.step / _SIXTEENTHS)
         disparity[fixed < 0] = np.nan
         return disparity
 
 
-def _bordered(image: NDArray[np.uint8], reach: int) -> cv2.typing.MatLike:
-    return cv2.copyMakeBorder(image, 0, 0, reach, 0, cv2.BORDER_REPLICATE)
+def _bordered(image: NDArray[np.uint8], range_mask: int) -> cv2.typing.MatLike:
+    return cv2.copyMakeBorder(image, 0, 0, range_mask, 0, cv2.BORDER_REPLICATE)

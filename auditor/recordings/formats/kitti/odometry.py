@@ -10,7 +10,7 @@ import numpy as np
 
 from auditor.errors import DecodingError, RecordingError
 from auditor.model.geometry import Matrix
-from auditor.recordings.decoding.pictures import look_at_picture
+from auditor.recordings.decoding.pictures import inspect_picture
 from auditor.recordings.formats.kitti.raw import (
     CAMERAS,
     PERIOD_NS,
@@ -90,6 +90,6 @@ def _size_px(picture: Path) -> tuple[int, int]:
     with picture.open("rb") as stream:
         head = stream.read(_HEADER_BYTES)
     try:
-        return look_at_picture(memoryview(head)).size_px
+        return inspect_picture(memoryview(head)).size_px
     except DecodingError as error:
         raise RecordingError(error.what, where=picture) from error

@@ -73,24 +73,24 @@ class Pages:
         else:
             header = _read(file, 0, _HEADER_BYTES) if size >= _HEADER_BYTES else b""
         self.has_header = header.startswith(MAGIC)
-        told = _UINT16.unpack_from(header, 16)[0] if header else 0
-        told = 2**16 if told == 1 else told
-        self.page_bytes = told if self.has_header and told in _PAGE_SIZES else _USUAL_PAGE_SIZE
+        declared = _UINT16.unpack_from(header, 16)[0] if header else 0
+        declared = 2**16 if declared == 1 else declared
+        self.page_bytes = declared if self.has_header and declared in _PAGE_SIZES else _USUAL_PAGE_SIZE
         reserved = header[20] if self.has_header else 0
         self._usable = self.page_bytes - (reserved if reserved <= 32 else 0)
         self._own_count = size // self.page_bytes
         self.count = self._own_count
-        self._told_count = _UINT32.unpack_from(header, 28)[0] if self.has_header else 0
+        self._declared_count = _UINT32.unpack_from(header, 28)[0] if self.has_header else 0
         if journal and journal.page_count:
-            self._told_count = journal.page_count
+            self._declared_count = journal.page_count
             self.count = min(journal.page_count, self._own_count + len(self._newer))
         self._most_row_bytes = self.count * self.page_bytes
 
     @property
     def is_cut(self) -> bool:
         """True where the file says that it has more pages than there are."""
-        missing = self._told_count > self.count
-        return missing or any(page not in self._newer for page in range(self._own_count + 1, self._told_count + 1))
+        missing = self._declared_count > self.count
+        return missing or any(page not in self._newer for page in range(self._own_count + 1, self._declared_count + 1))
 
     def offset(self, number: int) -> int:
         """Where page `number` (from 1) begins."""

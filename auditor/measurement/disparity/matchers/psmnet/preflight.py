@@ -104,7 +104,7 @@ def check_precision(
 
 
 def first_frames_warnings(
-    matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame], sights: Mapping[int, Mask] | None = None
+    matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame], valid_masks: Mapping[int, Mask] | None = None
 ) -> tuple[str, ...]:
     """What looks wrong with a matcher on the first frames of a recording; no warning where nothing can be checked.
 
@@ -126,8 +126,8 @@ def first_frames_warnings(
         if frame.cloud is not None:
             view = lidar_view(frame.cloud, rig, leftmost)
             truth[view.row // matcher.step, view.column // matcher.step] = view.disparity_px(rightmost)
-            if sights:
-                truth[~seen_by_both(truth, matcher.step, sights[leftmost], sights[rightmost])] = np.nan
+            if valid_masks:
+                truth[~seen_by_both(truth, matcher.step, valid_masks[leftmost], valid_masks[rightmost])] = np.nan
         measured.append((disparity, truth))
     scale = check_scale(
         measured, align_corners=matcher.align_corners, max_disparity=matcher.range_px, step=matcher.step
@@ -186,7 +186,7 @@ def _seconds(work: Callable[[], object]) -> float:
 _HOUR_S, _MINUTE_S = 3600.0, 60.0
 
 
-def foretell(matcher: PsmnetMatcher, rig: Rig, first: Sequence[Frame], count: int) -> Iterator[str]:
+def preflight(matcher: PsmnetMatcher, rig: Rig, first: Sequence[Frame], count: int) -> Iterator[str]:
     """Sentences for people, from the first frames of a recording of `count` frames; the cost comes first."""
     seen = rectification(rig)
     camera = seen.rig.cameras[-1]
@@ -198,7 +198,7 @@ def foretell(matcher: PsmnetMatcher, rig: Rig, first: Sequence[Frame], count: in
     yield f"psmnet on {where}: about {_span(frame_s)} a frame, {_span(frame_s * count)} for {count} frames"
     if seen.pairs:
         own = seen.pairs[1, rig.n]
-        yield from first_frames_warnings(matcher, own.seen.rig, [own.frame(frame) for frame in first], own.sights)
+        yield from first_frames_warnings(matcher, own.seen.rig, [own.frame(frame) for frame in first], own.valid_masks)
     else:
         yield from first_frames_warnings(matcher, seen.rig, [seen.frame(frame) for frame in first])
 
