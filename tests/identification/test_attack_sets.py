@@ -141,7 +141,7 @@ LIDAR_CONFLICT, PHOTOMETRIC_INCONSISTENCY, BRIGHTNESS_DIFFERENCE, POINT_DROPOUT,
 
 
 @pytest.mark.parametrize(
-    ("element", "attacked", "accounted", "due"),
+    ("pair_check", "attacked", "accounted", "due"),
     [
         (PairCheck(LIDAR_CONFLICT, 1, 3), (), 0.0, 0.0),
         (PairCheck(LIDAR_CONFLICT, 1, 3), (0,), 1.0, 1.0),

@@ -48,7 +48,7 @@ def calibration(*clean):
 
 
 def counts(results):
-    return [(one.recording, one.frames, one.fired, one.incidents) for one in results]
+    return [(one.recording, one.frames, one.raised, one.incidents) for one in results]
 
 
 def test_each_recording_is_judged_by_the_others_alone():
@@ -59,20 +59,20 @@ def test_each_recording_is_judged_by_the_others_alone():
     twice = calibration(
         recording("hard", 30, lidar_conflicts=range(15)), recording("like it", 30, lidar_conflicts=range(15))
     )
-    assert [one.fired for one in leave_one_out_robust(twice, SYSTEM, R)] == [15, 15]
-    assert [one.fired for one in leave_one_out_paper(twice, Statistic.GATED, R)] == [0, 0]
+    assert [one.raised for one in leave_one_out_robust(twice, SYSTEM, R)] == [15, 15]
+    assert [one.raised for one in leave_one_out_paper(twice, Statistic.GATED, R)] == [0, 0]
 
 
 def test_a_fault_in_clean_frames_is_a_false_alarm_unless_others_show_it_too():
     hard, easy = recording("hard", late=range(5, 8)), recording("easy")
     assert counts(leave_one_out_robust(calibration(easy, hard), SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 20, 3, 1)]
     both = calibration(hard, recording("as hard", late=range(2)))
-    assert [one.fired for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
+    assert [one.raised for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
 
 
 def test_three_sensors_raise_false_alarms_too():
     both = calibration(recording("easy", system=THREE), recording("hard", lidar_conflicts=range(4, 10), system=THREE))
-    assert [one.fired for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
+    assert [one.raised for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
 
 
 def test_one_recording_alone_can_hold_nothing_out():

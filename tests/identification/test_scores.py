@@ -40,7 +40,7 @@ def test_a_lidar_that_never_fills_the_view_is_not_raised_for_it():
 
 
 @pytest.mark.parametrize(
-    ("witness", "floor", "ceiling"),
+    ("check", "floor", "ceiling"),
     [
         (Check.LIDAR_CONFLICT, 0.48, 0.6),
         (Check.PHOTOMETRIC_INCONSISTENCY, 0.25, 0.5),

@@ -46,7 +46,7 @@ def test_a_grid_smaller_than_the_window_has_no_local_ratio():
     assert windowed_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
 
 
-@pytest.mark.parametrize(("points", "prior"), [(5, 40), (2, 36), (1, 18), (0, 15)])
+@pytest.mark.parametrize(("points", "pseudo_count"), [(5, 40), (2, 36), (1, 18), (0, 15)])
 def test_fewer_beams_have_a_smaller_prior_but_never_a_larger_one_than_sixty_four(points, pseudo_count):
     grid = np.full((12, 12), points, dtype=np.uint8)
     assert fitted(Window(6, 6, 40), grid) == Window(6, 6, pseudo_count)
