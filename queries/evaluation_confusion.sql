@@ -10,7 +10,7 @@
 -- column system: The sensors that took part.
 -- column strength: Amplitude of the faculas by name; NULL for clean frames.
 -- column attacked: The attacked sensors; empty for clean frames.
--- column verdict: clean, attacked, unidentified or not_auditable.
+-- column verdict: clean, attacked, unidentified, suspect or not_auditable.
 -- column accused: The sensors that the verdict names; empty unless it is attacked.
 -- column cases: Frames.
 WITH verdict_of AS (

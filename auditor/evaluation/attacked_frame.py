@@ -17,11 +17,14 @@ from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.disparity.matchers.interface import PairMatcher
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
+from auditor.measurement.fault_features.collect import Prepared, prepare, symptoms_of
+from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
+from auditor.measurement.frame import level, saturated_share
 from auditor.measurement.pairwise_views import OF_TWO, joined
-from auditor.measurement.shared_view import matched
-from auditor.model.checks import Pair, rig_pair_checks
+from auditor.measurement.shared_view import Evidence, Mask, matched
+from auditor.model.checks import Pair, PairFaultFeatures, rig_pair_checks
 from auditor.model.frames import CameraImage, Frame, PointCloud
-from auditor.model.measurement import Counts
+from auditor.model.measurement import Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
@@ -81,6 +84,11 @@ class AttackedFrame:
         """The rig that views and disparity maps are of: the ideal one."""
         return self._seen.rig
 
+    @property
+    def valid_masks(self) -> Mapping[int, Mask]:
+        """(H, W) by camera what it sees of the view, where it does not see all of it."""
+        return {}
+
     def _rectification(self) -> Rectification:
         return rectification(self.rig)
 
@@ -98,6 +106,73 @@ class AttackedFrame:
         cells = {pair_check: of_it for one in collected for pair_check, of_it in one.cells.items()}
         shares = {pair_check: share for one in collected for pair_check, share in one.shares.items()}
         return windowed_ratios(self.pair_checks, cells, shares)
+
+    def fingerprint(self, sensor: int, attacks: Attacks) -> int:
+        """Tells whether the data of a sensor that is there change, under these attacks."""
+
+        def take() -> int:
+            if sensor == LIDAR:
+                return fingerprint_of_points(self.cloud(attacks).xyz_m)
+            return fingerprint_of_image(self.rectified(sensor, attacks))
+
+        return self.memoise("fingerprint", sensor, attacks, (sensor,), take)
+
+    def coverage(self, camera: int, attacks: Attacks) -> Coverage:
+        """How bright a camera's image is under these attacks."""
+
+        def look() -> Coverage:
+            pixels = grey(self.rectified(camera, attacks))
+            return Coverage(saturated_share=saturated_share(pixels), level=level(pixels))
+
+        return self.memoise("coverage", camera, attacks, (camera,), look)
+
+    def pairs(self, triples: Collection[Triple] | None = None) -> list[Pair]:
+        """The pairs (i, k) that are matched to measure these triples."""
+        return matched(self._measurable(triples))
+
+    def fault_features(self, pair: Pair, attacks: Attacks, before: Prepared | None) -> PairFaultFeatures:
+        """The symptoms of a matched pair under these attacks; `before` is what the frame before has of it."""
+        own = OF_TWO if self._pairs else pair
+        return self.memoise(
+            "symptoms",
+            (pair, before),
+            attacks,
+            (LIDAR, *pair),
+            lambda: symptoms_of(self.prepared(pair, attacks), before)[own],
+        )
+
+    def symptoms_after(self, pair: Pair, attacks: Attacks, after: "AttackedFrame") -> PairFaultFeatures:
+        """The symptoms of a pair matched in the clean frame `after` this one, which is under these attacks."""
+        own = OF_TWO if after._pairs else pair
+        return self.memoise(
+            "symptoms after",
+            (pair, after),
+            attacks,
+            (LIDAR, *pair),
+            lambda: symptoms_of(after.prepared(pair, {}), self.earlier(pair, attacks))[own],
+        )
+
+    def earlier(self, pair: Pair, attacks: Attacks) -> Prepared | None:
+        """What the next frame's symptoms of a pair take of this one; None where a pair of its own view begins anew."""
+        if pair in self.pairs():
+            return self.prepared(pair, attacks)
+        there = [camera for camera in pair if camera in self.frame.images]
+        return None if self._seen.pairs else Prepared({camera: self._half(camera, attacks) for camera in there})
+
+    def prepared(self, pair: Pair, attacks: Attacks) -> Prepared:
+        """What symptoms take of a matched pair under these attacks."""
+
+        def make() -> Prepared:
+            if self._pairs:
+                return self._pairs[pair].prepared(OF_TWO, of_two(attacks, pair))
+            i, k = pair
+            half_res = {camera: self._half(camera, attacks) for camera in pair}
+            maps = {pair: self.stereo_map(i, k, attacks)}
+            views = {k: self.lidar_view(k, attacks)} if self.frame.cloud is not None else {}
+            of_pairs = self.frame_checks(i, k, attacks)
+            return prepare(Evidence(self._seen.rig, half_res, {}, maps, views, of_pairs, valid_masks=self.valid_masks))
+
+        return self.memoise("prepared", pair, attacks, (LIDAR, *pair), make)
 
     def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
         """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
@@ -242,6 +317,11 @@ class _AttackedPair(AttackedFrame):
 
     def _rectification(self) -> Rectification:
         return self._view.seen
+
+    @property
+    def valid_masks(self) -> Mapping[int, Mask]:
+        """What each of both sees."""
+        return self._view.valid_masks
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{1,2}, where both see."""

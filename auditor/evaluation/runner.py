@@ -28,6 +28,7 @@ from auditor.evaluation.experiments import (
     pattern_cases,
     read_patterns,
 )
+from auditor.evaluation.features import FeaturesOfCases
 from auditor.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
@@ -48,7 +49,7 @@ class Chunks:
 
     def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
         self._frames = frames
-        self._next = next(frames, None)
+        self._ahead: deque[Frame | Skipped] = deque()
         self.past: deque[Frame] = deque(maxlen=max(DELAYS))
 
     def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
@@ -62,12 +63,30 @@ class Chunks:
 
     @property
     def ended(self) -> bool:
-        """True once the last frame has been read."""
+        """True once the last frame has been looked at."""
         return self._next is None
 
+    @property
+    def following(self) -> Frame | None:
+        """The frame after the one that is being looked at; those skipped between them are looked at later."""
+        for item in self._ahead:
+            if isinstance(item, Frame):
+                return item
+        for item in self._frames:
+            self._ahead.append(item)
+            if isinstance(item, Frame):
+                return item
+        return None
+
+    @property
+    def _next(self) -> Frame | Skipped | None:
+        if not self._ahead:
+            self._ahead.extend(itertools.islice(self._frames, 1))
+        return self._ahead[0] if self._ahead else None
+
     def _below(self, end: int) -> Iterator[Frame | Skipped]:
-        while self._next is not None and self._next.number < end:
-            frame, self._next = self._next, next(self._frames, None)
+        while (frame := self._next) is not None and frame.number < end:
+            self._ahead.popleft()
             yield frame
             if isinstance(frame, Frame):
                 self.past.append(frame)
@@ -128,6 +147,15 @@ class Evaluated:
         return self.cases > 0
 
 
+@dataclass(frozen=True, eq=False)
+class InTime:
+    """A frame under attack between the clean frames before and after it; None where there is none."""
+
+    attacked_frame: AttackedFrame
+    before: AttackedFrame | None
+    after: AttackedFrame | None
+
+
 class Run(ABC):
     """Looks at every frame of a drive for every experiment; what is finished already is not looked at again."""
 
@@ -139,6 +167,7 @@ class Run(ABC):
         self._matcher = matcher
         self._store = store
         self._experiments = experiments
+        self._benches: dict[int, AttackedFrame] = {}
         self._frames = 0
         self._cases = 0
 
@@ -147,9 +176,7 @@ class Run(ABC):
         """What the store knows an experiment on a stretch by."""
 
     @abstractmethod
-    def look(
-        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
-    ) -> Iterator[KeptCase]:
+    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
         """What there is to keep of these cases of one frame."""
 
     def versions(self) -> Mapping[str, str]:
@@ -205,11 +232,11 @@ class Run(ABC):
                 if isinstance(frame, Skipped):
                     skipped += 1
                     continue
-                attacked_frame = AttackedFrame(frame, self._drive.rig, self._matcher)
+                now = self._in_time(frame, chunks)
                 for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
                     if experiment.takes(frame.number, self._task.attack_every):
                         started = perf_counter()
-                        self._look(attacked_frame, tuple(chunks.past), experiment, writer)
+                        self._look(now, tuple(chunks.past), experiment, writer)
                         seconds[at] += perf_counter() - started
                         counts[at] += 1
                 self._frames += 1
@@ -224,10 +251,22 @@ class Run(ABC):
                     evaluated_at=datetime.now(UTC),
                 )
 
-    def _look(
-        self, attacked_frame: AttackedFrame, past: Sequence[Frame], experiment: Experiment, writer: PartWriter
-    ) -> None:
-        present = set(attacked_frame.sensors)
+    def _in_time(self, frame: Frame, chunks: Chunks) -> InTime:
+        """The frame's bench with those of its neighbours; what was made of the same clean frame is used again."""
+        before = chunks.past[-1] if chunks.past else None
+        near = [one for one in (before, frame, chunks.following) if one is not None]
+        known = self._benches
+        self._benches = {
+            f.number: known.get(f.number) or AttackedFrame(f, self._drive.rig, self._matcher) for f in near
+        }
+        return InTime(
+            self._benches[frame.number],
+            self._benches[before.number] if before is not None else None,
+            self._benches[near[-1].number] if near[-1] is not frame else None,
+        )
+
+    def _look(self, now: InTime, past: Sequence[Frame], experiment: Experiment, writer: PartWriter) -> None:
+        attacked_frame, present = now.attacked_frame, set(now.attacked_frame.sensors)
         for draw in range(self._task.draws if experiment.drawn else 1):
             draws = SeededDraws(
                 self._task.seed, int(self._drive.recording_id[:8], 16), attacked_frame.frame.number, draw
@@ -235,7 +274,7 @@ class Run(ABC):
             cases = [
                 case for case in experiment.cases(attacked_frame.rig, draws, past) if present.issuperset(case.attacked)
             ]
-            for kept in self.look(attacked_frame, experiment, draw, cases):
+            for kept in self.look(now, experiment, draw, cases):
                 writer.add(kept)
                 self._cases += 1
             attacked_frame.forget_attacks()
@@ -273,13 +312,17 @@ def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
 
 
 class _Run(Run):
+    def __init__(
+        self, task: Task, drive: CleanDrive, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
+    ) -> None:
+        super().__init__(task, drive, matcher, store, experiments)
+        self._features = FeaturesOfCases()
+
     def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
         return EvaluationPart(**self.shared_columns(experiment, chunk), inputs=experiment.inputs)
 
-    def look(
-        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
-    ) -> Iterator[MeasuredCase]:
-        triples = experiment.triples(attacked_frame.rig)
+    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
+        attacked_frame, triples = now.attacked_frame, experiment.triples(now.attacked_frame.rig)
         attacked_frame.match_together((case.attacks for case in cases), triples)
         for case in cases:
             yield MeasuredCase(
@@ -294,6 +337,7 @@ class _Run(Run):
                 parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
                 counts=attacked_frame.counts(case.attacks, triples),
                 ratios=attacked_frame.ratios(case.attacks, triples),
+                features=self._features.of(now, experiment, draw, case),
             )
 
 

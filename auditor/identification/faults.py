@@ -19,6 +19,9 @@ from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, FaultHypothesis, Verdict, VerdictKind
 
+LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
+
+
 Floats = NDArray[np.float64]
 
 
@@ -37,10 +40,13 @@ class Observed:
     saturated: Floats
 
 
-def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int]) -> dict[CauseIn, Floats]:
+def strengths(
+    seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int], runs: NDArray[np.int64] | None = None
+) -> dict[CauseIn, Floats]:
     """(F,) strength of each cause over the half second around each frame (dirt: two); 1 is just enough.
 
-    `stamp_ns` (F,) are the frames' stamps. NaN where nothing was measured.
+    `stamp_ns` (F,) are the frames' stamps, `runs` (F,) number their runs where they are known. NaN where nothing was
+    measured.
     """
     found: dict[CauseIn, Floats] = {}
     for camera in seen.cameras:
@@ -54,9 +60,9 @@ def strengths(seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / FAULT_SCORES.glare
-    usual, soiled = TEMPORAL_WINDOW.seconds, TEMPORAL_WINDOW.soiled_seconds
-    seconds = {who: soiled if who[0] is Cause.SOILED else usual for who in found}
-    return {who: window_means(values[:, None], stamp_ns, seconds[who])[:, 0] for who, values in found.items()}
+    usual = TEMPORAL_WINDOW.seconds
+    seconds = {who: LONGEST_WINDOW_S if who[0] is Cause.SOILED else usual for who in found}
+    return {who: window_means(values[:, None], stamp_ns, seconds[who], runs)[:, 0] for who, values in found.items()}
 
 
 def _late(seen: Observed, camera: int) -> Floats:

@@ -119,6 +119,18 @@ def runs_of(stamp_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(np.cumsum((step < 0) | (step > GAP_PERIODS * usual)))
 
 
+def window_bounds(
+    stamp_ns: NDArray[np.int64], seconds: float, runs: NDArray[np.int64]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(F,) the first frame within `seconds` / 2 of each frame of its run, and the frame after the last."""
+    half = int(seconds * NANOSECONDS / 2)
+    step = np.diff(stamp_ns, prepend=stamp_ns[:1])
+    time_ns = np.cumsum(np.where(np.diff(runs, prepend=runs[:1]) > 0, 2 * half + 1, step))
+    first = np.maximum(np.searchsorted(time_ns, time_ns - half, side="left"), np.searchsorted(runs, runs, side="left"))
+    end = np.minimum(np.searchsorted(time_ns, time_ns + half, side="right"), np.searchsorted(runs, runs, side="right"))
+    return first, end
+
+
 def window_means(
     z: Floats, stamp_ns: NDArray[np.int64], seconds: float, runs: NDArray[np.int64] | None = None
 ) -> Floats:
@@ -128,14 +140,7 @@ def window_means(
     in ascending order where they are known, else they are `runs_of` the stamps. Where nothing in the window was
     measured the mean is NaN.
     """
-    half = int(seconds * NANOSECONDS / 2)
-    run = runs_of(stamp_ns) if runs is None else runs
-    step = np.diff(stamp_ns, prepend=stamp_ns[:1])
-    time_ns = np.cumsum(np.where(np.diff(run, prepend=run[:1]) > 0, 2 * half + 1, step))
-    first_of_run = np.searchsorted(run, run, side="left")
-    end_of_run = np.searchsorted(run, run, side="right")
-    first = np.maximum(np.searchsorted(time_ns, time_ns - half, side="left"), first_of_run)
-    end = np.minimum(np.searchsorted(time_ns, time_ns + half, side="right"), end_of_run)
+    first, end = window_bounds(stamp_ns, seconds, runs_of(stamp_ns) if runs is None else runs)
     measured = ~np.isnan(z)
     total = np.vstack([np.zeros((1, z.shape[1])), np.cumsum(np.where(measured, z, 0), axis=0)])
     count = np.vstack([np.zeros((1, z.shape[1])), np.cumsum(measured, axis=0)])

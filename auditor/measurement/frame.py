@@ -9,6 +9,7 @@ from threading import Event, Thread
 from typing import Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
@@ -191,10 +192,10 @@ def _coverage(prepared: RectifiedFrame, evidence: Evidence) -> dict[int, Coverag
     maps: Maps = own or evidence.maps
     coverage = {
         number: Coverage(
-            saturated_share=float(np.mean(pixels >= COVERAGE.saturated)),
+            saturated_share=saturated_share(pixels),
             textureless_share=1.0 - float(np.mean(prepared.texture[number])),
             unmatched_share=_unmatched_share(number, maps),
-            level=float(np.mean(pixels)),
+            level=level(pixels),
         )
         for number, pixels in prepared.greys.items()
     }
@@ -202,6 +203,16 @@ def _coverage(prepared: RectifiedFrame, evidence: Evidence) -> dict[int, Coverag
         leftmost = max(evidence.lidar, default=None)
         coverage[LIDAR] = Coverage(returns=evidence.lidar[leftmost].returns if leftmost is not None else None)
     return coverage
+
+
+def saturated_share(pixels: NDArray[np.uint8]) -> float:
+    """The share of an image's (H, W) grey pixels that are saturated."""
+    return float(np.mean(pixels >= COVERAGE.saturated))
+
+
+def level(pixels: NDArray[np.uint8]) -> float:
+    """The mean of an image's (H, W) grey pixels."""
+    return float(np.mean(pixels))
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

@@ -55,8 +55,8 @@ NO_FINGERPRINT = -1
 """Of a sensor that is not there, or whose data cannot tell whether it stands still."""
 
 
-EXPERIMENTS_VERSION = 1
-"""Raised whenever an evaluation would try other cases from the same seed, or an attack does something else.
+EXPERIMENTS_VERSION = 2
+"""Raised whenever an evaluation would try other cases from the same seed or keep more of them, or an attack changes.
 
 Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
 """

@@ -92,8 +92,9 @@ def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, p
 
 
 def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
-    """How many schema versions the finished files of a manifest were written with."""
-    distinct = f"SELECT count(DISTINCT schema_version) FROM stored_{manifest}"  # noqa: S608  # our own name
+    """How many versions the finished files of a manifest were written with."""
+    versions = "COLUMNS('^(schema|experiments)_version$')"
+    distinct = f"SELECT count(*) FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608  # our own name
     [(versions,)] = connection.execute(distinct).fetchall()
     return int(versions)
 

@@ -10,7 +10,7 @@ from decimal import Decimal
 from typing import ClassVar, Protocol
 
 from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
-from auditor.model.verdict import VerdictKind
+from auditor.model.verdict import FaultHypothesis, VerdictKind
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
@@ -146,6 +146,24 @@ class EvaluationPart(Part):
 
 
 @dataclass(frozen=True)
+class CaseFeatures:
+    """What tells faults and frozen sensors in one case.
+
+    By sensor whether it was `present`, its `fingerprint`, of cameras the mean grey `level` and `saturated_share`; None
+    where it has none. `fault_features` are the symptoms of one matched pair after the other, each in the order of
+    `symptoms.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame after this one, in
+    which data of the frame before are compared as well.
+    """
+
+    present: Sequence[bool]
+    fingerprint: Sequence[int | None]
+    level: Sequence[float | None]
+    saturated_share: Sequence[float | None]
+    fault_features: Sequence[float | None]
+    fault_features_after: Sequence[float | None]
+
+
+@dataclass(frozen=True)
 class MeasuredCase:
     """The counts of one case in the order of the rig's triples, its local ratios in that of its elements.
 
@@ -163,11 +181,13 @@ class MeasuredCase:
     parameters: Mapping[str, object]
     counts: Sequence[Counts | None]
     ratios: Sequence[float | None]
+    features: CaseFeatures
 
     def row(self) -> Row:
         """Its columns."""
         return {
             **vars(self),
+            **vars(self.features),
             "attacked": list(self.attacked),
             "ratios": list(self.ratios),
             "parameters": json.dumps(self.parameters, sort_keys=True),
@@ -177,7 +197,7 @@ class MeasuredCase:
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """What the robust method says of one case, judged by some sensors with thresholds that hold out some clean frames.
+    """What a scan would say of one case, judged by some sensors with thresholds that hold out some clean frames.
 
     The fields are those of the table `case_verdicts`.
     """
@@ -196,6 +216,7 @@ class CaseVerdict:
     accused: tuple[int, ...]
     lasting: VerdictKind | None = None
     lasting_accused: tuple[int, ...] = ()
+    causes: tuple[FaultHypothesis, ...] = ()
 
 
 def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
@@ -211,6 +232,7 @@ def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[Cas
             "accused": list(one.accused),
             "lasting": one.lasting and one.lasting.value,
             "lasting_accused": list(one.lasting_accused),
+            "causes": [cause._asdict() for cause in one.causes],
         }
         for one in verdicts
     )

@@ -10,7 +10,10 @@ from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
 SCHEMA_VERSION = 6
-"""Raised whenever a column is added. Columns are only added; a change of meaning is a new column."""
+"""Raised whenever a column is added to what scans keep. Columns are only added; a change of meaning is a new column.
+
+Evaluations go by EXPERIMENTS_VERSION.
+"""
 
 TABLES = (
     "recordings",

@@ -7,6 +7,7 @@
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column kind: attacked, unidentified or suspect: of the half second around the frame by the robust method.
 -- column attacked: The sensors that the verdict names; empty unless kind is attacked.
+-- column causes: What else than an attack may lie behind it, the likeliest first, as in `verdicts`.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
 SELECT

@@ -14,6 +14,7 @@ from auditor.errors import RecordingError, RigError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, runner
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
+from auditor.evaluation.features import FeaturesOfCases
 from auditor.evaluation.runner import CHUNK_FRAMES
 from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
@@ -25,7 +26,7 @@ from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_query, run_sql
-from auditor.store.evaluation_tables import INTERVAL_FRAMES, EvaluationPart
+from auditor.store.evaluation_tables import INTERVAL_FRAMES, CaseFeatures, EvaluationPart
 from tests.making.scenes import plane_frame, plane_rig
 from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 
@@ -188,7 +189,13 @@ def short_stretches(monkeypatch):
     monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
 
 
-@pytest.mark.usefixtures("short_stretches")
+@pytest.fixture
+def short_intervals(monkeypatch):
+    """Intervals end with short stretches, as long ones do with long stretches."""
+    monkeypatch.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=STRETCH))
+
+
+@pytest.mark.usefixtures("short_stretches", "short_intervals")
 def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
     whole = run(drive, tmp_path / "whole")
     delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
@@ -214,7 +221,7 @@ def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
     assert content(tmp_path / "killed") == content(tmp_path / "whole")
 
 
-@pytest.mark.usefixtures("short_stretches")
+@pytest.mark.usefixtures("short_stretches", "short_intervals")
 def test_shares_of_a_recording_make_the_whole(drive, tmp_path):
     done = [run(drive, tmp_path / "shared", share=share, of=2) for share in (0, 1)]
     assert [one.frames for one in done] == [STRETCH + 1, STRETCH]
@@ -237,6 +244,8 @@ def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
     monkeypatch.setattr(AttackedFrame, "counts", lambda attacked_frame, *_: [None] * len(attacked_frame.rig.triples))
     monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
+    none = CaseFeatures([], [], [], [], [], [])
+    monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
 
 
 @pytest.mark.usefixtures("short_stretches", "nothing_measured")

@@ -6,11 +6,13 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.model.calibration import Thresholds
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import COLUMNS, Rows, rig_pair_checks
 from auditor.model.frames import Presence, SensorState, Skipped
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import Verdict, VerdictKind
+from auditor.store.evaluation_tables import CaseFeatures
+from auditor.store.measurement_tables import matched_pairs
 from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 
@@ -70,6 +72,26 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, syn
         "draws": drawn,
         "stretch": chunk,
     }
+
+
+def make_features(rig, frame, *, late=(), missing=()):
+    """What tells faults in a case: nothing, but for cameras whose pairs would be on their rows a frame earlier."""
+    names, pairs = [*Rows._fields], matched_pairs(rig)
+    columns = len(COLUMNS)
+    features = [None] * (columns * len(pairs))
+    for place, pair in enumerate(pairs):
+        for side, camera in zip(("late_i", "late_k"), pair, strict=True):
+            values = {"in_step": 0.5, "offset_share": 0.5, side: 1.0 if camera in late else 0.25}
+            for name, value in values.items():
+                features[place * columns + names.index(name)] = value
+    return CaseFeatures(
+        present=[s not in missing for s in rig.sensors],
+        fingerprint=[None if s in missing else 10 * frame + s for s in rig.sensors],
+        level=[None if s == 0 else 100.0 for s in rig.sensors],
+        saturated_share=[None if s == 0 else 0.0 for s in rig.sensors],
+        fault_features=features,
+        fault_features_after=features,
+    )
 
 
 def new_store(folder):

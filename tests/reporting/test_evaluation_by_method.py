@@ -56,12 +56,8 @@ def told(made):
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, system)]
                 ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
                 z = scores(ratios, [scales[place] for place in inside])
-                present = [
-                    {s for e, x in zip(pair_checks, row, strict=True) if not np.isnan(x) for s in e.needed}
-                    for row in ratios
-                ]
-                missing = [frozenset(system) - there for there in present]
-                verdicts = name_attacked(z, System(pair_checks, triples, system), missing)
+                # Every sensor was there, and nothing speaks for another cause: a frame's verdict is its own alone.
+                verdicts = name_attacked(z, System(pair_checks, triples, system), [frozenset()] * len(z))
                 found += [(held_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 

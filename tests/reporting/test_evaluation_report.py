@@ -18,7 +18,7 @@ from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP
 from auditor.reporting.evaluation.render import percent, render_evaluation, render_evaluation_report
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
 from auditor.store.queries import run_query
-from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
+from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
 from tests.reporting.test_report import HOSTILE, Page
 from tests.reporting.test_report_browser import BROWSER, browse
 
@@ -61,7 +61,7 @@ def measured(rig, frame, case, rng, seen):
         else rng.uniform(0, 0.2)
         for pair_check in rig_pair_checks(rig)
     ]
-    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios)
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios, make_features(rig, frame))
 
 
 @pytest.fixture(scope="module")

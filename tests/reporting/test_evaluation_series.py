@@ -1,19 +1,19 @@
 """What makes a series of frames in an evaluation: one recording by one rig, while its clock goes on."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.evaluation.verdicts import Case, judged
 from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts
 from auditor.model.verdict import FINDINGS
 from auditor.reporting.evaluation.loading import load_evaluation
-from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase
-from auditor.store.queries import list_queries, run_query
-from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
+from auditor.store.evaluation_tables import CaseFeatures, EvaluationPart, MeasuredCase
+from auditor.store.queries import list_queries, run_query, run_sql
+from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
 from tests.store.test_evaluation_queries import write
 
 RIG, OTHER = make_rig(3), make_rig(3, focal_px=705.0)
@@ -25,7 +25,9 @@ def measured(rig, raised, frames=20):
     for frame in range(frames):
         E = 500 if frame in raised else 10
         counts, ratios = [Counts(2000, E, 1000, E, 0)] * len(rig.triples), [0.1] * len(rig_pair_checks(rig))
-        yield MeasuredCase(frame, frame * PERIOD_NS, 0, (), None, None, None, None, {}, counts, ratios)
+        yield MeasuredCase(
+            frame, frame * PERIOD_NS, 0, (), None, None, None, None, {}, counts, ratios, make_features(rig, frame)
+        )
 
 
 def keep(store, rig, cases, experiment="clean"):
@@ -49,20 +51,92 @@ def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
     assert alarms["hours"] == incidents["hours"] == pytest.approx(40 * 0.1 / 3600)
 
 
-def test_a_moment_around_a_frame_is_of_its_own_rig():
+def ratios_of(rig, frame, *, high=(), level=0.8):
+    """Local ratios of which those of S_1's pairs are high in some frames."""
+    pair_checks = rig_pair_checks(rig)
+    quiet = np.random.default_rng(frame).uniform(0, 0.2, len(pair_checks))
+    raised = [frame in high and e.check == "unlike" and 1 in e.needed for e in pair_checks]
+    return np.where(raised, level, quiet).tolist()
+
+
+def case(rig, frame, experiment="clean", *, high=(), level=0.8, variant=None, **features):
+    """A case of a camera S_1 that is attacked, or of a clean frame."""
+    attacked = () if experiment == "clean" else (1,)
+    counts, ratios = [None] * len(rig.triples), ratios_of(rig, frame, high=high, level=level)
+    told = make_features(rig, frame, **features)
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, attacked, None, variant, None, None, {}, counts, ratios, told)
+
+
+def verdicts(store, experiment):
+    """What is said by all sensors in sample, by frame."""
+    judge_cases(store)
+    rows = run_sql(store, f"SELECT * FROM case_verdicts WHERE experiment = '{experiment}'").to_pylist()
+    chosen = [row for row in rows if row["held_out"] == "nothing" and len(row["system"]) == 4]
+    return {(row["rig_id"], row["frame"]): row for row in chosen}
+
+
+def test_a_moment_around_a_frame_is_of_its_own_rig(tmp_path):
     """One frame that stands out is raised; the half second around it says otherwise, whoever else looked."""
-    pair_checks, rng = rig_pair_checks(RIG), np.random.default_rng(1)
-    cases = []
-    for rig_id in ("one", "other"):
-        for frame in range(120):
-            ratios = rng.uniform(0, 0.2, len(pair_checks))
-            if frame == 60:
-                ratios[[e.check == "unlike" and 1 in e.needed for e in pair_checks]] = 0.45
-            at = frame, frame * PERIOD_NS, 0
-            cases.append(Case(f"part of {rig_id}", "a" * 64, rig_id, "clean", *at, (), None, None, None, tuple(ratios)))
-    told = [v for _, v in judged(cases, RIG) if (v.held_out, v.system) == ("nothing", RIG.sensors)]
-    assert [v.frame for v in told if v.verdict in FINDINGS and v.frame == 60] == [60, 60]
-    assert [v.lasting for v in told if v.frame == 60] == [None, None]
+    store = new_store(tmp_path)
+    for rig in (RIG, OTHER):
+        keep(store, rig, [case(rig, frame, high=(60,), level=0.45) for frame in range(120)])
+    told = verdicts(store, "clean")
+    for rig in (RIG, OTHER):
+        assert told[rig.rig_id, 60]["verdict"] in FINDINGS
+        assert told[rig.rig_id, 60]["lasting"] is None
+
+
+def test_an_interval_is_judged_with_all_of_its_frames_attacked_and_a_single_frame_alone(tmp_path):
+    store, drive = new_store(tmp_path), range(40)
+    keep(store, RIG, [case(RIG, frame) for frame in drive])
+    keep(store, RIG, [case(RIG, f, "intervals", high=drive, variant="still") for f in range(10, 20)], "intervals")
+    keep(store, RIG, [case(RIG, f, "further", high=drive, level=0.45) for f in (5, 25)], "further")
+    lasting = verdicts(store, "intervals")
+    assert {row["verdict"] for row in lasting.values()} == {"attacked"}
+    assert {(row["lasting"], tuple(row["lasting_accused"])) for row in lasting.values()} == {("attacked", (1,))}
+    single = verdicts(store, "further")
+    assert [(row["verdict"], row["accused"], row["lasting"]) for row in single.values()] == [
+        ("attacked", [1], None)
+    ] * 2
+
+
+def test_a_fault_and_a_sensor_that_stands_still_are_what_a_scan_calls_them(tmp_path):
+    store, drive = new_store(tmp_path), range(40)
+    keep(store, RIG, [case(RIG, frame) for frame in drive])
+    late = [case(RIG, f, "intervals", high=drive, late=(1,), variant="moving") for f in range(10)]
+    still = [case(RIG, f, "intervals", variant="still") for f in range(20, 30)]
+    prints = [0, 77, 2, 3]
+    still = [replace(c, features=replace(c.features, fingerprint=[x or 10 * c.frame for x in prints])) for c in still]
+    keep(store, RIG, [*late, *still], "intervals")
+    told = {frame: row for (_, frame), row in verdicts(store, "intervals").items()}
+    causes = {frame: [(one["cause"], one["sensor"]) for one in row["causes"]] for frame, row in told.items()}
+    assert {told[frame]["verdict"] for frame in (*range(1, 9), *range(21, 30))} == {"suspect"}
+    assert causes[5] == [("late", 1)]
+    assert causes[25] == [("frozen", 1), ("frozen", 2), ("frozen", 3)]
+    assert [told[frame]["lasting"] for frame in (5, 25)] == ["suspect", "suspect"]
+
+
+def test_a_sensor_that_was_not_there_takes_no_part(tmp_path):
+    store = new_store(tmp_path)
+    keep(store, RIG, [case(RIG, frame, high=(7,), missing=(0,) if frame == 7 else ()) for frame in range(20)])
+    assert verdicts(store, "clean")[RIG.rig_id, 7]["verdict"] == "unidentified"
+
+
+def test_parts_that_an_earlier_version_finished_are_counted_and_not_judged(tmp_path):
+    store = new_store(tmp_path)
+    keep(store, RIG, [case(RIG, frame) for frame in range(20)])
+    assert judge_cases(store) == 0
+    store.write_rig(OTHER)
+    old = EvaluationPart(**part_columns(OTHER, "b", "clean"), experiments_version=1)
+    write(store, old, [case(OTHER, frame) for frame in range(20)])
+    path = store.path("cases", old.evaluation_id)
+    columns = pq.read_table(path)
+    kept = columns.select([n for n in columns.column_names if n not in {f.name for f in fields(CaseFeatures)}])
+    pq.write_table(kept, path)
+    assert judge_cases(store) == 1
+    rows = run_sql(store, "SELECT DISTINCT recording_id FROM case_verdicts").to_pylist()
+    assert rows == [{"recording_id": "a" * 64}]
+    assert len(run_sql(store, "SELECT * FROM cases")) == 40
 
 
 def test_an_incident_ends_where_the_clock_was_set_back_and_a_delay_over_that_is_not_known(tmp_path):

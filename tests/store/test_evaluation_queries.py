@@ -16,7 +16,7 @@ from auditor.model.measurement import Counts, Statistic
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, finished_part, part_writer
 from auditor.store.queries import run_query
-from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
+from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 R = ",".join(map(str, RATES))
@@ -80,7 +80,10 @@ def make_evaluation(folder):
             def case(attacked, strength=None, size=None, *, at=frame):
                 counts = drawn_counts(rng, attacked, 0.02)
                 ratios = drawn_ratios(rng, attacked)
-                return MeasuredCase(at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, ratios)
+                features = make_features(RIG, at)
+                return MeasuredCase(
+                    at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, ratios, features
+                )
 
             cases["clean", recording].append(case(()))
             for strength in ("mild", "opaque"):
@@ -334,7 +337,8 @@ def test_the_cost_of_a_case_stands_beside_that_of_a_clean_frame(made):
 
 def case_of(rng, frame, attacked, attack=None, strength=None):
     counts, ratios = drawn_counts(rng, attacked, 0), drawn_ratios(rng, attacked, 0)
-    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, ratios)
+    features = make_features(RIG, frame)
+    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, ratios, features)
 
 
 def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):

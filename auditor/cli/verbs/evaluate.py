@@ -123,7 +123,11 @@ def command(
         done &= _evaluate_all(evaluate_objects, found_by, jobs)
     kept = Store.open(store)
     if kept.ids("evaluations"):
-        judge_cases(kept)
+        if old := judge_cases(kept):
+            say(
+                f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
+                "evaluate their recordings again"
+            )
         emit(run_query(kept, "evaluation_summary"), form)
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 

@@ -11,7 +11,7 @@ from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_vie
 from auditor.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.evaluation.object_baseline.detectors import Detectors, find_detectors
 from auditor.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
-from auditor.evaluation.runner import Evaluated, Progress, Run, Task
+from auditor.evaluation.runner import Evaluated, InTime, Progress, Run, Task
 from auditor.evaluation.sources import CleanDrive
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
@@ -83,9 +83,8 @@ class _Run(Run):
     def versions(self) -> Mapping[str, str]:
         return {**super().versions(), **self._detectors.libraries}
 
-    def look(
-        self, attacked_frame: AttackedFrame, experiment: Experiment, draw: int, cases: Sequence[Case]
-    ) -> Iterator[ObjectCase]:
+    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
+        attacked_frame = now.attacked_frame
         frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
         if self._detectors.camera is None and experiment.name != _SENSITIVITY:
             compared = (case.attacks for case in cases if self._triples(attacked_frame, case, experiment))

@@ -3,23 +3,31 @@
 import zlib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auditor.model.frames import Frame
+from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 
 _WHITE = 255
 
 
 def fingerprints(frame: Frame) -> dict[int, int]:
-    """CRC-32 of the data of each sensor present: equal for equal data, and hardly ever otherwise.
+    """The fingerprint of each sensor present that has one."""
+    prints = {number: fingerprint_of_image(image.pixels) for number, image in frame.images.items()}
+    if frame.cloud is not None:
+        prints[LIDAR] = fingerprint_of_points(frame.cloud.xyz_m)
+    return {sensor: known for sensor, known in prints.items() if known != NO_FINGERPRINT}
+
+
+def fingerprint_of_image(pixels: NDArray[np.uint8]) -> int:
+    """CRC-32 of an image's pixels: equal for equal data, and hardly ever otherwise.
 
     A picture that is white all over has none: it is dazzled, and that it does not change tells nothing.
     """
-    prints = {
-        number: zlib.crc32(np.ascontiguousarray(image.pixels).data)
-        for number, image in frame.images.items()
-        if image.pixels.min() < _WHITE
-    }
-    if frame.cloud is not None:
-        prints[LIDAR] = zlib.crc32(np.ascontiguousarray(frame.cloud.xyz_m).data)
-    return prints
+    return zlib.crc32(np.ascontiguousarray(pixels).data) if pixels.min() < _WHITE else NO_FINGERPRINT
+
+
+def fingerprint_of_points(xyz_m: NDArray[np.float32]) -> int:
+    """CRC-32 of a cloud's points (M, 3)."""
+    return zlib.crc32(np.ascontiguousarray(xyz_m).data)

@@ -1,0 +1,161 @@
+"""What a scan would see around each case of an evaluation: a drive in which this frame alone, or its interval, differs.
+
+An attacked frame changes the symptoms of the clean frame after it, too: there its data are those of the frame before.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evaluation.cases import Cases, Floats
+from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, Observed, frozen, strengths
+from auditor.identification.robust import FrameSeries, System
+from auditor.identification.statistics import runs_of, window_bounds
+from auditor.model.checks import COLUMNS, rig_pair_checks
+from auditor.model.rig import LIDAR
+from auditor.model.verdict import CauseIn
+from auditor.store.evaluation_tables import INTERVAL_FRAMES
+from auditor.store.measurement_tables import matched_pairs
+
+Numbers = NDArray[np.int64]
+Places = NDArray[np.intp]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """The F clean cases of one drive in their order: places among all cases, stamps and runs (F,), row by frame.
+
+    `first` and `end` (F,) bound what the verdict on a frame can depend on.
+    """
+
+    places: Places
+    stamps_ns: Numbers
+    runs: Numbers
+    row_of: dict[int, int]
+    first: Places
+    end: Places
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Part of a drive around one case: by row (R,) the place of the case that is there, with its features."""
+
+    places: Places
+    features: Floats
+    stamps_ns: Numbers
+    runs: Numbers
+    judged: int
+
+
+class CaseSeries:
+    """The series of all cases of one setup."""
+
+    def __init__(self, cases: Cases) -> None:
+        self._cases = cases
+        rows: dict[tuple[str, str], list[int]] = defaultdict(list)
+        self._intervals: dict[tuple[object, ...], list[int]] = defaultdict(list)
+        for place, one in enumerate(cases.known):
+            if one.experiment == "clean":
+                rows[one.drive].append(place)
+            elif one.experiment == "intervals":
+                self._intervals[self._interval(place)].append(place)
+        self._drives = {drive: self._drive(places) for drive, places in rows.items()}
+
+    def has(self, place: int) -> bool:
+        """Whether the frame of the case at this place was measured clean, so that it has a drive around it."""
+        one = self._cases.known[place]
+        return one.drive in self._drives and one.frame in self._drives[one.drive].row_of
+
+    def clean_scores(self, system: System) -> dict[CauseIn, Floats]:
+        """(N,) fault scores of the clean cases, each in its whole drive, NaN for all others."""
+        found: dict[CauseIn, Floats] = {}
+        for drive in self._drives.values():
+            features = self._cases.features[drive.places]
+            for cause, scores in self._scores(system, drive.places, features, drive.stamps_ns, drive.runs).items():
+                found.setdefault(cause, np.full(len(self._cases.known), np.nan))[drive.places] = scores
+        return found
+
+    def around(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
+        """The parts of drives around the cases at these places, one after the other, and the row of each case.
+
+        `system` may have fewer sensors than the rig.
+        """
+        parts = [self._part(place) for place in chosen]
+        lengths = [len(part.places) for part in parts]
+        places = np.concatenate([part.places for part in parts])
+        stamps = np.concatenate([part.stamps_ns for part in parts])
+        most = 1 + max(int(part.runs.max()) for part in parts)
+        runs = np.repeat(np.arange(len(parts)) * most, lengths) + np.concatenate([part.runs for part in parts])
+        scores = self._scores(system, places, np.concatenate([part.features for part in parts]), stamps, runs)
+        columns = [
+            at for at, pair_check in enumerate(rig_pair_checks(self._cases.rig)) if pair_check in system.pair_checks
+        ]
+        series = FrameSeries(
+            stamps,
+            runs,
+            self._cases.ratios[places][:, columns],
+            self._of_sensors(self._cases.present, places, system),
+            np.concatenate([self._frozen(part.places, system) for part in parts]),
+            scores,
+        )
+        starts = np.cumsum([0, *lengths[:-1]]).tolist()
+        return series, [start + part.judged for start, part in zip(starts, parts, strict=True)]
+
+    def _part(self, place: int) -> _Part:
+        one = self._cases.known[place]
+        drive = self._drives[one.drive]
+        row = drive.row_of[one.frame]
+        first, end = int(drive.first[row]), int(drive.end[row])
+        places, features = drive.places[first:end].copy(), self._cases.features[drive.places[first:end]]
+        together = [] if one.experiment == "clean" else [place]
+        if one.experiment == "intervals":
+            together = self._intervals[self._interval(place)]
+        changed = {drive.row_of[self._cases.known[other].frame] - first: other for other in together}
+        for at, other in changed.items():
+            if 0 <= at < end - first:
+                places[at], features[at] = other, self._cases.features[other]
+            if 0 <= at + 1 < end - first and at + 1 not in changed:
+                features[at + 1] = self._cases.features_after[other]
+        return _Part(places, features, drive.stamps_ns[first:end], drive.runs[first:end], row - first)
+
+    def _scores(
+        self, system: System, places: Places, features: Floats, stamps_ns: Numbers, runs: Numbers
+    ) -> dict[CauseIn, Floats]:
+        pairs = matched_pairs(self._cases.rig)
+        chosen = [at for at, pair in enumerate(pairs) if set(pair) <= set(system.sensors)]
+        cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
+        columns = {name: features[:, chosen, at] for at, name in enumerate(COLUMNS)}
+        level = self._of_sensors(self._cases.level, places, system)[:, -len(cameras) :]
+        saturated = self._of_sensors(self._cases.saturated, places, system)[:, -len(cameras) :]
+        seen = Observed(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
+        return strengths(seen, stamps_ns, system.sensors, runs)
+
+    def _frozen(self, places: Places, system: System) -> NDArray[np.bool_]:
+        present = self._of_sensors(self._cases.present, places, system)
+        return frozen(self._of_sensors(self._cases.fingerprints, places, system), present)
+
+    def _of_sensors(self, values: NDArray[Scalar], places: Places, system: System) -> NDArray[Scalar]:
+        """The columns of a system's sensors at these places."""
+        columns = [at for at, sensor in enumerate(self._cases.rig.sensors) if sensor in system.sensors]
+        return np.asarray(values[places][:, columns])
+
+    def _interval(self, place: int) -> tuple[object, ...]:
+        """What the cases of one interval have in common."""
+        one = self._cases.known[place]
+        return one.evaluation_id, one.frame // INTERVAL_FRAMES, one.draw, one.attacked, one.strength
+
+    def _drive(self, unordered: Sequence[int]) -> _Drive:
+        places = np.array(sorted(unordered, key=lambda place: self._cases.known[place].frame), dtype=np.intp)
+        known = [self._cases.known[place] for place in places]
+        stamps = np.array([one.stamp_ns for one in known], dtype=np.int64)
+        runs = runs_of(stamps)
+        first, end = window_bounds(stamps, LONGEST_WINDOW_S, runs)
+        # A frame's own sensors stand still or not by the frames beside it, also across a gap.
+        wider = MIN_FRAMES + 1
+        row_of = {one.frame: row for row, one in enumerate(known)}
+        return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))

@@ -1,0 +1,126 @@
+"""The cases of a store's evaluations as arrays, one setup at a time: those that were made alike, of one rig kind."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from auditor.model.checks import COLUMNS, rig_pair_checks
+from auditor.model.measurement import NO_FINGERPRINT
+from auditor.model.rig import Rig
+from auditor.store import Store, run_sql
+from auditor.store.evaluation_tables import CHUNK_FRAMES
+from auditor.store.measurement_tables import matched_pairs
+
+_KNOWN_BY = "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size"
+_MEASURED = "ratios, present, fingerprint, level, saturated_share, fault_features, fault_features_after"
+_CASES = f"""
+SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
+WHERE ratios IS NOT NULL AND present IS NOT NULL
+ORDER BY setup, rig_id, evaluation_id, frame, draw
+"""  # noqa: S608 - our own names
+_TOO_OLD = "SELECT DISTINCT evaluation_id FROM cases WHERE present IS NULL ORDER BY evaluation_id"
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a case is known by."""
+
+    evaluation_id: str
+    recording_id: str
+    rig_id: str
+    experiment: str
+    frame: int
+    stamp_ns: int
+    draw: int
+    attacked: tuple[int, ...]
+    attack: str | None
+    strength: str | None
+    size: float | None
+
+    @property
+    def block(self) -> tuple[str, int]:
+        """Its recording and the block of time in it."""
+        return self.recording_id, self.frame // CHUNK_FRAMES
+
+    @property
+    def drive(self) -> tuple[str, str]:
+        """The frames that follow each other: its recording, by its rig."""
+        return self.recording_id, self.rig_id
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """N cases of rigs of one kind, of which `rig` is one; NaN where something was not measured.
+
+    `ratios` are (N, M) local ratios by element; by sensor (N, S): `present`, `fingerprints`, grey `level` and
+    `saturated` share; `features` and `features_after` are (N, P, columns) symptoms of the matched pairs, of their frame
+    and of the clean one after it.
+    """
+
+    rig: Rig
+    known: tuple[Known, ...]
+    ratios: Floats
+    present: NDArray[np.bool_]
+    fingerprints: NDArray[np.int64]
+    level: Floats
+    saturated: Floats
+    features: Floats
+    features_after: Floats
+
+    @cached_property
+    def clean(self) -> NDArray[np.bool_]:
+        """(N,) whether nothing was attacked."""
+        return np.array([one.experiment == "clean" for one in self.known], dtype=np.bool_)
+
+
+def load_cases(store: Store) -> Iterator[Cases]:
+    """The cases of every setup that can be judged. Raises StoreError."""
+    table = run_sql(store, _CASES)
+    if not len(table):
+        return
+    groups: dict[tuple[object, ...], list[int]] = {}
+    rigs = {rig_id: store.rig(rig_id) for rig_id in table["rig_id"].unique().to_pylist()}
+    for row, (setup, rig_id) in enumerate(zip(table["setup"].to_pylist(), table["rig_id"].to_pylist(), strict=True)):
+        groups.setdefault((setup, rig_pair_checks(rigs[rig_id])), []).append(row)
+    for rows in groups.values():
+        part = table.take(rows)
+        yield _cases(part, rigs[part["rig_id"][0].as_py()])
+
+
+def too_old(store: Store) -> list[str]:
+    """The parts that earlier versions finished, which did not keep all that judging takes. Raises StoreError."""
+    return [row["evaluation_id"] for row in run_sql(store, _TOO_OLD).to_pylist()]
+
+
+def _cases(table: pa.Table, rig: Rig) -> Cases:
+    N, S, pairs = len(table), len(rig.sensors), len(matched_pairs(rig))
+    known = table.select(_KNOWN_BY.split(", ")).to_pylist()
+    by_pair = N, pairs, len(COLUMNS)
+    return Cases(
+        rig,
+        tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
+        _floats(table["ratios"]).reshape(N, len(rig_pair_checks(rig))),
+        np.asarray(_values(table["present"]).to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
+        np.asarray(_values(table["fingerprint"]).fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(
+            N, S
+        ),
+        _floats(table["level"]).reshape(N, S),
+        _floats(table["saturated_share"]).reshape(N, S),
+        _floats(table["fault_features"]).reshape(by_pair),
+        _floats(table["fault_features_after"]).reshape(by_pair),
+    )
+
+
+def _floats(column: pa.ChunkedArray) -> Floats:
+    """The elements of all lists, NaN where NULL."""
+    return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _values(column: pa.ChunkedArray) -> pa.Array:
+    return column.combine_chunks().flatten()

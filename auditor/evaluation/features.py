@@ -1,0 +1,97 @@
+"""What tells faults and frozen sensors in a case of an evaluation: all that the judge takes beside local ratios."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isnan, nan
+
+from auditor.evaluation.attacked_frame import AttackedFrame, Attacks
+from auditor.evaluation.experiments import Case, Experiment
+from auditor.evaluation.runner import InTime
+from auditor.measurement.fault_features.collect import Prepared
+from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
+from auditor.model.measurement import NO_FINGERPRINT, Coverage
+from auditor.model.rig import LIDAR
+from auditor.store.evaluation_tables import CaseFeatures
+from auditor.store.measurement_tables import matched_pairs
+
+
+@dataclass(frozen=True, eq=False)
+class _Attacked:
+    """What the next frame of an interval takes of this one, which was attacked like it."""
+
+    frame: int
+    pairs: Mapping[Pair, Prepared | None]
+
+
+class FeaturesOfCases:
+    """Takes the features of cases, frame by frame; where an interval goes on the frame before was attacked as well.
+
+    Intervals lie within stretches, so that a killed evaluation and one in shares take the same.
+    """
+
+    def __init__(self) -> None:
+        self._attacked: dict[object, _Attacked] = {}
+
+    def of(self, now: InTime, experiment: Experiment, draw: int, case: Case) -> CaseFeatures:
+        """The features of a case of the frame `now`."""
+        attacked_frame, attacks, after = now.attacked_frame, case.attacks, now.after
+        pairs = attacked_frame.pairs(experiment.triples(attacked_frame.rig))
+        before = self._before(now, experiment, draw, case, pairs)
+        fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
+        later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
+        told = {pair: attacked_frame.symptoms_after(pair, attacks, after) for pair in later if after}
+        return CaseFeatures(
+            present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
+            fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
+            level=[_coverage(attacked_frame, sensor, attacks).level for sensor in attacked_frame.rig.sensors],
+            saturated_share=[
+                _coverage(attacked_frame, sensor, attacks).saturated_share for sensor in attacked_frame.rig.sensors
+            ],
+            fault_features=list(_in_order(attacked_frame, fault_features)),
+            fault_features_after=list(_in_order(attacked_frame, told)),
+        )
+
+    def _before(
+        self, now: InTime, experiment: Experiment, draw: int, case: Case, pairs: Sequence[Pair]
+    ) -> Mapping[Pair, Prepared | None]:
+        """What the frame before has of each pair: it is clean, but inside an interval."""
+        if now.before is None:
+            found: Mapping[Pair, Prepared | None] = dict.fromkeys(pairs)
+        else:
+            found = {pair: now.before.earlier(pair, {}) for pair in pairs}
+        if experiment.together == 1:
+            return found
+        known, number = (experiment.name, draw, case.attacked, case.strength), now.attacked_frame.frame.number
+        last = self._attacked.get(known)
+        if last and now.before and last.frame == now.before.frame.number and _same(last.frame, number, experiment):
+            found = {**found, **{pair: last.pairs.get(pair) for pair in pairs}}
+        every = now.attacked_frame.rig.pairs
+        self._attacked[known] = _Attacked(
+            number, {pair: now.attacked_frame.earlier(pair, case.attacks) for pair in every}
+        )
+        return found
+
+
+def _same(frame: int, other: int, experiment: Experiment) -> bool:
+    """Whether two frames are attacked together."""
+    return frame // experiment.together == other // experiment.together
+
+
+def _fingerprint(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -> int | None:
+    known = attacked_frame.fingerprint(sensor, attacks) if sensor in attacked_frame.sensors else NO_FINGERPRINT
+    return None if known == NO_FINGERPRINT else known
+
+
+def _coverage(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -> Coverage:
+    return (
+        attacked_frame.coverage(sensor, attacks) if sensor != LIDAR and sensor in attacked_frame.sensors else Coverage()
+    )
+
+
+def _in_order(
+    attacked_frame: AttackedFrame, fault_features: Mapping[Pair, PairFaultFeatures]
+) -> Iterator[float | None]:
+    """All numbers of all pairs that the rig has matched; NaN becomes None."""
+    for pair in matched_pairs(attacked_frame.rig):
+        values = fault_features[pair].values if pair in fault_features else [nan] * len(COLUMNS)
+        yield from (None if isnan(value) else value for value in values)

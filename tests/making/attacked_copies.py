@@ -1,0 +1,162 @@
+"""What `auditor evaluate` says of its cases beside what `auditor scan` says of copies that are attacked like them."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from pathlib import Path
+
+from auditor.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
+from auditor.evaluation.attacked_frame import Attacks
+from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
+from auditor.model.frames import Frame
+from auditor.model.rig import LIDAR, Rig
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.recordings import write_mcap
+from auditor.store import Store, run_sql
+
+R = Decimal("0.01")
+APART = 12
+"""Frames attacked in one copy lie so far apart that no verdict depends on two of them: a second and the next frame."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said of a frame under some attacks."""
+
+    kind: str
+    attacked: tuple[int, ...]
+    causes: tuple[tuple[str, int | None, float], ...]
+    finding: str | None
+    finding_attacked: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One attacked frame: what was done to it, and what both say."""
+
+    experiment: str
+    frame: int
+    attacked: tuple[int, ...]
+    attack: str
+    evaluated: Said
+    scanned: Said
+
+
+@dataclass(frozen=True)
+class _Case:
+    experiment: Experiment
+    frame: int
+    attacks: Attacks
+    key: tuple[object, ...]
+
+
+def compare(
+    folder: Path,
+    clean: Path,
+    others: Path,
+    experiments: Sequence[Experiment],
+    *,
+    every: int,
+    patterns: tuple[Path, ...],
+) -> Iterator[Compared]:
+    """Every attacked frame of a clean recording, by thresholds of another one.
+
+    Cases of the experiments are taken, which `evaluate` tries: of each `every`-th frame. Those that measure
+    fewer than all sensors are left out: a scan has no such cases.
+    """
+    store = folder / "evaluated"
+    for path in (clean, others):
+        evaluate_source(EvaluateTask(Recorded(path), store, attack_every=every, patterns=patterns), lambda *_: None)
+    judge_cases(Store.open(store))
+    with Recorded(clean).open(colour=False) as drive:
+        rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
+        told = _evaluated(Store.open(store), drive.recording_id, rig)
+        seed = int(drive.recording_id[:8], 16)
+    scans = folder / "scanned"
+    known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
+    calibration = calibrate([(Store.open(scans), known)])
+    for number, copy in enumerate(_copies(frames, rig, seed, experiments, every)):
+        path = folder / f"copy {number}.mcap"
+        write_mcap(path, rig, _attacked(frames, rig, copy), image="raw")
+        measured = measure_recording(MeasureTask(path, scans), lambda *_: None).measurement_ids[0]
+        said = _scanned(Store.open(scans), measured, calibration)
+        path.unlink()
+        for case in copy:
+            names = " and ".join(sorted({attack.name for attack in case.attacks.values()}))
+            attacked = tuple(sorted(case.attacks))
+            yield Compared(case.experiment.name, case.frame, attacked, names, told[case.key], said[case.frame])
+
+
+def same(one: Said, other: Said) -> bool:
+    """Whether both say the same; scores of causes are summed up in another order."""
+    pairs = zip(one.causes, other.causes, strict=False)
+    close = all(a[:2] == b[:2] and abs(a[2] - b[2]) < 1e-9 for a, b in pairs)
+    return close and len(one.causes) == len(other.causes) and replace(one, causes=()) == replace(other, causes=())
+
+
+def _copies(
+    frames: Sequence[Frame], rig: Rig, seed: int, experiments: Sequence[Experiment], every: int
+) -> Iterator[list[_Case]]:
+    """The cases in as few copies as there can be: each frame, or each interval, is attacked once in a copy."""
+    for experiment in experiments:
+        if not experiment.attacks or set(experiment.triples(rig)) != set(rig.triples):
+            continue
+        by_number: dict[tuple[int, int], list[_Case]] = defaultdict(list)
+        for at, frame in enumerate(frames):
+            if experiment.takes(frame.number, every):
+                past = frames[max(at - max(DELAYS), 0) : at]
+                cases = experiment.cases(rig, SeededDraws(0, seed, frame.number, 0), past)
+                for number, case in enumerate(cases):
+                    key = experiment.name, frame.number, case.attacked, case.attack, case.strength, case.size
+                    copy = number, 0 if experiment.together > 1 else at % APART
+                    by_number[copy].append(_Case(experiment, frame.number, case.attacks, key))
+        yield from by_number.values()
+
+
+def _attacked(frames: Sequence[Frame], rig: Rig, copy: Sequence[_Case]) -> Iterator[Frame]:
+    attacks_on = {case.frame: case.attacks for case in copy}
+    for frame in frames:
+        attacks = attacks_on.get(frame.number, {})
+        images = {s: attacks[s].apply(image) if s in attacks else image for s, image in frame.images.items()}
+        # What is late keeps the stamp of its frame: an attack changes data, not when it arrives.
+        images = {s: replace(image, stamp_ns=frame.images[s].stamp_ns) for s, image in images.items()}
+        cloud = frame.cloud
+        if LIDAR in attacks and cloud is not None:
+            cloud = replace(attacks[LIDAR].apply(cloud, rig), stamp_ns=cloud.stamp_ns)
+        yield replace(frame, images=images, cloud=cloud)
+
+
+def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, ...], Said]:
+    sql = f"SELECT * FROM case_verdicts WHERE held_out = 'recording' AND recording_id = '{recording_id}'"
+    rows = [row for row in run_sql(store, sql).to_pylist() if tuple(row["system"]) == rig.sensors]
+    return {
+        tuple(tuple(row[name]) if name == "attacked" else row[name] for name in _KEY): _said(
+            row["verdict"], row["accused"], row["causes"], row["lasting"], row["lasting_accused"]
+        )
+        for row in rows
+        if row["attacked"]
+    }
+
+
+_KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
+
+
+def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Said]:
+    kept = judge_measurement(store, measurement, calibration, Criteria(R))
+    columns = "frame, kind, attacked, causes, finding, finding_attacked"
+    sql = f"SELECT {columns} FROM verdicts WHERE judgement_id = '{kept.judgement_id}'"
+    rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())
+    return {frame: _said(*said) for frame, *said in rows}
+
+
+def _said(
+    kind: str,
+    attacked: Sequence[int],
+    causes: Sequence[dict[str, object]],
+    finding: str | None,
+    finding_attacked: Sequence[int] | None,
+) -> Said:
+    told = tuple((one["cause"], one["sensor"], one["score"]) for one in causes)
+    return Said(kind, tuple(attacked), told, finding, tuple(finding_attacked or ()))
