@@ -11,13 +11,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.evaluation.cases import Cases, Floats
 from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, Observed, frozen, strengths
 from auditor.identification.robust import FrameSeries, System
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import CauseIn
+from auditor.store.cases import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.measurement_tables import matched_pairs
 
@@ -80,7 +80,7 @@ class CaseSeries:
                 found.setdefault(cause, np.full(len(self._cases.known), np.nan))[drive.places] = scores
         return found
 
-    def around(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
+    def window(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
         """The parts of drives around the cases at these places, one after the other, and the row of each case.
 
         `system` may have fewer sensors than the rig.

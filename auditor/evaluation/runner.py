@@ -1,9 +1,7 @@
 """One recording evaluated: its frames times the cases of some experiments, kept chunk by chunk."""
 
 import hashlib
-import itertools
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import KW_ONLY, dataclass
@@ -16,8 +14,8 @@ from typing import Any
 from auditor import __version__
 from auditor.errors import RigError
 from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.chunks import Chunks, all_finished
 from auditor.evaluation.experiments import (
-    DELAYS,
     EXPERIMENTS,
     FURTHER,
     INTERVALS,
@@ -39,72 +37,6 @@ from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
 from auditor.store.records import content_id
-
-CHUNK_FRAMES = 20
-"""Frames that are finished together: a killed evaluation loses no more than these."""
-
-
-class Chunks:
-    """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
-
-    def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
-        self._frames = frames
-        self._ahead: deque[Frame | Skipped] = deque()
-        self.past: deque[Frame] = deque(maxlen=max(DELAYS))
-
-    def __iter__(self) -> Iterator[tuple[int, Iterator[Frame | Skipped]]]:
-        for chunk in itertools.count():
-            end = (chunk + 1) * CHUNK_FRAMES
-            yield chunk, self._below(end)
-            for _ in self._below(end):  # what the caller left unread
-                pass
-            if self.ended:
-                return
-
-    @property
-    def ended(self) -> bool:
-        """True once the last frame has been looked at."""
-        return self._next is None
-
-    @property
-    def following(self) -> Frame | None:
-        """The frame after the one that is being looked at; those skipped between them are looked at later."""
-        for item in self._ahead:
-            if isinstance(item, Frame):
-                return item
-        for item in self._frames:
-            self._ahead.append(item)
-            if isinstance(item, Frame):
-                return item
-        return None
-
-    @property
-    def _next(self) -> Frame | Skipped | None:
-        if not self._ahead:
-            self._ahead.extend(itertools.islice(self._frames, 1))
-        return self._ahead[0] if self._ahead else None
-
-    def _below(self, end: int) -> Iterator[Frame | Skipped]:
-        while (frame := self._next) is not None and frame.number < end:
-            self._ahead.popleft()
-            yield frame
-            if isinstance(frame, Frame):
-                self.past.append(frame)
-
-
-def all_finished(parts: Callable[[int], Sequence[bool | None]], *, share: int, of: int) -> bool:
-    """True where every stretch of a share, each `of`-th, is there, and the last one is known.
-
-    `parts` are those of a stretch: None where one is not finished, else whether the recording ends in it.
-    """
-    for chunk in itertools.count():
-        found = parts(chunk)
-        if (chunk % of == share and None in found) or all(part is None for part in found):
-            return False
-        if any(found):
-            return True
-    raise AssertionError  # counting has no end
-
 
 _VERSIONED = ("numpy", "opencv-python-headless")
 

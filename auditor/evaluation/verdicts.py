@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evaluation.case_series import CaseSeries
-from auditor.evaluation.cases import Cases, Floats, Known, load_cases, too_old
 from auditor.evaluation.experiments import scenario_1
 from auditor.identification.robust import System, judge_frames
 from auditor.identification.scores import thresholds_from
@@ -17,6 +16,7 @@ from auditor.model.checks import rig_pair_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import CauseIn, Verdict, VerdictKind
 from auditor.store import Store
+from auditor.store.cases import Cases, Floats, Known, load_cases, too_old
 from auditor.store.evaluation_tables import JUDGED_R, CaseVerdict, write_case_verdicts
 
 Flags = NDArray[np.bool_]

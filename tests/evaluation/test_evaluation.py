@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import RecordingError, RigError, SettingError
-from auditor.evaluation import EvaluateTask, Recorded, Street, evaluate_source, experiments_of, runner
+from auditor.evaluation import EvaluateTask, Recorded, Street, chunks, evaluate_source, experiments_of, runner
 from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.chunks import CHUNK_FRAMES
 from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
 from auditor.evaluation.features import FeaturesOfCases
-from auditor.evaluation.runner import CHUNK_FRAMES
 from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import measure
@@ -186,7 +186,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture
 def short_stretches(monkeypatch):
-    monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(chunks, "STRETCH_FRAMES", STRETCH)
 
 
 @pytest.fixture

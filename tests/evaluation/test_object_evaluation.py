@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import SettingError
-from auditor.evaluation import Recorded, runner
+from auditor.evaluation import Recorded, chunks
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects
 from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
@@ -116,7 +116,7 @@ def test_the_papers_two_systems_are_compared() -> None:
 
 
 def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(runner, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(chunks, "STRETCH_FRAMES", STRETCH)
     whole = run(drive, tmp_path / "whole")
     assert (whole.frames, whole.cases) == (FRAMES, CASES)
     assert not run(drive, tmp_path / "whole").fresh
