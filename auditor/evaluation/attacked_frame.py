@@ -1,7 +1,7 @@
 """One frame under many attacks: only what an attack changes is measured again."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Protocol, TypeVar, cast, runtime_checkable
 
@@ -350,3 +350,12 @@ def _map_key(source: AttackedCamera, reference: AttackedCamera) -> tuple[object,
     """The key of `once` for a disparity map."""
     (i, on_i), (k, on_k) = source, reference
     return ("map", (i, k), on_i, on_k)
+
+
+@dataclass(frozen=True, eq=False)
+class InTime:
+    """A frame under attack between the clean frames before and after it; None where there is none."""
+
+    attacked_frame: AttackedFrame
+    before: AttackedFrame | None
+    after: AttackedFrame | None

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 
-from auditor.evaluation.attacked_frame import AttackedFrame, Attacks
+from auditor.evaluation.attacked_frame import AttackedFrame, Attacks, InTime
 from auditor.evaluation.experiments import Case, Experiment
-from auditor.evaluation.runner import InTime
 from auditor.measurement.fault_features.collect import Prepared
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import NO_FINGERPRINT, Coverage

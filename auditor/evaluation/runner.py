@@ -13,7 +13,7 @@ from typing import Any
 
 from auditor import __version__
 from auditor.errors import RigError
-from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.evaluation.chunks import Chunks, all_finished
 from auditor.evaluation.experiments import (
     EXPERIMENTS,
@@ -77,15 +77,6 @@ class Evaluated:
     def fresh(self) -> bool:
         """True where something was measured."""
         return self.cases > 0
-
-
-@dataclass(frozen=True, eq=False)
-class InTime:
-    """A frame under attack between the clean frames before and after it; None where there is none."""
-
-    attacked_frame: AttackedFrame
-    before: AttackedFrame | None
-    after: AttackedFrame | None
 
 
 class Run(ABC):

@@ -5,13 +5,13 @@ from dataclasses import KW_ONLY, asdict, dataclass
 from pathlib import Path
 
 from auditor.errors import SettingError
-from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.evaluation.experiments import EXPERIMENTS, Case, Experiment
 from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_view, scenarios
 from auditor.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.evaluation.object_baseline.detectors import Detectors, find_detectors
 from auditor.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
-from auditor.evaluation.runner import Evaluated, InTime, Progress, Run, Task
+from auditor.evaluation.runner import Evaluated, Progress, Run, Task
 from auditor.evaluation.sources import CleanDrive
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
