@@ -17,7 +17,7 @@ from auditor.identification.statistics import runs_of, window_bounds
 from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import CauseIn
-from auditor.store.cases import Cases, Floats
+from auditor.store.case_arrays import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.measurement_tables import matched_pairs
 

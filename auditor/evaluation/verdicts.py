@@ -16,7 +16,7 @@ from auditor.model.checks import rig_pair_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import CauseIn, Verdict, VerdictKind
 from auditor.store import Store
-from auditor.store.cases import Cases, Floats, Known, load_cases, too_old
+from auditor.store.case_arrays import Cases, Floats, Known, load_cases, too_old
 from auditor.store.evaluation_tables import JUDGED_R, CaseVerdict, write_case_verdicts
 
 Flags = NDArray[np.bool_]
