@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
-from auditor.store import Store, run_sql
 from auditor.store.evaluation_tables import CHUNK_FRAMES
 from auditor.store.measurement_tables import matched_pairs
+from auditor.store.queries import run_sql
+from auditor.store.store import Store
 
 _KNOWN_BY = "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size"
 _MEASURED = "ratios, present, fingerprint, level, saturated_share, fault_features, fault_features_after"

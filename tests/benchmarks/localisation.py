@@ -4,20 +4,19 @@ Every so many-th frame of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam
 of each strength on each camera and walls of each width, each drawn anew for every frame; with --synthetic SCENES
 also streets of each style. Intersection over union with the truth, 0 where no region was made of the attacked sensor:
 pixels that the facula changed by more than 45 grey levels; pixels of the LiDAR's view with a point of the wall.
-Judged by thresholds of drive 0001 (streets: of the other styles) the frame must name the sensor, else it is 0 too.
+Judged by thresholds of drive 0001 (streets: of the other styles) the frame must name the sensor, else it is 0 too;
+each frame is judged by itself, without causes that are not attacks and frozen sensors.
 """
 
 import argparse
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from decimal import Decimal
 
 import cv2
 import numpy as np
 
-from auditor.identification.robust import System, name_attacked
-from auditor.identification.scores import candidates, scales_of, scores
+from auditor.identification.scores import candidates
 from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.simulation.drives import make_drive
@@ -30,10 +29,11 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.real_drives import frames
-from tests.benchmarks.robust_measuring import WALLS_M
+from tests.benchmarks.single_frames import judge_alone
 
 MATCHER = find_matcher("sgbm")
 CHANGED = 45
+WALLS_M = (0.5, 1.0, 1.5, 2.5)
 FRAMES_A_SCENE = 5
 
 
@@ -127,12 +127,9 @@ def solid_error_m(region: Region, wall: BogusWall, rig: Rig) -> float:
 def report(title: str, rig: Rig, parts: Sequence[tuple[Sequence[tuple[float, ...]], Sequence[Found]]]) -> None:
     """Print the means of each attack, over all frames and over those whose verdict names the sensor."""
     print(title)
-    pair_checks = rig_pair_checks(rig)
     rows: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
     for clean, part in parts:
-        scales = scales_of(np.array(clean), pair_checks, Decimal("0.01"))
-        z = scores(np.array([found.ratios for found in part]), scales)
-        verdicts = name_attacked(z, System(pair_checks, rig.triples, rig.sensors), [frozenset()] * len(part))
+        verdicts = judge_alone(rig, clean, [found.ratios for found in part])
         for found, verdict in zip(part, verdicts, strict=True):
             named = found.iou if found.sensor in verdict.attacked else 0.0
             for row in {found.kind, "all faculas" if found.sensor else "all walls", f"{found.kind} S_{found.sensor}"}:

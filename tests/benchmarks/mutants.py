@@ -142,8 +142,9 @@ def run(drawn: Sequence[tuple[Subject, Mutant]], jobs: int, folder: Path) -> Ite
     every = list(dict.fromkeys(test for subject, _ in drawn for test in subject.tests))
     for job in range(jobs):
         copy = _copy(folder / str(job))
-        if not _passes(every, copy, compiled=True):
-            sys.exit("the tests fail without any mutant")
+        unchanged = _test(every, copy, compiled=True)
+        if unchanged.returncode:
+            sys.exit(f"the tests fail without any mutant\n{unchanged.stdout}")
         copies.put(copy)
 
     def survives(one: tuple[Subject, Mutant]) -> tuple[Subject, Mutant, bool]:
@@ -172,20 +173,20 @@ def _survives(subject: Subject, mutant: Mutant, copy: Path) -> bool:
     original = path.read_text()
     path.write_text(mutant.source)
     try:
-        return _passes((f"{path.parent.name}/test_{path.name}", *subject.tests), copy, compiled=False)
+        tests = (f"{path.parent.name}/test_{path.name}", *subject.tests)
+        return _test(tests, copy, compiled=False).returncode == 0
     finally:
         path.write_text(original)
 
 
-def _passes(tests: Sequence[str], copy: Path, *, compiled: bool) -> bool:
-    """Whether those of the tests that exist pass in a copy. Compiled modules are kept of the original alone."""
+def _test(tests: Sequence[str], copy: Path, *, compiled: bool) -> subprocess.CompletedProcess[str]:
+    """Run those of the tests that exist in a copy. Compiled modules are kept of the original alone."""
     chosen = dict.fromkeys(f"tests/{name}" for name in tests if (copy / "tests" / name).exists())
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
     command += ["-k", WITHOUT, *chosen]
     environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "" if compiled else "1"}
     limited = ["sh", "-c", f'ulimit -t {_CPU_SECONDS}; exec "$@"', "sh", *command]
-    done = subprocess.run(limited, cwd=copy, env=environment, capture_output=True, check=False)
-    return done.returncode == 0
+    return subprocess.run(limited, cwd=copy, env=environment, capture_output=True, text=True, check=False)
 
 
 def difference(mutant: Mutant) -> str:

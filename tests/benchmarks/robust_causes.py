@@ -12,21 +12,21 @@ what only judges may be changed and the kept streets judged again at once.
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 
 from auditor.identification.faults import Observed, fault_hypotheses, strengths
-from auditor.identification.robust import Heard, System, judge_series
-from auditor.identification.scores import fault_scales, scales_of
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import thresholds_from
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import use_one_thread
-from auditor.model.calibration import Scale
+from auditor.model.calibration import RobustThresholds
 from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.rig import Rig
 from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
+from auditor.pipeline.judge import system_of
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.real_drives import frames
 from tests.benchmarks.robust_faults import CLEAN, FAULTS, PARTS
@@ -43,35 +43,26 @@ def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
     return strengths(Observed(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors)
 
 
-@dataclass(frozen=True, eq=False)
-class Learnt:
-    """What clean recordings teach."""
-
-    scales: Sequence[Scale | None]
-    causes: Mapping[CauseIn, Scale]
-
-
-def learn(recordings: Sequence[Watched], rig: Rig) -> Learnt:
+def learn(recordings: Sequence[Watched], rig: Rig) -> RobustThresholds:
     """Thresholds at r = 1 %."""
     r = Decimal("0.01")
     strong = [told(part, rig) for part in recordings]
     samples = {key: np.concatenate([one[key] for one in strong]) for key in strong[0]}
     known = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in samples.items()}
     clean = np.concatenate([part.ratios for part in recordings])
-    return Learnt(scales_of(clean, rig_pair_checks(rig), r), fault_scales(known, r))
+    return thresholds_from(clean, known, rig_pair_checks(rig), r)
 
 
-def suspected(part: Watched, learnt: Learnt, rig: Rig) -> list[tuple[FaultHypothesis, ...]]:
+def suspected(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[tuple[FaultHypothesis, ...]]:
     """The causes of each frame worth telling, whether or not they explain its verdict."""
     return fault_hypotheses(told(part, rig), learnt.causes)
 
 
-def judged(part: Watched, learnt: Learnt, rig: Rig) -> list[Verdict]:
+def judged(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[Verdict]:
     """The verdicts of the robust method."""
     present = np.ones(part.fingerprints.shape, dtype=np.bool_)
-    heard = Heard(part.stamps_ns, part.ratios, present, part.fingerprints)
-    system = System(rig_pair_checks(rig), rig.triples, rig.sensors)
-    return judge_series(heard, system, learnt.scales, 0.0, suspected(part, learnt, rig))
+    series = FrameSeries.of_recording(part.stamps_ns, part.ratios, present, part.fingerprints, told(part, rig))
+    return judge_frames(series, system_of(rig), learnt)
 
 
 def outcome(series: Series, verdict: Verdict) -> Counter[str]:
@@ -92,7 +83,7 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
     )
 
 
-def report(title: str, parts: Sequence[tuple[Rig, Learnt, Sequence[Series]]], *, list_accused: bool) -> None:
+def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Series]]], *, list_accused: bool) -> None:
     """Print every row, all sensors apart, then all faults and attacks; then each frame accused but not attacked."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     accused: list[str] = []
@@ -190,7 +181,7 @@ def main() -> None:
         report("synthetic streets, thresholds of the other styles", parts, list_accused=options.list_accused)
 
 
-def drives(happening: Sequence[str]) -> list[tuple[Rig, Learnt, list[Series]]]:
+def drives(happening: Sequence[str]) -> list[tuple[Rig, RobustThresholds, list[Series]]]:
     """Drive 0009 by what 0001 teaches."""
     rig, stream = frames("0001")
     learnt = learn([measured(stream, rig)], rig)
@@ -199,7 +190,7 @@ def drives(happening: Sequence[str]) -> list[tuple[Rig, Learnt, list[Series]]]:
     return [(rig, learnt, [series for part in happening for series in all_series("0009", kept, rig, part)])]
 
 
-def streets(rig: Rig, measured: Mapping[Street, Sequence[Series]]) -> list[tuple[Rig, Learnt, list[Series]]]:
+def streets(rig: Rig, measured: Mapping[Street, Sequence[Series]]) -> list[tuple[Rig, RobustThresholds, list[Series]]]:
     """Each style by what the others teach."""
     of_style: dict[str, list[Series]] = defaultdict(list)
     for street, series in measured.items():

@@ -24,13 +24,13 @@ from auditor.lab.attacks.rain import Rain
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause
-from tests.benchmarks.robust_further import MovedSector
 
 CLEAN = "clean"
 DEGREE_PX = 13  # at a focal length of 720 px
 DARKER = 0.2
 RATES_MM_H = (1, 2, 5, 10, 25, 50, 100)
 WALLS_M = (0.5, 1.0, 2.5)
+SECTOR_DEG = 30.0
 
 Change = Callable[[Frame], Frame]
 
@@ -130,6 +130,22 @@ def lidar_attacks() -> Iterator[tuple[str, Callable[[np.random.Generator], objec
     for count in (500, 2000, 8000, 20000):
         yield f"scattered, {count}", lambda rng, count=count: ScatteredPoints(count, int(rng.integers(1 << 31)))
     yield "scattered in 40 degrees", lambda rng: ScatteredInSector(20000, int(rng.integers(1 << 31)), 40)
+
+
+@dataclass(frozen=True)
+class MovedSector:
+    """All points within 30 degrees around an azimuth, in degrees to the left, moved along their rays."""
+
+    azimuth_deg: float
+    factor: float
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with the sector moved."""
+        del rig
+        azimuth_deg = np.rad2deg(np.arctan2(cloud.xyz_m[:, 1], cloud.xyz_m[:, 0]))
+        inside = np.abs(azimuth_deg - self.azimuth_deg) < SECTOR_DEG / 2
+        scale = np.where(inside, np.float32(self.factor), np.float32(1))
+        return PointCloud(cloud.stamp_ns, cloud.xyz_m * scale[:, None])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause
-from tests.benchmarks import robust_faults, robust_further
+from tests.benchmarks import robust_faults
 from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
 from tests.benchmarks.robust_faults import PARTS
 
@@ -120,7 +120,7 @@ def all_series(recording: str, kept: Sequence[Frame], rig: Rig, part: str) -> It
 
 def measure_streets(streets: Sequence[Street], folder: Path, processes: int) -> tuple[Rig, dict[Street, list[Series]]]:
     """Their series, from the folder where the same code has measured them before, and a rig: all have like sensors."""
-    code = digest([*of_package(*_SOURCES), Path(__file__), Path(robust_faults.__file__), Path(robust_further.__file__)])
+    code = digest([*of_package(*_SOURCES), Path(__file__), Path(robust_faults.__file__)])
     found = measure_kept(streets, _measure, folder / code, processes)
     return next(iter(found.values()))[0], {street: series for street, (_, series) in found.items()}
 

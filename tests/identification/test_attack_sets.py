@@ -62,9 +62,10 @@ def test_the_cost_of_every_set_is_what_counting_it_by_hand_gives(n):
                 cost -= value * expects(pair_check, sets[s])
         assert found.cost[f, s] == pytest.approx(cost)
     np.testing.assert_allclose(found.score, found.cost[:, 0] - found.cost[:, 1:].min(axis=1))
-    ranked = found.ranked(0)
-    assert [cost for _, cost in ranked] == sorted(cost for _, cost in ranked)
-    assert ranked[1][1] - ranked[0][1] == pytest.approx(found.lead[0])
+    for f in range(len(z)):
+        ranked = [cost for _, cost in found.ranked(f)]
+        assert ranked == sorted(ranked)
+        assert ranked[1] - ranked[0] == pytest.approx(found.lead[f])
 
 
 def test_what_was_not_measured_costs_nothing_and_a_silent_frame_is_clean():

@@ -70,6 +70,33 @@ def test_a_fault_in_clean_frames_is_a_false_alarm_unless_others_show_it_too():
     assert [one.raised for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
 
 
+def test_an_incident_may_begin_with_the_first_frame_and_be_raised_a_little():
+    barely = recording("barely", lidar_conflicts=(0, 1, 2, 10, 11, 12, 13, 14))
+    barely = replace(barely, ratios={e: np.where(x > 0, 0.55, 0.0) for e, x in barely.ratios.items()})
+    found = leave_one_out_robust(calibration(recording("easy"), barely), SYSTEM, R)
+    assert counts(found) == [("easy", 20, 0, 0), ("barely", 20, 8, 2)]
+    assert [one.hours for one in found] == pytest.approx([20 / 36_000] * 2)
+
+
+def test_only_faults_are_false_alarms_by_themselves_and_only_beyond_their_threshold():
+    easy = recording("easy")
+    for cause, strength, raised in ((Cause.LATE, 1.0, 0), (Cause.LATE, 1.01, 20), (Cause.DARK, 2.0, 0)):
+        key = (cause, None if cause is Cause.DARK else 1)
+        held = replace(recording("held"), strengths={key: np.full(20, strength)})
+        other = replace(easy, strengths={key: np.zeros(20), (Cause.FROZEN, 2): np.zeros(20)})
+        assert [one.raised for one in leave_one_out_robust(calibration(other, held), SYSTEM, R)] == [0, raised]
+
+
+def test_held_out_scores_are_those_of_half_seconds_recording_by_recording():
+    hard = recording("hard", lidar_conflicts=(10,))
+    scores = left_out_scores(calibration(recording("easy"), hard), SYSTEM, R)
+    assert np.flatnonzero(scores == -np.inf).tolist() == [20, 41]
+    assert (scores[:20] < 0).all()
+    alone = left_out_scores(calibration(recording("easy"), recording("hard", lidar_conflicts=range(20))), SYSTEM, R)
+    assert scores[21 + 10] < 0 < alone[21 + 10]
+    assert left_out_scores(calibration(), SYSTEM, R).tolist() == [-np.inf]
+
+
 def test_three_sensors_raise_false_alarms_too():
     both = calibration(recording("easy", system=THREE), recording("hard", lidar_conflicts=range(4, 10), system=THREE))
     assert [one.raised for one in leave_one_out_robust(both, THREE, R)] == [0, 6]

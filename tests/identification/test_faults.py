@@ -180,6 +180,7 @@ def test_causes_are_told_from_a_score_of_a_fifth_on_the_likeliest_first():
         (Cause.DARK, None, pytest.approx(0.2)),
     )
     assert hypotheses[1] == ()
+    assert fault_hypotheses({(Cause.LATE, 1): np.array([-1.8])}, {(Cause.LATE, 1): plain})[0][0].sensor == 1
     assert hypotheses[2] == ((Cause.DARK, None, 1.0), (Cause.LATE, 1, 0.5), (Cause.RAIN, 0, 0.5))
 
 

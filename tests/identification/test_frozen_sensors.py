@@ -28,6 +28,12 @@ def test_a_missing_sensor_is_not_frozen_and_a_gap_ends_a_run():
     assert found[:, 1].astype(int).tolist() == [0, 1, 1, 0, 0, 1, 1]
 
 
+def test_what_is_not_there_is_not_compared_whatever_fingerprint_stands_for_it():
+    prints, present = frames("abcdefg", "aaaaaaa")
+    present[3, 1] = False
+    assert frozen(prints, present)[:, 1].astype(int).tolist() == [0, 1, 1, 0, 0, 1, 1]
+
+
 def test_no_frames_and_one_frame_hold_nothing():
     assert frozen(*frames("", "")).shape == (0, 2)
     assert frozen(*frames("a", "-")).tolist() == [[False, False]]

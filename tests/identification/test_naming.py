@@ -164,3 +164,14 @@ def test_a_triple_is_measured_where_its_own_elements_are():
     assert one({X13: np.nan}).e == "-00"
     assert one({U13: np.nan}).e == "00-"
     assert one({X13: np.nan, U13: 1.0}).e == "101", "raised by what is inside it, it needs no measure"
+
+
+def test_of_five_sensors_the_smaller_of_two_attacks_is_named_where_nothing_else_tells_them_apart():
+    five = System(pair_checks_of(4, (), (), (4,)), triples_of(4, lidar=True), (0, 1, 2, 3, 4))
+    verdict = one({PairCheck(Check.POINT_DROPOUT, 0, 4): 0.5}, system=five, silent=np.nan)
+    assert (verdict.kind, verdict.attacked, verdict.margin) == (VerdictKind.ATTACKED, (0,), 0.02)
+
+
+def test_a_frame_is_raised_where_any_attack_explains_it_better_than_none():
+    z = np.array([[0.25 if pair_check == U23 else -1.0 for pair_check in SYSTEM.pair_checks]])
+    assert name_attacked(z, SYSTEM, [NONE])[0].attacked == (2,)

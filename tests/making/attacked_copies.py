@@ -63,8 +63,8 @@ def compare(
 ) -> Iterator[Compared]:
     """Every attacked frame of a clean recording, by thresholds of another one.
 
-    Cases of the experiments are taken, which `evaluate` tries: of each `every`-th frame. Those that measure
-    fewer than all sensors are left out: a scan has no such cases.
+    Cases of the experiments are taken, which `evaluate` tries: of each `every`-th frame. Those that are not judged by
+    all sensors are left out: that is how a scan judges.
     """
     store = folder / "evaluated"
     for path in (clean, others):
@@ -77,7 +77,10 @@ def compare(
     scans = folder / "scanned"
     known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
     calibration = calibrate([(Store.open(scans), known)])
-    for number, copy in enumerate(_copies(frames, rig, seed, experiments, every)):
+    for number, everything in enumerate(_copies(frames, rig, seed, experiments, every)):
+        copy = [case for case in everything if case.key in told]
+        if not copy:
+            continue
         path = folder / f"copy {number}.mcap"
         write_mcap(path, rig, _attacked(frames, rig, copy), image="raw")
         measured = measure_recording(MeasureTask(path, scans), lambda *_: None).measurement_ids[0]

@@ -10,10 +10,11 @@ import pytest
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.attacks.rain import Rain
 from auditor.lab.simulation.drives import make_drive
+from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause, Verdict, VerdictKind
-from tests.benchmarks.robust_causes import Learnt, judged, learn
+from tests.benchmarks.robust_causes import judged, learn
 from tests.benchmarks.robust_faults import on, taken
 from tests.benchmarks.robust_watching import measured
 
@@ -27,7 +28,7 @@ class Street:
 
     rig: Rig
     frames: list[Frame]
-    learnt: Learnt
+    learnt: RobustThresholds
 
     def verdicts(self, frames: Iterable[Frame]) -> list[Verdict]:
         """The verdicts on frames as they were changed."""
