@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
 -- column i: First witness.
 -- column j: Second witness.
@@ -50,7 +50,7 @@ told AS (
     SELECT
         setup,
         'paper' AS method,
-        held_out,
+        left_out,
         i,
         j,
         k,
@@ -67,7 +67,7 @@ told AS (
     SELECT
         setup,
         'robust' AS method,
-        held_out,
+        left_out,
         system[1] AS i,
         system[2] AS j,
         system[3] AS k,
@@ -85,7 +85,7 @@ tally AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         CASE WHEN i = 0 THEN 1 ELSE 2 END AS scenario,
         i,
         j,
@@ -100,14 +100,14 @@ tally AS (
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected
     FROM told
     GROUP BY GROUPING SETS (
-        (setup, method, held_out, i, j, k, strength, attacked, r),
-        (setup, method, held_out, i, j, k, strength, r)
+        (setup, method, left_out, i, j, k, strength, attacked, r),
+        (setup, method, left_out, i, j, k, strength, r)
     )
 )
 SELECT
     setup,
     method,
-    held_out,
+    left_out,
     scenario,
     i,
     j,
@@ -124,4 +124,4 @@ SELECT
     wilson(detected, cases, -1) AS low,
     wilson(detected, cases, 1) AS high
 FROM tally
-ORDER BY setup, method, held_out, i, j, k, strength, r, len(attacked) NULLS LAST, attacked
+ORDER BY setup, method, left_out, i, j, k, strength, r, len(attacked) NULLS LAST, attacked

@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column r: The designated false-alarm rate.
 -- column samples: The smallest number N of clean samples that a theta came from.
@@ -19,7 +19,7 @@
 -- column rate: raised / frames.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
--- column accused: Those whose verdict names a sensor.
+-- column identified: Those whose verdict names a sensor.
 -- column hours: Time that the frames stand for: their number times the usual time between two; NULL where there are no two, as all that follows.
 -- column raised_an_hour: Raised frames per hour of driving.
 -- column low_an_hour: Lower end of its interval.
@@ -52,7 +52,7 @@ counted AS (
     SELECT
         setup,
         'paper' AS method,
-        held_out,
+        left_out,
         system,
         r,
         min(samples[position]) AS samples,
@@ -60,7 +60,7 @@ counted AS (
         count(*) AS frames,
         count(*) - count(E > theta[position]) AS not_auditable,
         CAST(count_if(coalesce(E > theta[position], FALSE)) AS BIGINT) AS raised,
-        0 AS accused
+        0 AS identified
     FROM error
     JOIN threshold_of USING (setup, recording_id, block)
     GROUP BY ALL
@@ -68,7 +68,7 @@ counted AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         system,
         r,
         min(samples),
@@ -90,7 +90,7 @@ counted AS (
 SELECT
     setup,
     method,
-    held_out,
+    left_out,
     system,
     CAST(r AS DOUBLE) AS r,
     samples,
@@ -101,11 +101,11 @@ SELECT
     raised / frames AS rate,
     wilson(raised, frames, -1) AS low,
     wilson(raised, frames, 1) AS high,
-    accused,
+    identified,
     frames * period_s / 3600 AS hours,
     raised / (frames * period_s / 3600) AS raised_an_hour,
     wilson(raised, frames, -1) * 3600 / period_s AS low_an_hour,
     wilson(raised, frames, 1) * 3600 / period_s AS high_an_hour
 FROM counted
 JOIN period USING (setup)
-ORDER BY setup, method, held_out, len(system), system, r
+ORDER BY setup, method, left_out, len(system), system, r

@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column attack: The kind of attack or fault.
 -- column variant: Which of its kind: bright or dark stripes, the pattern's file.
@@ -33,7 +33,7 @@ tally AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         system,
         attack,
         strength AS variant,
@@ -52,7 +52,7 @@ tally AS (
 SELECT
     setup,
     method,
-    held_out,
+    left_out,
     system,
     attack,
     variant,
@@ -71,4 +71,4 @@ SELECT
     wilson(named, cases, -1) AS naming_low,
     wilson(named, cases, 1) AS naming_high
 FROM tally
-ORDER BY setup, method, held_out, len(system), attack, attacked, variant, size, r
+ORDER BY setup, method, left_out, len(system), attack, attacked, variant, size, r

@@ -6,7 +6,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part.
 -- column strength: Amplitude of the faculas by name.
 -- column attacked: The attacked sensors; NULL for all sets of this size together.
@@ -31,7 +31,7 @@ tally AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         system,
         strength,
         attacked,
@@ -46,14 +46,14 @@ tally AS (
     FROM verdict_of
     WHERE experiment = 'combinations' AND len(system) >= 4
     GROUP BY GROUPING SETS (
-        (setup, method, held_out, system, strength, attacked, len(attacked), r),
-        (setup, method, held_out, system, strength, len(attacked), r)
+        (setup, method, left_out, system, strength, attacked, len(attacked), r),
+        (setup, method, left_out, system, strength, len(attacked), r)
     )
 )
 SELECT
     setup,
     method,
-    held_out,
+    left_out,
     system,
     strength,
     attacked,
@@ -72,4 +72,4 @@ SELECT
     wilson(identified, cases, -1) AS identification_low,
     wilson(identified, cases, 1) AS identification_high
 FROM tally
-ORDER BY setup, method, held_out, len(system), strength, r, attacked_sensors, attacked NULLS LAST
+ORDER BY setup, method, left_out, len(system), strength, r, attacked_sensors, attacked NULLS LAST

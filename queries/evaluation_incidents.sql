@@ -9,7 +9,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column system: The sensors that took part: all.
 -- column attacked: The attacked sensors; empty for clean drives.
 -- column variant: still or moving; NULL for clean drives.
@@ -49,7 +49,7 @@ told AS MATERIALIZED (
         state.* EXCLUDE (triples, e, attack, size),
         'paper' AS method,
         said_of(state.e, state.triples, answer.system, answer.named) AS said,
-        CASE WHEN said = 'attacked' THEN answer.named ELSE [] END AS accused
+        CASE WHEN said = 'attacked' THEN answer.named ELSE [] END AS identified
     FROM state
     JOIN answer ON answer.e = state.e AND answer.triples = state.triples
     UNION ALL BY NAME
@@ -61,7 +61,7 @@ told AS MATERIALIZED (
         frame,
         stamp_ns,
         draw,
-        held_out,
+        left_out,
         system,
         experiment,
         strength,
@@ -70,18 +70,18 @@ told AS MATERIALIZED (
         samples,
         resolvable_with(samples, r) AS resolvable,
         'robust' AS method,
-        lasting AS said,
-        lasting_accused AS accused
+        window_kind AS said,
+        window_named AS identified
     FROM case_verdicts
     WHERE experiment IN ('clean', 'intervals')
         AND list_contains(CAST($r AS DECIMAL(18, 17)[]), r)
-        AND (held_out <> 'block' OR $block_frames = robust_block_frames())
+        AND (left_out <> 'block' OR $block_frames = robust_block_frames())
     QUALIFY len(system) = max(len(system)) OVER (PARTITION BY setup)
 ),
 -- a clean drive, or one interval under one attack
 placed AS MATERIALIZED (
     SELECT
-        {setup: setup, method: method, held_out: held_out, system: system, attacked: attacked, variant: strength, r: r} AS what,
+        {setup: setup, method: method, left_out: left_out, system: system, attacked: attacked, variant: strength, r: r} AS what,
         CASE
             WHEN experiment = 'clean' THEN concat_ws('|', recording_id, rig_id)
             ELSE concat_ws('|', evaluation_id, frame // interval_frames(), draw)
@@ -108,17 +108,17 @@ line AS (
 numbered AS (
     SELECT *, sum(CASE WHEN step_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END) OVER same AS run
     FROM (
-        SELECT what, line, clock, said, accused, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
+        SELECT what, line, clock, said, identified, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
         FROM clocked
         WHERE said IN ('attacked', 'unidentified', 'suspect')
-        WINDOW same AS (PARTITION BY what, line, clock, said, accused ORDER BY frame)
+        WINDOW same AS (PARTITION BY what, line, clock, said, identified ORDER BY frame)
     )
-    WINDOW same AS (PARTITION BY what, line, clock, said, accused ORDER BY frame)
+    WINDOW same AS (PARTITION BY what, line, clock, said, identified ORDER BY frame)
 ),
 incident AS (
-    SELECT what, line, clock, accused, count(*) AS frames, min(frame) AS first_frame, min(stamp_ns) AS from_ns
+    SELECT what, line, clock, identified, count(*) AS frames, min(frame) AS first_frame, min(stamp_ns) AS from_ns
     FROM numbered
-    GROUP BY what, line, clock, said, accused, run
+    GROUP BY what, line, clock, said, identified, run
 ),
 found AS (
     SELECT
@@ -127,7 +127,7 @@ found AS (
         line.samples,
         line.resolvable,
         count(incident.frames) AS incidents,
-        list(incident.accused ORDER BY incident.frames DESC, incident.first_frame)[1] AS accused,
+        list(incident.identified ORDER BY incident.frames DESC, incident.first_frame)[1] AS identified,
         (min(incident.from_ns) FILTER (incident.clock = 0) - line.from_ns) / 1e9 AS delay_s
     FROM line
     LEFT JOIN incident ON incident.what = line.what AND incident.line = line.line
@@ -143,7 +143,7 @@ tally AS (
         CAST(sum(incidents) AS BIGINT) AS incidents,
         count(*) AS intervals,
         CAST(count_if(incidents > 0) AS BIGINT) AS found,
-        CAST(count_if(coalesce(accused = what['attacked'], FALSE)) AS BIGINT) AS named,
+        CAST(count_if(coalesce(identified = what['attacked'], FALSE)) AS BIGINT) AS named,
         median(delay_s) AS delay_s,
         max(delay_s) AS longest_delay_s
     FROM found
@@ -155,7 +155,7 @@ period AS (
 SELECT
     what['setup'] AS setup,
     what['method'] AS method,
-    what['held_out'] AS held_out,
+    what['left_out'] AS left_out,
     what['system'] AS system,
     what['attacked'] AS attacked,
     what['variant'] AS variant,
@@ -180,4 +180,4 @@ SELECT
     CASE WHEN clean THEN poisson_at_most(incidents) / (frames * period_s / 3600) END AS at_most_an_hour
 FROM tally
 JOIN period ON period.setup = what['setup']
-ORDER BY setup, method, held_out, len(attacked), attacked, variant, r
+ORDER BY setup, method, left_out, len(attacked), attacked, variant, r

@@ -9,7 +9,7 @@
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column detector: Who looked for objects: geometric, or the files of the networks; text from outside.
 -- column detector_id: What was pooled: the same networks with the same descriptions.
--- column held_out: What the threshold was not taken from: nothing (in sample), the block of the frame, or its recording; NULL where nothing is learnt.
+-- column left_out: What the threshold was not taken from: nothing (in sample), the block of the frame, or its recording; NULL where nothing is learnt.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
 -- column i: First witness.
 -- column j: Second witness.
@@ -68,7 +68,7 @@ place AS (
 -- one fold is what is held out together, with the samples that are left
 fold AS (
     SELECT
-        held_out,
+        left_out,
         place.setup,
         place.detector_id,
         place.i,
@@ -80,23 +80,23 @@ fold AS (
         list(clean.share ORDER BY clean.share) AS samples
     FROM place
     JOIN clean USING (setup, detector_id, i, j, k, iou)
-    CROSS JOIN (VALUES ('nothing'), ('block'), ('recording')) AS mode(held_out)
-    WHERE held_out = 'nothing'
+    CROSS JOIN (VALUES ('nothing'), ('block'), ('recording')) AS mode(left_out)
+    WHERE left_out = 'nothing'
         OR clean.recording_id <> place.recording_id
-        OR held_out = 'block' AND clean.block <> place.block
+        OR left_out = 'block' AND clean.block <> place.block
     GROUP BY ALL
 ),
 threshold_of AS (
     SELECT * REPLACE (len(samples) AS samples), threshold(samples, r) AS theta FROM fold CROSS JOIN rate
     UNION ALL BY NAME
-    SELECT *, NULL AS held_out, NULL AS r, 0.0 AS theta, NULL AS samples FROM place
+    SELECT *, NULL AS left_out, NULL AS r, 0.0 AS theta, NULL AS samples FROM place
 ),
 tally AS MATERIALIZED (
     SELECT
         setup,
         detector,
         detector_id,
-        held_out,
+        left_out,
         i,
         j,
         k,
@@ -112,15 +112,15 @@ tally AS MATERIALIZED (
     FROM share
     JOIN threshold_of USING (setup, detector_id, i, j, k, iou, recording_id, block)
     GROUP BY GROUPING SETS (
-        (setup, detector, detector_id, held_out, i, j, k, iou, r, experiment, strength, attacked),
-        (setup, detector, detector_id, held_out, i, j, k, iou, r, experiment, strength)
+        (setup, detector, detector_id, left_out, i, j, k, iou, r, experiment, strength, attacked),
+        (setup, detector, detector_id, left_out, i, j, k, iou, r, experiment, strength)
     )
 )
 SELECT
     attack.setup,
     attack.detector,
     attack.detector_id,
-    attack.held_out,
+    attack.left_out,
     CASE WHEN attack.i = 0 THEN 1 ELSE 2 END AS scenario,
     attack.i,
     attack.j,
@@ -146,13 +146,13 @@ JOIN tally AS calm
     ON calm.experiment = 'clean' AND calm.attacked IS NULL
     AND calm.setup = attack.setup AND calm.detector = attack.detector AND calm.detector_id = attack.detector_id
     AND calm.i = attack.i AND calm.j = attack.j AND calm.k = attack.k AND calm.iou = attack.iou
-    AND calm.held_out IS NOT DISTINCT FROM attack.held_out AND calm.r IS NOT DISTINCT FROM attack.r
+    AND calm.left_out IS NOT DISTINCT FROM attack.left_out AND calm.r IS NOT DISTINCT FROM attack.r
 WHERE attack.experiment = 'combinations'
 ORDER BY
     attack.setup,
     attack.detector,
     attack.detector_id,
-    attack.held_out NULLS FIRST,
+    attack.left_out NULLS FIRST,
     attack.i,
     attack.j,
     attack.k,

@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column sensor: What is attacked: lidar, reference or witness.
 -- column strength: Amplitude of the faculas by name; NULL for walls.
 -- column size: The wall's width in m, or the facula's R in px on an image 1242 px wide.
@@ -52,7 +52,7 @@ told AS (
     SELECT
         setup,
         'paper' AS method,
-        held_out,
+        left_out,
         sensor,
         strength,
         size,
@@ -67,7 +67,7 @@ told AS (
     SELECT
         setup,
         'robust' AS method,
-        held_out,
+        left_out,
         attacked_role(attacked[1], system[3]) AS sensor,
         strength,
         size,
@@ -83,7 +83,7 @@ tally AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         sensor,
         strength,
         size,
@@ -99,7 +99,7 @@ tally AS (
 SELECT
     tally.setup,
     method,
-    held_out,
+    left_out,
     tally.sensor,
     tally.strength,
     tally.size,
@@ -117,4 +117,4 @@ SELECT
 FROM tally
 JOIN visible ON visible.setup = tally.setup AND visible.sensor = tally.sensor AND visible.size = tally.size
     AND visible.strength IS NOT DISTINCT FROM tally.strength
-ORDER BY tally.setup, method, held_out, tally.sensor, tally.strength, r, tally.size
+ORDER BY tally.setup, method, left_out, tally.sensor, tally.strength, r, tally.size

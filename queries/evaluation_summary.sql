@@ -10,7 +10,7 @@
 -- column synthetic: TRUE where the drives were made for the evaluation.
 -- column matcher: The stereo matcher.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column held_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column strength: Amplitude of the faculas by name.
 -- column r: The designated false-alarm rate.
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
@@ -45,7 +45,7 @@ told AS (
     SELECT
         setup,
         'paper' AS method,
-        held_out,
+        left_out,
         scenario,
         strength,
         r,
@@ -58,7 +58,7 @@ told AS (
     SELECT
         setup,
         'robust' AS method,
-        held_out,
+        left_out,
         CASE WHEN system[1] = 0 THEN 1 ELSE 2 END AS scenario,
         strength,
         r,
@@ -72,7 +72,7 @@ detection AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         strength,
         r,
         bool_and(resolvable) AS resolvable,
@@ -94,7 +94,7 @@ identification AS (
     SELECT
         setup,
         method,
-        held_out,
+        left_out,
         strength,
         r,
         coalesce(sum(cases) FILTER (right_name AND len(system) = 4 AND hit = 1), 0)
@@ -104,7 +104,7 @@ identification AS (
         coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 2), 0)
             / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all
     FROM sized
-    GROUP BY setup, method, held_out, strength, r
+    GROUP BY setup, method, left_out, strength, r
 ),
 described AS (
     SELECT setup, any_value(kind) AS kind, any_value(synthetic) AS synthetic, any_value(matcher) AS matcher
@@ -116,7 +116,7 @@ SELECT
     synthetic,
     matcher,
     method,
-    held_out,
+    left_out,
     strength,
     CAST(r AS DOUBLE) AS r,
     resolvable,
@@ -126,6 +126,6 @@ SELECT
     one_of_all,
     two_of_all
 FROM detection
-LEFT JOIN identification USING (setup, method, held_out, strength, r)
+LEFT JOIN identification USING (setup, method, left_out, strength, r)
 JOIN described USING (setup)
-ORDER BY setup, method, held_out, strength, r
+ORDER BY setup, method, left_out, strength, r

@@ -54,7 +54,7 @@ def _of_lidar(rig: "Rig") -> list[str]:
 
 def _of_cameras() -> list[str]:
     return [
-        "without a LiDAR cameras are accused by what they do not see alike only: a camera whose picture is shifted "
+        "without a LiDAR cameras are identified by what they do not see alike only: a camera whose picture is shifted "
         "along its rows is not noticed by the robust method"
     ]
 

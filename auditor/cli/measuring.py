@@ -72,7 +72,7 @@ def measure_all(
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
-                for warning in outcome.result.misfits:
+                for warning in outcome.result.calibration_warnings:
                     finished(f"{outcome.item}: WARNING: {warning}")
     return [measured[task] for task in tasks if task in measured]
 

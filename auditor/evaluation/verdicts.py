@@ -60,11 +60,11 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
             if not chosen:
                 continue
             series, rows = window.window(chosen, system)
-            for held_out, scales in thresholds(block).items():
+            for left_out, scales in thresholds(block).items():
                 samples = min((scale.samples for scale in scales.scales_of.values()), default=0)
                 for place, verdict in zip(chosen, judge_frames(series, system, scales, only=rows), strict=True):
                     known = cases.known[place]
-                    yield known.evaluation_id, _kept(known, verdict, sensors, held_out, samples)
+                    yield known.evaluation_id, _kept(known, verdict, sensors, left_out, samples)
 
 
 def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
@@ -107,7 +107,7 @@ def _thresholds(
         recording, number = block
         others = learnt((recordings != recording) | (numbers != number))
         folds = {"nothing": everything, "block": others, "recording": without_recording(recording)}
-        return {held_out: found for held_out, found in folds.items() if found is not None}
+        return {left_out: found for left_out, found in folds.items() if found is not None}
 
     return of_block
 
@@ -125,7 +125,7 @@ def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
     return case.experiment != "combinations" or len(case.attacked) <= len(sensors) - 3
 
 
-def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], held_out: str, samples: int) -> CaseVerdict:
+def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str, samples: int) -> CaseVerdict:
     return CaseVerdict(
         frame=case.frame,
         stamp_ns=case.stamp_ns,
@@ -135,11 +135,11 @@ def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], held_out: str
         strength=case.strength,
         size=case.size,
         system=sensors,
-        held_out=held_out,
+        left_out=left_out,
         samples=samples,
         verdict=verdict.kind,
-        accused=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
-        lasting=verdict.finding and verdict.finding.kind,
-        lasting_accused=verdict.finding.attacked if verdict.finding else (),
+        identified=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
+        window_kind=verdict.finding and verdict.finding.kind,
+        window_named=verdict.finding.attacked if verdict.finding else (),
         causes=verdict.causes,
     )

@@ -68,8 +68,8 @@ def strengths(
 def _late(seen: Observed, camera: int) -> Floats:
     """A camera lags where all its pairs find more points on one row once it is taken for a frame earlier."""
     columns = seen.columns
-    now = np.fmax(columns["in_step"], columns["offset_share"])
-    gains = [(columns["late_i" if camera == i else "late_k"] - now)[:, p] for p, (i, _) in _with(seen, camera)]
+    now = np.fmax(columns["row_aligned"], columns["offset_share"])
+    gains = [(columns["lagged_i" if camera == i else "lagged_k"] - now)[:, p] for p, (i, _) in _with(seen, camera)]
     return _least(gains, seen) / FAULT_SCORES.late_camera
 
 
@@ -77,7 +77,7 @@ def _displaced(seen: Observed, camera: int) -> Floats:
     """A camera has turned where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
     columns = seen.columns
     offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
-    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["in_step"], 0.0)
+    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["row_aligned"], 0.0)
     biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
     tilted, biased = (_alone(seen, camera, gain) for gain in (tilted, biased))
     return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
@@ -94,15 +94,15 @@ def _turned(seen: Observed) -> Floats:
     Where a constant bias of a pair's disparities does as well its cameras have turned instead.
     """
     columns = seen.columns
-    moved = lead(columns["turned_only"], columns["unturned_only"])
+    moved = lead(columns["rotated_only"], columns["unrotated_only"])
     cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["turned"])
     return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.turned_lidar
 
 
 def _rain(seen: Observed) -> Floats:
     """Drops stand alone near the LiDAR; spoofed points at chance ranges do so farther away nearly as often."""
-    beyond = FAULT_SCORES.rain_beyond * seen.columns["specks_beyond"]
-    return _mean(seen.columns["specks_near"] - beyond) / FAULT_SCORES.rain
+    beyond = FAULT_SCORES.rain_beyond * seen.columns["isolated_beyond"]
+    return _mean(seen.columns["isolated_near"] - beyond) / FAULT_SCORES.rain
 
 
 def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:
@@ -121,7 +121,7 @@ def _darker(seen: Observed, camera: int) -> Floats:
 
     A partner that is as much brighter than others is itself what has changed.
     """
-    unlike, difference = seen.columns["unlike_px"], seen.columns["difference"]
+    unlike, difference = seen.columns["inconsistent_px"], seen.columns["difference"]
     found = []
     for p, (i, k) in _with(seen, camera):
         partner = i if camera == k else k
@@ -160,7 +160,7 @@ def frozen(prints: NDArray[np.int64], present: Bools) -> Bools:
     """(F, S) whether a sensor stands still in a frame, from the fingerprints (F, S) of F successive frames.
 
     Its data equal those of the frame before, two times running at least, while another sensor's changed at each of
-    these steps. Where all stand still the recording does, and nobody is accused. A sensor that is not `present` (F, S)
+    these steps. Where all stand still the recording does, and no sensor is frozen. One that is not `present` (F, S)
     is not frozen, nor one without a fingerprint.
     """
     known = present & (prints != NO_FINGERPRINT)

@@ -143,13 +143,13 @@ def _alternatives(
     """Of the attacks with one sensor more, less or another than Algorithm 2's, those nearest to e."""
     if found is None:
         return ()
-    accused = frozenset(found.attacked)
+    identified = frozenset(found.attacked)
     changes = [
         {a, b}
         for a, b in combinations_with_replacement(sorted(system), 2)
-        if a == b or (a in accused) != (b in accused)
+        if a == b or (a in identified) != (b in identified)
     ]
-    others = [tuple(sorted(accused ^ change)) for change in changes]
+    others = [tuple(sorted(identified ^ change)) for change in changes]
     allowed = [attacked for attacked in others if len(attacked) <= len(system) - 3]
     least = disagreements(e, found.attacked, triples)
     distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}

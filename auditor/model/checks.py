@@ -94,26 +94,26 @@ Pair = tuple[int, int]
 class Rows(NamedTuple):
     """Points of reference k found again in camera i, and what becomes of their rows: shares of `tracked` points.
 
-    `in_step`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
-    the share within 1 px of it: a camera that has tilted moves all rows alike. `late_i`, `late_k`: the share on the
+    `row_aligned`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
+    the share within 1 px of it: a camera that has tilted moves all rows alike. `lagged_i`, `lagged_k`: the share on the
     same row once that camera's picture is taken for one of the frame before. NaN where it could not be measured.
     """
 
     tracked: float = nan
-    in_step: float = nan
+    row_aligned: float = nan
     offset_px: float = nan
     offset_share: float = nan
-    late_i: float = nan
-    late_k: float = nan
+    lagged_i: float = nan
+    lagged_k: float = nan
 
 
 class Contrast(NamedTuple):
     """How much brighter k is than i where they are unlike: the median in grey levels, less that where they are alike.
 
-    `unlike_px` counts half-resolution pixels; `difference` is NaN where they are hardly any.
+    `inconsistent_px` counts half-resolution pixels; `difference` is NaN where they are hardly any.
     """
 
-    unlike_px: float = nan
+    inconsistent_px: float = nan
     difference: float = nan
 
 
@@ -122,7 +122,7 @@ class Agreement(NamedTuple):
 
     `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
     by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of points
-    that agree in one of two cases and are off by more than 2 px in the other: `turned_only` moved, `unturned_only` as
+    that agree in one of two cases and are off by more than 2 px in the other: `rotated_only` moved, `unrotated_only` as
     they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN where it could not
     be measured.
     """
@@ -134,8 +134,8 @@ class Agreement(NamedTuple):
     right_px: float = nan
     down_px: float = nan
     turned: float = nan
-    turned_only: float = nan
-    unturned_only: float = nan
+    rotated_only: float = nan
+    unrotated_only: float = nan
     before_only: float = nan
     now_only: float = nan
 
@@ -151,12 +151,12 @@ def lead(these: Number, others: Number) -> Number:
 class IsolatedShares(NamedTuple):
     """LiDAR points that stand alone in the view of k: shares of all its points, 0 to 1.
 
-    `specks_near`: of those nearer than 8 m, in all but the most bare quarter of the view's parts. `specks_beyond`: of
+    `isolated_near`: of those nearer than 8 m, in all but the barest quarter of the view's parts. `isolated_beyond`: of
     those 8 to 40 m away. NaN where it could not be measured.
     """
 
-    specks_near: float = nan
-    specks_beyond: float = nan
+    isolated_near: float = nan
+    isolated_beyond: float = nan
 
 
 class PairFaultFeatures(NamedTuple):

@@ -85,7 +85,7 @@ class Measured:
     frames: int
     fresh: bool
     damage: tuple[str, ...]
-    misfits: tuple[str, ...]
+    calibration_warnings: tuple[str, ...]
 
 
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
@@ -107,7 +107,9 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             _measure(recording, surveyed, rig, matcher, procedure, store, progress)
         measurements = [store.measurement(known) for known in ids]
         damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
-        misfits = tuple(dict.fromkeys(sentence for m in measurements for sentence in m.misfits))
+        calibration_warnings = tuple(
+            dict.fromkeys(sentence for m in measurements for sentence in m.calibration_warnings)
+        )
         # A scan may have been killed after its last measurement and before it could keep the recording itself.
         known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
         record = _recording_record(recording, task, known, measurements, damage)
@@ -121,7 +123,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             frames=sum(m.frames for m in measurements),
             fresh=bool(todo),
             damage=damage,
-            misfits=misfits,
+            calibration_warnings=calibration_warnings,
         )
 
 
@@ -180,7 +182,7 @@ def _measure(
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
-                misfits=check.warnings(),
+                calibration_warnings=check.warnings(),
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
             )

@@ -19,7 +19,7 @@ from auditor.store.tables import Row, TableWriter, read_rows, write_rows, writin
 
 @dataclass(frozen=True)
 class Part(ABC):
-    """One experiment on one stretch of a recording: the columns of its row of the table `manifest`.
+    """One experiment on one chunk of a recording: the columns of its row of the table `manifest`.
 
     Its cases are rows of the table `table`. `seed` and `draws` are None where nothing is drawn; each `attack_every`-th
     frame was attacked, None where none was.
@@ -210,12 +210,12 @@ class CaseVerdict:
     strength: str | None
     size: float | None
     system: tuple[int, ...]
-    held_out: str
+    left_out: str
     samples: int
     verdict: VerdictKind
-    accused: tuple[int, ...]
-    lasting: VerdictKind | None = None
-    lasting_accused: tuple[int, ...] = ()
+    identified: tuple[int, ...]
+    window_kind: VerdictKind | None = None
+    window_named: tuple[int, ...] = ()
     causes: tuple[FaultHypothesis, ...] = ()
 
 
@@ -229,9 +229,9 @@ def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[Cas
             "system": list(one.system),
             "r": JUDGED_R,
             "verdict": one.verdict.value,
-            "accused": list(one.accused),
-            "lasting": one.lasting and one.lasting.value,
-            "lasting_accused": list(one.lasting_accused),
+            "identified": list(one.identified),
+            "window_kind": one.window_kind and one.window_kind.value,
+            "window_named": list(one.window_named),
             "causes": [cause._asdict() for cause in one.causes],
         }
         for one in verdicts

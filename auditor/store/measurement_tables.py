@@ -108,7 +108,7 @@ def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFe
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
     if path.is_file():
-        table = read_table("symptoms", path, ["frame", "i", "k", *COLUMNS])
+        table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
         row = np.searchsorted(frames, table["frame"].to_numpy())
         of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
         column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
@@ -287,7 +287,7 @@ def _pair_checks(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     return values
 
 
-WRITTEN = ("cells", "symptoms", "regions", "frames")
+WRITTEN = ("cells", "fault_features", "regions", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
 
@@ -319,7 +319,7 @@ class FramesWriter:
         for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
             self._tables["cells"].add(row)
         for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):
-            self._tables["symptoms"].add(row)
+            self._tables["fault_features"].add(row)
         for row in region_rows(measurement_id, frame.number, frame.regions):
             self._tables["regions"].add(row)
         self._measured += 1

@@ -44,7 +44,8 @@ class RecordingRecord:
 class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 
-    `misfits` has one about each thing that a wrong calibration would explain. `offsets_ns` follow the rig's sensors:
+    `calibration_warnings` has one about each thing that a wrong calibration would explain. `offsets_ns` follow the
+    sensors:
     how far their stamps lie behind the leftmost camera's.
     """
 
@@ -56,7 +57,7 @@ class MeasurementRecord:
     measured_at: datetime.datetime
     seconds: float
     damage: tuple[str, ...] = ()
-    misfits: tuple[str, ...] = ()
+    calibration_warnings: tuple[str, ...] = ()
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
 
@@ -81,7 +82,7 @@ class StoredMeasurement:
     last_stamp_ns: int | None
     balance: tuple[TopicBalance, ...]
     damage: tuple[str, ...]
-    misfits: tuple[str, ...]
+    calibration_warnings: tuple[str, ...]
     versions: Mapping[str, str]
     measured_at: datetime.datetime
     seconds: float

@@ -72,7 +72,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "counting_version": measurement.procedure.counting_version,
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
         "damage": list(measurement.damage),
-        "misfits": list(measurement.misfits),
+        "calibration_warnings": list(measurement.calibration_warnings),
         "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),
         "clock_jumps": measurement.clock_jumps,
         "versions": dict(sorted(measurement.versions.items())),
@@ -96,7 +96,7 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
         last_stamp_ns=row["last_stamp_ns"],
         balance=tuple(TopicBalance(**topic) for topic in row["balance"]),
         damage=tuple(row["damage"]),
-        misfits=tuple(row["misfits"] or ()),
+        calibration_warnings=tuple(row["calibration_warnings"] or ()),
         versions=row["versions"],
         measured_at=row["measured_at"].replace(tzinfo=UTC),
         seconds=row["seconds"],
@@ -131,9 +131,9 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
     scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
     return {
         "statistic": None,
-        "element_theta": [y and y.theta for y in scales_of],
-        "element_scale": [y and y.scale for y in scales_of],
-        "element_samples": [y and y.samples for y in scales_of],
+        "check_theta": [y and y.theta for y in scales_of],
+        "check_scale": [y and y.scale for y in scales_of],
+        "check_samples": [y and y.samples for y in scales_of],
         "score_threshold": thresholds.score,
         "incidents_per_hour": thresholds.incidents_per_hour,
     }

@@ -51,7 +51,7 @@ _FORMAT = "auditor store"
 MANIFESTS = {
     "frames": "measurements",
     "cells": "measurements",
-    "symptoms": "measurements",
+    "fault_features": "measurements",
     "regions": "measurements",
     "verdicts": "judgements",
     "cases": "evaluations",
@@ -136,7 +136,7 @@ class Store:
 
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig, its triples and its elements."""
-        write_rows("elements", self.path("elements", rig.rig_id), pair_check_rows(rig))
+        write_rows("pair_checks", self.path("pair_checks", rig.rig_id), pair_check_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
 
@@ -220,7 +220,9 @@ class Store:
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
         """The symptoms of a finished measurement's frames; all NaN where it is older than they are."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_fault_features(self.path("frames", measurement_id), self.path("symptoms", measurement_id), rig)
+        return read_fault_features(
+            self.path("frames", measurement_id), self.path("fault_features", measurement_id), rig
+        )
 
     def load_regions(self, measurement_id: str, frame: int) -> list[Region]:
         """The portions of a frame's sensors that would be damaged, were they attacked."""

@@ -47,12 +47,12 @@ class Point:
     sgbm: Score
 
 
-def training_set(made: Sequence[Made], held_out: Sequence[Made]) -> TrainingSet:
+def training_set(made: Sequence[Made], left_out: Sequence[Made]) -> TrainingSet:
     """Train on what was made, validate on what was held out, never on samples of one source with training.
 
     Raises SettingError where a source is in both, or nothing is left.
     """
-    both = {one.source_id for one in made} & {one.source_id for one in held_out}
+    both = {one.source_id for one in made} & {one.source_id for one in left_out}
     if both:
         raise SettingError(
             "the same recording to train on and to validate on",
@@ -60,8 +60,8 @@ def training_set(made: Sequence[Made], held_out: Sequence[Made]) -> TrainingSet:
             remedy="validate on recordings that are not trained on",
         )
     training = SampleFiles(tuple(file for one in made for file in one.files))
-    kinds = dict.fromkeys(one.kind for one in held_out)
-    groups = {kind: [file for one in held_out if one.kind == kind for file in one.files] for kind in kinds}
+    kinds = dict.fromkeys(one.kind for one in left_out)
+    groups = {kind: [file for one in left_out if one.kind == kind for file in one.files] for kind in kinds}
     validation = {kind: SampleFiles(_spread(files)) for kind, files in groups.items() if files}
     if not len(training) or not validation:
         raise SettingError(

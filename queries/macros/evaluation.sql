@@ -34,7 +34,7 @@ WITH step AS (
 )
 SELECT setup, median(step_ns) FILTER (step_ns > 0) / 1e9 AS period_s FROM step GROUP BY setup;
 
--- theta by triple for the frames of each block of each recording, in sample (held_out = 'nothing') and held out: from
+-- theta by triple for the frames of each block of each recording, in sample (left_out = 'nothing') and held out: from
 -- the clean frames of all other blocks ('block') or of all other recordings ('recording'). `source` names the cases.
 CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
 WITH rate AS (
@@ -57,7 +57,7 @@ block AS MATERIALIZED (
 ),
 -- one fold is what is held out together, with the samples that are left
 fold AS (
-    SELECT 'nothing' AS held_out, setup, NULL AS fold_recording, NULL AS fold_block, position,
+    SELECT 'nothing' AS left_out, setup, NULL AS fold_recording, NULL AS fold_block, position,
         list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples
     FROM sample
     GROUP BY setup, position
@@ -77,7 +77,7 @@ fold AS (
 ),
 theta AS (
     SELECT
-        held_out,
+        left_out,
         setup,
         fold_recording,
         fold_block,
@@ -87,7 +87,7 @@ theta AS (
     FROM fold CROSS JOIN rate
     GROUP BY ALL
 )
-SELECT theta.setup, held_out, block.recording_id, block.block, r, theta, samples
+SELECT theta.setup, left_out, block.recording_id, block.block, r, theta, samples
 FROM theta
 JOIN block ON block.setup = theta.setup
     AND (fold_recording IS NULL OR fold_recording = block.recording_id)
@@ -143,7 +143,7 @@ SELECT
     error.frame,
     error.stamp_ns,
     error.draw,
-    threshold_of.held_out,
+    threshold_of.left_out,
     system.system,
     system.triples,
     error.experiment,
@@ -184,7 +184,7 @@ CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames
 WITH counted AS MATERIALIZED (
     SELECT
         setup,
-        held_out,
+        left_out,
         system,
         triples,
         experiment,
@@ -208,7 +208,7 @@ answer AS MATERIALIZED (
 )
 SELECT
     counted.setup,
-    counted.held_out,
+    counted.left_out,
     counted.system,
     counted.experiment,
     counted.attack,
@@ -233,7 +233,7 @@ CREATE MACRO attacked_role(sensor, k) AS CASE sensor WHEN 0 THEN 'lidar' WHEN k 
 CREATE MACRO robust_verdicts(judged, rates, block_frames) AS TABLE
 SELECT
     setup,
-    held_out,
+    left_out,
     system,
     experiment,
     attack,
@@ -242,13 +242,13 @@ SELECT
     attacked,
     r,
     verdict,
-    CASE WHEN verdict = 'attacked' THEN accused END AS named,
+    CASE WHEN verdict = 'attacked' THEN identified END AS named,
     verdict NOT IN ('clean', 'not_auditable') AS raised,
     min(samples) AS samples,
     bool_and(resolvable_with(samples, r)) AS resolvable,
     count(*) AS cases
 FROM query_table(judged)
-WHERE list_contains(CAST(rates AS DECIMAL(18, 17)[]), r) AND (held_out <> 'block' OR block_frames = robust_block_frames())
+WHERE list_contains(CAST(rates AS DECIMAL(18, 17)[]), r) AND (left_out <> 'block' OR block_frames = robust_block_frames())
 GROUP BY ALL;
 
 -- Both, of systems of more than three sensors.

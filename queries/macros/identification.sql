@@ -77,7 +77,7 @@ by_lemma_1 AS (
     GROUP BY member.id, member.sensor
 ),
 answer AS (
-    SELECT id, list(sensor ORDER BY sensor) FILTER (s = '1') AS accused, coalesce(bool_or(s IS NULL), FALSE) AS open
+    SELECT id, list(sensor ORDER BY sensor) FILTER (s = '1') AS identified, coalesce(bool_or(s IS NULL), FALSE) AS open
     FROM (SELECT id, sensor, s FROM by_lemma_1 UNION ALL SELECT id, sensor, '1' FROM by_lemma_2)
     GROUP BY id
 )
@@ -87,7 +87,7 @@ SELECT
     coalesce(system, []) AS system,
     CASE
         WHEN system IS NULL OR coalesce(answer.open, FALSE) OR coalesce(last_reference.open, FALSE) THEN NULL
-        ELSE coalesce(accused, [])
+        ELSE coalesce(identified, [])
     END AS named
 FROM pattern
 LEFT JOIN systems USING (id)

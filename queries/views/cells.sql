@@ -22,4 +22,4 @@ SELECT
     counts_of(cells.against) AS against
 FROM stored_cells AS cells
 JOIN stored_measurements AS measurement USING (measurement_id)
-JOIN stored_elements AS element ON element.rig_id = measurement.rig_id AND element.position = cells.position
+JOIN stored_pair_checks AS element ON element.rig_id = measurement.rig_id AND element.position = cells.position

@@ -1,6 +1,6 @@
--- One row a finished part of an evaluation: one experiment on one stretch of a recording.
+-- One row a finished part of an evaluation: one experiment on one chunk of a recording.
 --
--- Where one seed attacked a stretch more than once, oftener or in more frames, the part with the most attacks, so that nothing counts twice.
+-- Where one seed attacked a chunk more than once, oftener or in more frames, the part with the most attacks, so that nothing counts twice.
 --
 -- column kind: The rig kind in words.
 -- column setup: What its counts may be pooled with: made alike, on one rig kind, of real or of synthetic drives.
@@ -12,6 +12,6 @@ FROM stored_evaluations AS evaluation
 JOIN rigs AS rig USING (rig_id)
 QUALIFY row_number() OVER (
     PARTITION BY recording_id, rig_id, matcher, settings, counting_version, experiments_version, experiment, seed, inputs,
-        stretch
+        chunk
     ORDER BY coalesce(draws, 1) / attack_every DESC, evaluation_id
 ) = 1

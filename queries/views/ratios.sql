@@ -18,14 +18,14 @@ SELECT
     element.i,
     element.k,
     frame.ratios[element.position] AS ratio,
-    judgement.element_theta[element.position] AS theta,
+    judgement.check_theta[element.position] AS theta,
     margin(
         frame.ratios[element.position],
-        judgement.element_theta[element.position],
-        judgement.element_scale[element.position]
+        judgement.check_theta[element.position],
+        judgement.check_scale[element.position]
     ) AS z
 FROM stored_frames AS frame
 JOIN stored_measurements AS measurement USING (measurement_id)
-JOIN stored_elements AS element USING (rig_id)
+JOIN stored_pair_checks AS element USING (rig_id)
 LEFT JOIN judgements AS judgement ON judgement.measurement_id = frame.measurement_id AND judgement.current
 WHERE frame.skipped IS NULL

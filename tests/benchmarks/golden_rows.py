@@ -5,8 +5,17 @@ from typing import Any
 
 import pyarrow as pa
 
-RENAMED_TABLES: dict[str, str] = {}
-RENAMED_COLUMNS: dict[str, str] = {}
+RENAMED_TABLES: dict[str, str] = {"symptoms": "fault_features"}
+RENAMED_COLUMNS: dict[str, str] = {
+    "in_step": "row_aligned",
+    "late_i": "lagged_i",
+    "late_k": "lagged_k",
+    "unlike_px": "inconsistent_px",
+    "turned_only": "rotated_only",
+    "unturned_only": "unrotated_only",
+    "specks_near": "isolated_near",
+    "specks_beyond": "isolated_beyond",
+}
 RENAMED_WORDS: dict[str, str] = {}
 """Old name -> new name, for rows kept before stored tables, columns (also fields of structs) and words changed.
 

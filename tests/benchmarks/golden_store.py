@@ -25,7 +25,7 @@ from tests.benchmarks.golden_rows import RENAMED_TABLES, canonical, differences
 from tests.benchmarks.real_drives import drive
 from tests.making.small_drives import write_drive
 
-TABLES = ("frames", "cells", "symptoms", "regions", "verdicts")
+TABLES = ("frames", "cells", "fault_features", "regions", "verdicts")
 """Each has a file a measurement, or a judgement, and a column `frame`."""
 
 START_NS = 1_317_042_145_964_389_445

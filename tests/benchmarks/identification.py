@@ -94,7 +94,9 @@ def main() -> None:
         for sensor, hit in sorted(hits.items()):
             print(f"  S_{sensor} named alone in {wilson(sum(hit), len(hit))}")
         every = [hit for one in hits.values() for hit in one]
-        print(f"  all         {wilson(sum(every), len(every))}; clean frames accused: {false_alarms} of {len(clean)}")
+        print(
+            f"  all         {wilson(sum(every), len(every))}; clean frames identified: {false_alarms} of {len(clean)}"
+        )
 
 
 if __name__ == "__main__":

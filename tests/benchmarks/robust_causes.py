@@ -4,7 +4,7 @@ All frames of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, ref
 lasts, and under each attack, drawn anew for every frame; thresholds at r = 1 % from the clean frames of drive 0001.
 With --synthetic SCENES also streets of each style by thresholds of the other two, eight frames a scene. Of faults:
 how often the verdict's likeliest cause is the fault in that sensor, how often the frame is `suspect` for it, and
-how often a sensor was accused without doubt; of attacks how often the verdict is only `suspect`.
+how often a sensor was identified without doubt; of attacks how often the verdict is only `suspect`.
 Streets are measured by --processes at a time and kept in --folder: a run that was stopped goes on where it was, and
 what only judges may be changed and the kept streets judged again at once.
 """
@@ -76,7 +76,7 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
         named=named,
         raised_named=raised and named,
         suspect_named=verdict.kind is VerdictKind.SUSPECT and named,
-        accused=verdict.kind is VerdictKind.ATTACKED,
+        identified=verdict.kind is VerdictKind.ATTACKED,
         right=verdict.kind is VerdictKind.ATTACKED and verdict.attacked == (series.sensor,),
         suspect=verdict.kind is VerdictKind.SUSPECT,
         clean=verdict.kind is VerdictKind.CLEAN,
@@ -84,9 +84,9 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
 
 
 def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Series]]], *, list_accused: bool) -> None:
-    """Print every row, all sensors apart, then all faults and attacks; then each frame accused but not attacked."""
+    """Print every row, all sensors apart, then all faults and attacks; then each frame identified but not attacked."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    accused: list[str] = []
+    identified: list[str] = []
     for rig, learnt, happened in parts:
         for series in happened:
             kind = kind_of(series)
@@ -96,7 +96,7 @@ def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Ser
                 for name in names(series):
                     rows[kind, name].update(counted)
             if list_accused and kind != "attack":
-                accused += accusations(series, verdicts, suspected(series.frames, learnt, rig))
+                identified += accusations(series, verdicts, suspected(series.frames, learnt, rig))
     print(title)
     for (kind, name), n in rows.items():
         text = f"  {kind:6} {name:36} raised {n['raised']:4}/{n['all']:<4}"
@@ -105,9 +105,9 @@ def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Ser
             text += f" of those raised named {n['raised_named']};"
         elif kind == "attack":
             text += f" named {share(n['right'], n['all'])};"
-        print(f"{text} accused {share(n['accused'], n['all'])}; suspect {share(n['suspect'], n['all'])}")
+        print(f"{text} identified {share(n['identified'], n['all'])}; suspect {share(n['suspect'], n['all'])}")
     if list_accused:
-        print(*accused, sep="\n")
+        print(*identified, sep="\n")
 
 
 def kind_of(series: Series) -> str:
@@ -125,7 +125,7 @@ def names(series: Series) -> list[str]:
 def accusations(
     series: Series, verdicts: Sequence[Verdict], suspected: Sequence[tuple[FaultHypothesis, ...]]
 ) -> Iterator[str]:
-    """A line for each accused frame: who was accused, by what, and the likeliest causes.
+    """A line for each identified frame: who was identified, by what, and the likeliest causes.
 
     Causes in brackets cannot have raised the evidence.
     """
@@ -159,7 +159,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=FRAMES_A_SCENE, help="of each scene, two at least")
     parser.add_argument("--streets-only", action="store_true")
     parser.add_argument("--faults-only", action="store_true", help="no attacks")
-    parser.add_argument("--list-accused", action="store_true", help="print each frame accused but not attacked")
+    parser.add_argument("--list-identified", action="store_true", help="print each frame identified but not attacked")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path("causes-scenes"), help="where measured scenes are kept")
     options = parser.parse_args()

@@ -37,7 +37,7 @@ def test_a_recording_that_is_not_rectified_is_scanned_and_inspected(
 ) -> None:
     assert run(["inspect", str(bent), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
-    assert rig["misfits"] == []
+    assert rig["calibration_warnings"] == []
     assert rig["rectified_to"]["focal_px"] == pytest.approx(360.77, abs=0.01)
     assert run(["inspect", str(bent)]) == 0
     assert "not rectified as recorded" in capfd.readouterr().out
@@ -76,7 +76,7 @@ def test_a_lidar_that_was_moved_is_a_warning_at_inspect(
     write_rig(drive.rig, tmp_path / "rig.toml")
     assert run(["inspect", str(tmp_path / "moved.mcap"), "--format", "json"]) == 0
     (rig,) = json.loads(capfd.readouterr().out)[0]["rigs"]
-    (warning,) = rig["misfits"]
+    (warning,) = rig["calibration_warnings"]
     assert "wrong LiDAR mounting" in warning
     assert (
         run(

@@ -308,7 +308,7 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
-    assert {row["held_out"] for row in rows} == {"nothing"}
+    assert {row["left_out"] for row in rows} == {"nothing"}
     assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr

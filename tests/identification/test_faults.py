@@ -13,16 +13,16 @@ from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis,
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
 JUST_ENOUGH = Scale(1.0, 0.25, 100)
-TILTED = {"turned": 0.7, "turned_only": 80, "unturned_only": 30}
+TILTED = {"turned": 0.7, "rotated_only": 80, "unrotated_only": 30}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
 HEALTHY = {
     "tracked": 60,
-    "in_step": 0.9,
+    "row_aligned": 0.9,
     "offset_px": 0.2,
     "offset_share": 0.92,
-    "late_i": 0.2,
-    "late_k": 0.2,
-    "unlike_px": 50,
+    "lagged_i": 0.2,
+    "lagged_k": 0.2,
+    "inconsistent_px": 50,
     "difference": 0,
     "compared": 1500,
     "agreeing": 0.8,
@@ -31,12 +31,12 @@ HEALTHY = {
     "right_px": 4,
     "down_px": 0,
     "turned": 0.79,
-    "turned_only": 20,
-    "unturned_only": 60,
+    "rotated_only": 20,
+    "unrotated_only": 60,
     "before_only": 10,
     "now_only": 60,
-    "specks_near": 0.0,
-    "specks_beyond": 0.0002,
+    "isolated_near": 0.0,
+    "isolated_beyond": 0.0002,
 }
 
 
@@ -59,25 +59,25 @@ def likeliest(**changed):
     ("changed", "expected"),
     [
         ({}, []),
-        ({"in_step": (0.2, 0.9), "offset_share": (0.3, 0.9), "late_i": (0.9, 0.2)}, [(Cause.LATE, 1)]),
-        ({"in_step": 0.2, "offset_share": 0.3, "late_k": 0.9}, [(Cause.LATE, 3)]),
+        ({"row_aligned": (0.2, 0.9), "offset_share": (0.3, 0.9), "lagged_i": (0.9, 0.2)}, [(Cause.LATE, 1)]),
+        ({"row_aligned": 0.2, "offset_share": 0.3, "lagged_k": 0.9}, [(Cause.LATE, 3)]),
         ({"before_only": 60, "now_only": 10}, [(Cause.LATE, 0)]),
         ({"before_only": 30, "now_only": 30}, []),
         ({"before_only": 2, "now_only": 0}, []),
-        ({"in_step": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
-        ({"in_step": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
+        ({"row_aligned": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
+        ({"row_aligned": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
         ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
-        ({"turned_only": 60, "unturned_only": 20}, [(Cause.DISPLACED, 0)]),
-        ({"turned_only": (60, 20), "unturned_only": (20, 60)}, []),
-        ({"turned_only": 2, "unturned_only": 0}, []),
-        ({"turned_only": 60, "unturned_only": 20, "bias_px": 5}, []),
-        ({"unlike_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
-        ({"unlike_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
-        ({"unlike_px": 2000, "difference": 100}, []),
-        ({"unlike_px": (2000, 50), "difference": (-100, 0)}, []),
-        ({"specks_near": 0.03, "specks_beyond": 0.001}, [(Cause.RAIN, 0)]),
-        ({"specks_near": 0.03, "specks_beyond": 0.015}, []),
-        ({"specks_near": 0.005, "specks_beyond": 0.0}, []),
+        ({"rotated_only": 60, "unrotated_only": 20}, [(Cause.DISPLACED, 0)]),
+        ({"rotated_only": (60, 20), "unrotated_only": (20, 60)}, []),
+        ({"rotated_only": 2, "unrotated_only": 0}, []),
+        ({"rotated_only": 60, "unrotated_only": 20, "bias_px": 5}, []),
+        ({"inconsistent_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
+        ({"inconsistent_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
+        ({"inconsistent_px": 2000, "difference": 100}, []),
+        ({"inconsistent_px": (2000, 50), "difference": (-100, 0)}, []),
+        ({"isolated_near": 0.03, "isolated_beyond": 0.001}, [(Cause.RAIN, 0)]),
+        ({"isolated_near": 0.03, "isolated_beyond": 0.015}, []),
+        ({"isolated_near": 0.005, "isolated_beyond": 0.0}, []),
         ({"level": 20.0}, [(Cause.DARK, None)]),
         ({"saturated": 0.4}, [(Cause.GLARE, None)]),
     ],
@@ -94,45 +94,50 @@ NAN = np.nan
     ("cause", "sensor", "changed", "expected"),
     [
         # A camera late: more points on their rows, taken for a frame earlier, than now as they are or all moved alike.
-        (Cause.LATE, 1, {"late_i": (0.97, 0.2)}, 0.05 / 0.1),
-        (Cause.LATE, 1, {"late_i": (0.97, 0.2), "in_step": 0.95}, 0.02 / 0.1),
-        (Cause.LATE, 2, {"late_i": (0.97, 0.2)}, -0.72 / 0.1),
-        (Cause.LATE, 3, {"late_k": (0.97, 0.95)}, 0.03 / 0.1),
-        (Cause.LATE, 3, {"late_k": (0.97, NAN)}, 0.05 / 0.1),
+        (Cause.LATE, 1, {"lagged_i": (0.97, 0.2)}, 0.05 / 0.1),
+        (Cause.LATE, 1, {"lagged_i": (0.97, 0.2), "row_aligned": 0.95}, 0.02 / 0.1),
+        (Cause.LATE, 2, {"lagged_i": (0.97, 0.2)}, -0.72 / 0.1),
+        (Cause.LATE, 3, {"lagged_k": (0.97, 0.95)}, 0.03 / 0.1),
+        (Cause.LATE, 3, {"lagged_k": (0.97, NAN)}, 0.05 / 0.1),
         # Tilted: rows off by two pixels at least; what other pairs show is taken off.
-        (Cause.DISPLACED, 1, {"offset_px": (2.0, 0.2), "in_step": (0.5, 0.9)}, 0.42 / 0.35),
-        (Cause.DISPLACED, 1, {"offset_px": (-2.0, 0.2), "in_step": (0.5, 0.9)}, 0.42 / 0.35),
-        (Cause.DISPLACED, 1, {"offset_px": (1.9, 0.2), "in_step": (0.5, 0.9)}, 0.0),
-        (Cause.DISPLACED, 1, {"offset_px": (2.0, 2.0), "in_step": (0.5, 0.82)}, (0.42 - 0.1) / 0.35),
-        (Cause.DISPLACED, 2, {"offset_px": (2.0, 0.2), "in_step": (0.5, 0.9)}, 0.0),
-        (Cause.DISPLACED, 3, {"offset_px": 2.0, "in_step": (0.5, 0.6)}, 0.32 / 0.35),
+        (Cause.DISPLACED, 1, {"offset_px": (2.0, 0.2), "row_aligned": (0.5, 0.9)}, 0.42 / 0.35),
+        (Cause.DISPLACED, 1, {"offset_px": (-2.0, 0.2), "row_aligned": (0.5, 0.9)}, 0.42 / 0.35),
+        (Cause.DISPLACED, 1, {"offset_px": (1.9, 0.2), "row_aligned": (0.5, 0.9)}, 0.0),
+        (Cause.DISPLACED, 1, {"offset_px": (2.0, 2.0), "row_aligned": (0.5, 0.82)}, (0.42 - 0.1) / 0.35),
+        (Cause.DISPLACED, 2, {"offset_px": (2.0, 0.2), "row_aligned": (0.5, 0.9)}, 0.0),
+        (Cause.DISPLACED, 3, {"offset_px": 2.0, "row_aligned": (0.5, 0.6)}, 0.32 / 0.35),
         # Biased: disparities off by three pixels at least.
         (Cause.DISPLACED, 1, {"bias_px": (3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (-3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (2.9, 0), "agreeing": (0.5, 0.8)}, 0.0),
         # Dirt: darker where unlike, than its partner is among others that are half as unlike at least.
-        (Cause.SOILED, 1, {"unlike_px": (2000, 50), "difference": (6, 0)}, 6 / 4),
-        (Cause.SOILED, 3, {"unlike_px": (2000, 50), "difference": (6, 0)}, -6 / 4),
-        (Cause.SOILED, 3, {"unlike_px": (2000, 2000), "difference": (-6, -7)}, 6 / 4),
-        (Cause.SOILED, 1, {"unlike_px": (2000, 1001), "difference": (10, 4)}, 6 / 4),
-        (Cause.SOILED, 1, {"unlike_px": (2000, 1000), "difference": (10, 4)}, 10 / 4),
-        (Cause.SOILED, 1, {"unlike_px": (2000, 1001), "difference": (10, -4)}, 10 / 4),
-        (Cause.SOILED, 2, {"unlike_px": (2000, 1001), "difference": (10, 4)}, -6 / 4),
-        (Cause.SOILED, 1, {"unlike_px": (200, 0), "difference": (6, 0)}, 6 / 4),
-        (Cause.SOILED, 1, {"unlike_px": (199, 0), "difference": (6, 0)}, 0.0),
+        (Cause.SOILED, 1, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, 6 / 4),
+        (Cause.SOILED, 3, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, -6 / 4),
+        (Cause.SOILED, 3, {"inconsistent_px": (2000, 2000), "difference": (-6, -7)}, 6 / 4),
+        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1001), "difference": (10, 4)}, 6 / 4),
+        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1000), "difference": (10, 4)}, 10 / 4),
+        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1001), "difference": (10, -4)}, 10 / 4),
+        (Cause.SOILED, 2, {"inconsistent_px": (2000, 1001), "difference": (10, 4)}, -6 / 4),
+        (Cause.SOILED, 1, {"inconsistent_px": (200, 0), "difference": (6, 0)}, 6 / 4),
+        (Cause.SOILED, 1, {"inconsistent_px": (199, 0), "difference": (6, 0)}, 0.0),
         # The LiDAR late: by how much more points agree with the frame before, ten unsure ones added.
         (Cause.LATE, 0, {"before_only": 40, "now_only": 10}, 30 / 60 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, 10), "now_only": 10}, 30 / 60 / 2 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, NAN), "now_only": 10}, 30 / 60 / 0.2),
         # The LiDAR turned: the least of its pairs, but for those whose own bias does as well.
-        (Cause.DISPLACED, 0, {"turned_only": (60, 50), "unturned_only": 20}, 30 / 80 / 0.2),
-        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 3.0, "biased": 0.79}, 0.0),
-        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": -3.0, "biased": 0.79}, 0.0),
-        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 2.9, "biased": 0.79}, 40 / 90 / 0.2),
-        (Cause.DISPLACED, 0, {"turned_only": 60, "unturned_only": 20, "bias_px": 3.0, "biased": 0.78}, 40 / 90 / 0.2),
-        (Cause.DISPLACED, 0, {"turned_only": 20, "unturned_only": 60, "bias_px": 3.0, "biased": 0.79}, -40 / 90 / 0.2),
+        (Cause.DISPLACED, 0, {"rotated_only": (60, 50), "unrotated_only": 20}, 30 / 80 / 0.2),
+        (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": 3.0, "biased": 0.79}, 0.0),
+        (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": -3.0, "biased": 0.79}, 0.0),
+        (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": 2.9, "biased": 0.79}, 40 / 90 / 0.2),
+        (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": 3.0, "biased": 0.78}, 40 / 90 / 0.2),
+        (
+            Cause.DISPLACED,
+            0,
+            {"rotated_only": 20, "unrotated_only": 60, "bias_px": 3.0, "biased": 0.79},
+            -40 / 90 / 0.2,
+        ),
         # Rain: points that stand alone nearby, less twice those farther away.
-        (Cause.RAIN, 0, {"specks_near": (0.03, 0.01), "specks_beyond": (0.001, 0.004)}, (0.028 + 0.002) / 2 / 0.01),
+        (Cause.RAIN, 0, {"isolated_near": (0.03, 0.01), "isolated_beyond": (0.001, 0.004)}, (0.028 + 0.002) / 2 / 0.01),
         # Darkness is that of the brightest camera, glare that of the least saturated one.
         (Cause.DARK, None, {"level": (20.0, 60.0, 40.0)}, 20 / 40),
         (Cause.DARK, None, {"level": (20.0, NAN, 40.0)}, 40 / 40),
@@ -147,7 +152,7 @@ def test_the_strength_of_a_cause_is_worked_out_by_hand(cause, sensor, changed, e
 def test_dirt_is_looked_at_over_two_seconds_and_all_else_over_half_a_second():
     frames = 41
     columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
-    columns["unlike_px"][:] = 2000.0
+    columns["inconsistent_px"][:] = 2000.0
     columns["difference"][20] = 84.0, 0.0
     columns["before_only"], columns["now_only"] = np.zeros((2, frames, 2))
     columns["before_only"][20] = 90.0
@@ -185,8 +190,10 @@ def test_causes_are_told_from_a_score_of_a_fifth_on_the_likeliest_first():
 
 
 def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
-    assert likeliest(unlike_px=2000, difference=120) == []
-    assert likeliest(unlike_px=(2000, 100), difference=(120, 0)) == [(Cause.SOILED, 1)]  # or light in S_3, less likely
+    assert likeliest(inconsistent_px=2000, difference=120) == []
+    assert likeliest(inconsistent_px=(2000, 100), difference=(120, 0)) == [
+        (Cause.SOILED, 1)
+    ]  # or light in S_3, less likely
 
 
 def test_what_was_not_measured_speaks_for_nothing():
@@ -202,7 +209,7 @@ def test_what_a_rig_has_always_shown_is_not_told_and_what_came_since_is():
     assert samples[Cause.DISPLACED, 0][-1] > 2
     scales = fault_scales(samples, Decimal("0.01"))
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
-    since = strengths(seen(**{**TILTED, "turned_only": 300}), STAMPS_NS, SENSORS)
+    since = strengths(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
         (Cause.DISPLACED, 0, True)
     }
@@ -306,8 +313,8 @@ def test_rain_is_told_where_nothing_was_raised_and_is_no_finding():
 
 def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
     for check, i in (("empty", 0), ("unlike", 1)):
-        accused = verdict(attacked=(i,), check=check, i=i, margin=0.5)
-        assert weigh(accused, RAIN) == accused
+        identified = verdict(attacked=(i,), check=check, i=i, margin=0.5)
+        assert weigh(identified, RAIN) == identified
 
 
 @pytest.mark.parametrize(

@@ -132,11 +132,11 @@ def _attacked(frames: Sequence[Frame], rig: Rig, copy: Sequence[_Case]) -> Itera
 
 
 def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, ...], Said]:
-    sql = f"SELECT * FROM case_verdicts WHERE held_out = 'recording' AND recording_id = '{recording_id}'"
+    sql = f"SELECT * FROM case_verdicts WHERE left_out = 'recording' AND recording_id = '{recording_id}'"
     rows = [row for row in run_sql(store, sql).to_pylist() if tuple(row["system"]) == rig.sensors]
     return {
         tuple(tuple(row[name]) if name == "attacked" else row[name] for name in _KEY): _said(
-            row["verdict"], row["accused"], row["causes"], row["lasting"], row["lasting_accused"]
+            row["verdict"], row["identified"], row["causes"], row["window_kind"], row["window_named"]
         )
         for row in rows
         if row["attacked"]

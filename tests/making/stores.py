@@ -70,7 +70,7 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, syn
         "experiment": experiment,
         "seed": drawn,
         "draws": drawn,
-        "stretch": chunk,
+        "chunk": chunk,
     }
 
 
@@ -80,8 +80,8 @@ def make_features(rig, frame, *, late=(), missing=()):
     columns = len(COLUMNS)
     features = [None] * (columns * len(pairs))
     for place, pair in enumerate(pairs):
-        for side, camera in zip(("late_i", "late_k"), pair, strict=True):
-            values = {"in_step": 0.5, "offset_share": 0.5, side: 1.0 if camera in late else 0.25}
+        for side, camera in zip(("lagged_i", "lagged_k"), pair, strict=True):
+            values = {"row_aligned": 0.5, "offset_share": 0.5, side: 1.0 if camera in late else 0.25}
             for name, value in values.items():
                 features[place * columns + names.index(name)] = value
     return CaseFeatures(

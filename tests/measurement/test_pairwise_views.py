@@ -161,6 +161,6 @@ def test_symptoms_are_those_of_the_pairs_own_views_and_a_pair_that_was_away_begi
         for frame in (bent.frame(0), without(bent.frame(1), 1), bent.frame(1))
     ]
     assert [set(fault_features) for fault_features in seen] == [{(1, 3), (2, 3)}, {(2, 3)}, {(1, 3), (2, 3)}]
-    assert seen[0][1, 3].rows.in_step > 0.45
-    assert np.isnan(seen[2][1, 3].rows.late_i)
-    assert not np.isnan(seen[2][2, 3].rows.late_i)
+    assert seen[0][1, 3].rows.row_aligned > 0.45
+    assert np.isnan(seen[2][1, 3].rows.lagged_i)
+    assert not np.isnan(seen[2][2, 3].rows.lagged_i)

@@ -79,7 +79,13 @@ def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_sympt
     reads.clear()
     judge_all(Store.open(store.folder), known, Judging(ZERO, method=method), Tally())
     opened = Counter(reads)
-    of_each = ("measurements", "judgements", "recordings", "frames", *(["symptoms"] if method is Method.ROBUST else []))
+    of_each = (
+        "measurements",
+        "judgements",
+        "recordings",
+        "frames",
+        *(["fault_features"] if method is Method.ROBUST else []),
+    )
     assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
     often = 2 if method is Method.ROBUST else 1
     assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", often)}

@@ -53,7 +53,7 @@ def tables(store: Path) -> dict[str, bytes]:
     """What must be the same whatever happened in between: frames and verdicts, by their ids."""
     return {
         f"{t}/{p.name}": p.read_bytes()
-        for t in ("frames", "cells", "symptoms", "regions", "verdicts")
+        for t in ("frames", "cells", "fault_features", "regions", "verdicts")
         for p in sorted((store / t).glob("*.parquet"))
     }
 

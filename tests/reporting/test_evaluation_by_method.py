@@ -31,7 +31,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def told(made):
-    """(held_out, system, experiment, case, verdict): the definition, spelled out."""
+    """(left_out, system, experiment, case, verdict): the definition, spelled out."""
     _, cases = made
     everything = [(e, recording, case) for (e, recording), of_it in cases.items() for case in of_it]
     kept = {
@@ -42,7 +42,7 @@ def told(made):
     found = []
     for here in {(recording, case.frame // BLOCK) for _, recording, case in everything}:
         mine = [(e, case) for e, recording, case in everything if (recording, case.frame // BLOCK) == here]
-        for held_out, keeps in kept.items():
+        for left_out, keeps in kept.items():
             clean = [
                 case.ratios
                 for e, recording, case in everything
@@ -58,7 +58,7 @@ def told(made):
                 z = scores(ratios, [scales[place] for place in inside])
                 # Every sensor was there, and nothing speaks for another cause: a frame's verdict is its own alone.
                 verdicts = name_attacked(z, System(pair_checks, triples, system), [frozenset()] * len(z))
-                found += [(held_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
+                found += [(left_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 
 
@@ -84,10 +84,10 @@ def answer(made, name, **parameters):
 
 def test_detection_equals_python(made, told):
     expected = Counter()
-    for held_out, system, experiment, case, verdict in told:
+    for left_out, system, experiment, case, verdict in told:
         if experiment == "combinations" and len(system) == 3:
             for attacked in (case.attacked, None):
-                key = held_out, system, case.strength, attacked
+                key = left_out, system, case.strength, attacked
                 expected[*key, "cases"] += 1
                 expected[*key, "detected"] += raised(verdict)
                 expected[*key, "not_measured"] += verdict.kind is VerdictKind.NOT_AUDITABLE
@@ -95,7 +95,7 @@ def test_detection_equals_python(made, told):
     assert len(rows) == 3 * len(SMALL) * 2 * 8
     for row in rows:
         attacked = None if row["attacked"] is None else tuple(row["attacked"])
-        key = row["held_out"], (row["i"], row["j"], row["k"]), row["strength"], attacked
+        key = row["left_out"], (row["i"], row["j"], row["k"]), row["strength"], attacked
         for column in ("cases", "detected", "not_measured"):
             assert row[column] == expected[*key, column], (key, column)
         assert row["rate"] == row["detected"] / row["cases"]
@@ -104,15 +104,15 @@ def test_detection_equals_python(made, told):
 
 def test_identification_equals_python(made, told):
     expected = Counter()
-    for held_out, system, experiment, case, verdict in told:
+    for left_out, system, experiment, case, verdict in told:
         if experiment == "combinations" and len(system) > 3:
-            key = held_out, system, case.strength, case.attacked
+            key = left_out, system, case.strength, case.attacked
             expected[*key, "cases"] += 1
             expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
     rows = [row for row in answer(made, "evaluation_identification") if row["attacked"] is not None]
     assert len(rows) == 3 * 2 * (4 + 5 + 10)
     for row in rows:
-        key = row["held_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
+        key = row["left_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
         assert (row["cases"], row["named"]) == (expected[*key, "cases"], expected[*key, "named"])
         assert row["identified"] == row["named"]
     assert 0 < sum(row["named"] for row in rows) < sum(row["cases"] for row in rows)
@@ -120,22 +120,22 @@ def test_identification_equals_python(made, told):
 
 def test_false_alarms_equal_python(made, told):
     expected = Counter()
-    for held_out, system, experiment, _, verdict in told:
+    for left_out, system, experiment, _, verdict in told:
         if experiment == "clean":
-            expected[held_out, system, "frames"] += 1
-            expected[held_out, system, "raised"] += raised(verdict)
-            expected[held_out, system, "accused"] += verdict.kind is VerdictKind.ATTACKED
+            expected[left_out, system, "frames"] += 1
+            expected[left_out, system, "raised"] += raised(verdict)
+            expected[left_out, system, "identified"] += verdict.kind is VerdictKind.ATTACKED
     rows = answer(made, "evaluation_false_alarms")
     assert len(rows) == 3 * 8
     for row in rows:
-        for column in ("frames", "raised", "accused"):
-            assert row[column] == expected[row["held_out"], tuple(row["system"]), column]
+        for column in ("frames", "raised", "identified"):
+            assert row[column] == expected[row["left_out"], tuple(row["system"]), column]
 
 
 def test_sensitivity_and_further_attacks_equal_python(made, told):
     expected = Counter()
-    for held_out, system, experiment, case, verdict in told:
-        key = experiment, held_out, system, case.attacked, case.size
+    for left_out, system, experiment, case, verdict in told:
+        key = experiment, left_out, system, case.attacked, case.size
         expected[*key, "cases"] += 1
         expected[*key, "detected"] += raised(verdict)
         expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
@@ -143,36 +143,36 @@ def test_sensitivity_and_further_attacks_equal_python(made, told):
     assert len(rows) == 3 * 4
     for row in rows:
         attacked = ({"lidar": 0, "witness": 1, "reference": 4}[row["sensor"]],)
-        key = "sensitivity", row["held_out"], (0, 1, 4), attacked, row["size"]
+        key = "sensitivity", row["left_out"], (0, 1, 4), attacked, row["size"]
         assert (row["cases"], row["detected"]) == (expected[*key, "cases"], expected[*key, "detected"])
     rows = answer(made, "evaluation_further")
     assert len(rows) == 3 * 3 * 2
     for row in rows:
-        key = "further", row["held_out"], tuple(row["system"]), tuple(row["attacked"]), row["size"]
+        key = "further", row["left_out"], tuple(row["system"]), tuple(row["attacked"]), row["size"]
         for column in ("cases", "detected", "named"):
             assert row[column] == expected[*key, column], (key, column)
 
 
 def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
     expected = Counter(
-        (held_out, system, case.strength, case.attacked, v.kind.value, v.attacked)
-        for held_out, system, experiment, case, v in told
+        (left_out, system, case.strength, case.attacked, v.kind.value, v.attacked)
+        for left_out, system, experiment, case, v in told
         if experiment in ("clean", "combinations") and len(system) > 3
     )
-    names = ("held_out", "system", "strength", "attacked", "verdict", "accused")
+    names = ("left_out", "system", "strength", "attacked", "verdict", "identified")
     rows = answer(made, "evaluation_confusion")
     found = {tuple(tuple(x) if isinstance(x := row[n], list) else x for n in names): row["cases"] for row in rows}
     assert found == expected
-    summary = {(row["held_out"], row["strength"]): row for row in answer(made, "evaluation_summary")}
+    summary = {(row["left_out"], row["strength"]): row for row in answer(made, "evaluation_summary")}
     for row in answer(made, "evaluation_detection"):
         if row["attacked"] is None and (row["i"], row["j"]) in ((0, 1), (1, 2)):
-            assert summary[row["held_out"], row["strength"]][f"scenario_{row['scenario']}"] == row["rate"]
+            assert summary[row["left_out"], row["strength"]][f"scenario_{row['scenario']}"] == row["rate"]
 
 
 def test_other_rates_and_blocks_were_not_judged(made):
     for parameters in ({"r": "0.02"}, {"block_frames": 5}):
         rows = run_query(made[0], "evaluation_false_alarms", parameters).to_pylist()
-        robust = {row["held_out"] for row in rows if row["method"] == "robust"}
+        robust = {row["left_out"] for row in rows if row["method"] == "robust"}
         assert robust == (set() if "r" in parameters else {"nothing", "recording"})
 
 
@@ -183,7 +183,7 @@ def test_judging_again_after_another_recording_replaces_what_was_said(tmp_path):
     def add(recording):
         write(store, part(recording, "clean"), [case_of(rng, frame, ()) for frame in range(12)])
         judge_cases(store)
-        sql = "SELECT held_out, count(*) AS n, max(samples) AS N FROM case_verdicts GROUP BY held_out ORDER BY held_out"
+        sql = "SELECT left_out, count(*) AS n, max(samples) AS N FROM case_verdicts GROUP BY left_out ORDER BY left_out"
         return [tuple(row.values()) for row in run_sql(store, sql).to_pylist()]
 
     systems = len(SMALL) + len(LARGE)

@@ -58,17 +58,17 @@ def lines(cases):
             yield (attacked, variant), recording, of_it
 
 
-def by_paper(cases, held_out, recording, line):
+def by_paper(cases, left_out, recording, line):
     """What is said of each frame."""
     theta_of = folds(cases, Statistic.GATED)
     for case in line:
-        theta, _ = theta_of[held_out, recording, case.frame // PAPER_BLOCK, R]
+        theta, _ = theta_of[left_out, recording, case.frame // PAPER_BLOCK, R]
         pairs = zip(errors(case, Statistic.GATED), theta, strict=True)
         kind, named, _ = said("".join(state(*pair) for pair in pairs))
         yield kind, named if kind == "attacked" else ()
 
 
-def by_robust(cases, held_out, recording, line):
+def by_robust(cases, left_out, recording, line):
     """What is said of each frame and the half second around it, in an otherwise clean drive."""
     drive = {case.frame: case for case in cases["clean", recording]} | {case.frame: case for case in line}
     for case in line:
@@ -76,7 +76,7 @@ def by_robust(cases, held_out, recording, line):
             "nothing": lambda *_: True,
             "block": lambda r, f, f0=case.frame: (r, f // ROBUST_BLOCK) != (recording, f0 // ROBUST_BLOCK),
             "recording": lambda r, _: r != recording,
-        }[held_out]
+        }[left_out]
         clean = [c.ratios for r in FRAMES for c in cases["clean", r] if kept(r, c.frame)]
         scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
         z = scores(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
@@ -87,15 +87,15 @@ def by_robust(cases, held_out, recording, line):
 
 
 def incidents(line, told, gap_s):
-    """(frames, first stamp, accused) of each run of frames of which the same is said."""
+    """(frames, first stamp, identified) of each run of frames of which the same is said."""
     stamps = defaultdict(list)
-    for case, (kind, accused) in zip(line, told, strict=True):
+    for case, (kind, identified) in zip(line, told, strict=True):
         if kind in ("attacked", "unidentified", "suspect"):
-            stamps[kind, accused].append(case.stamp_ns)
-    for (_, accused), of_it in stamps.items():
+            stamps[kind, identified].append(case.stamp_ns)
+    for (_, identified), of_it in stamps.items():
         starts = [n for n, at in enumerate(of_it) if n == 0 or at - of_it[n - 1] > gap_s * 1e9]
         for first, end in zip(starts, [*starts[1:], len(of_it)], strict=True):
-            yield end - first, of_it[first], accused
+            yield end - first, of_it[first], identified
 
 
 @pytest.mark.parametrize("gap_s", [0.15, 0.5])
@@ -106,11 +106,11 @@ def incidents(line, told, gap_s):
 def test_incidents_their_names_and_delays_equal_python(made, method, r, block, judge, gap_s):
     store, cases = made
     expected = defaultdict(lambda: defaultdict(list))
-    for held_out in ("nothing", "block", "recording"):
+    for left_out in ("nothing", "block", "recording"):
         for what, recording, line in lines(cases):
-            found = sorted(incidents(line, list(judge(cases, held_out, recording, line)), gap_s), key=lambda i: i[1])
+            found = sorted(incidents(line, list(judge(cases, left_out, recording, line)), gap_s), key=lambda i: i[1])
             longest = max(found, key=lambda i: i[0], default=(0, 0, None))[2]
-            tally = expected[held_out, *what]
+            tally = expected[left_out, *what]
             tally["frames"].append(len(line))
             tally["incidents"].append(len(found))
             tally["found"].append(bool(found))
@@ -118,9 +118,9 @@ def test_incidents_their_names_and_delays_equal_python(made, method, r, block, j
             tally["delay_s"] += [(found[0][1] - line[0].stamp_ns) / 1e9] if found else []
     parameters = {"r": str(r), "block_frames": block, "gap_s": gap_s}
     rows = [row for row in run_query(store, "evaluation_incidents", parameters).to_pylist() if row["method"] == method]
-    assert {(row["held_out"], tuple(row["attacked"]), row["variant"]) for row in rows} == expected.keys()
+    assert {(row["left_out"], tuple(row["attacked"]), row["variant"]) for row in rows} == expected.keys()
     for row in rows:
-        tally = expected[row["held_out"], tuple(row["attacked"]), row["variant"]]
+        tally = expected[row["left_out"], tuple(row["attacked"]), row["variant"]]
         assert (row["frames"], row["incidents"]) == (sum(tally["frames"]), sum(tally["incidents"]))
         if row["attacked"]:
             assert row["intervals"] == len(tally["found"]) == 3

@@ -91,7 +91,7 @@ def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
     row = next(
         r
         for r in rows
-        if (r["held_out"], r["i"], r["j"], r["strength"], r["attacked"], r["r"]) == ("block", 0, 1, "mild", None, 0.05)
+        if (r["left_out"], r["i"], r["j"], r["strength"], r["attacked"], r["r"]) == ("block", 0, 1, "mild", None, 0.05)
     )
     table = grid_of(page, "detection", 1)
     assert table.groups == (("Scenario 1: S_0, S_1, S_4", 4), ("Scenario 2: S_1, S_2, S_4", 4))
@@ -112,7 +112,7 @@ def test_both_methods_stand_side_by_side(store, page):
             [row] = [
                 row
                 for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
-                if (row["method"], row["held_out"], len(row["system"]), row["strength"], row["attacked"])
+                if (row["method"], row["left_out"], len(row["system"]), row["strength"], row["attacked"])
                 == (method, mode, 5, "opaque", None)
                 and row["attacked_sensors"] == 2
             ]
@@ -143,7 +143,7 @@ def test_incidents_stand_on_the_page_by_both_methods(tmp_path):
         [row] = [
             row
             for row in rows
-            if (row["method"], row["held_out"], row["attacked"], row["variant"]) == (method, "block", [1], "still")
+            if (row["method"], row["left_out"], row["attacked"], row["variant"]) == (method, "block", [1], "still")
         ]
         cells = next(one.cells for one in table.rows if one.label == "S_1, still")
         assert cells[3] == Rate(row["found"], 4, row["low"], row["high"], row["resolvable"])

@@ -38,7 +38,7 @@ def keep(store, rig, cases, experiment="clean"):
 def of_all(store, name):
     """The rows of the paper's method by all sensors, in sample."""
     rows = run_query(store, name, R).to_pylist()
-    return [r for r in rows if (r["method"], r["held_out"], len(r["system"])) == ("paper", "nothing", 4)]
+    return [r for r in rows if (r["method"], r["left_out"], len(r["system"])) == ("paper", "nothing", 4)]
 
 
 def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
@@ -71,7 +71,7 @@ def verdicts(store, experiment):
     """What is said by all sensors in sample, by frame."""
     judge_cases(store)
     rows = run_sql(store, f"SELECT * FROM case_verdicts WHERE experiment = '{experiment}'").to_pylist()
-    chosen = [row for row in rows if row["held_out"] == "nothing" and len(row["system"]) == 4]
+    chosen = [row for row in rows if row["left_out"] == "nothing" and len(row["system"]) == 4]
     return {(row["rig_id"], row["frame"]): row for row in chosen}
 
 
@@ -83,7 +83,7 @@ def test_a_moment_around_a_frame_is_of_its_own_rig(tmp_path):
     told = verdicts(store, "clean")
     for rig in (RIG, OTHER):
         assert told[rig.rig_id, 60]["verdict"] in FINDINGS
-        assert told[rig.rig_id, 60]["lasting"] is None
+        assert told[rig.rig_id, 60]["window_kind"] is None
 
 
 def test_an_interval_is_judged_with_all_of_its_frames_attacked_and_a_single_frame_alone(tmp_path):
@@ -91,11 +91,11 @@ def test_an_interval_is_judged_with_all_of_its_frames_attacked_and_a_single_fram
     keep(store, RIG, [case(RIG, frame) for frame in drive])
     keep(store, RIG, [case(RIG, f, "intervals", high=drive, variant="still") for f in range(10, 20)], "intervals")
     keep(store, RIG, [case(RIG, f, "further", high=drive, level=0.45) for f in (5, 25)], "further")
-    lasting = verdicts(store, "intervals")
-    assert {row["verdict"] for row in lasting.values()} == {"attacked"}
-    assert {(row["lasting"], tuple(row["lasting_accused"])) for row in lasting.values()} == {("attacked", (1,))}
+    window_kind = verdicts(store, "intervals")
+    assert {row["verdict"] for row in window_kind.values()} == {"attacked"}
+    assert {(row["window_kind"], tuple(row["window_named"])) for row in window_kind.values()} == {("attacked", (1,))}
     single = verdicts(store, "further")
-    assert [(row["verdict"], row["accused"], row["lasting"]) for row in single.values()] == [
+    assert [(row["verdict"], row["identified"], row["window_kind"]) for row in single.values()] == [
         ("attacked", [1], None)
     ] * 2
 
@@ -113,7 +113,7 @@ def test_a_fault_and_a_sensor_that_stands_still_are_what_a_scan_calls_them(tmp_p
     assert {told[frame]["verdict"] for frame in (*range(1, 9), *range(21, 30))} == {"suspect"}
     assert causes[5] == [("late", 1)]
     assert causes[25] == [("frozen", 1), ("frozen", 2), ("frozen", 3)]
-    assert [told[frame]["lasting"] for frame in (5, 25)] == ["suspect", "suspect"]
+    assert [told[frame]["window_kind"] for frame in (5, 25)] == ["suspect", "suspect"]
 
 
 def test_a_sensor_that_was_not_there_takes_no_part(tmp_path):

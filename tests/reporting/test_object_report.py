@@ -89,7 +89,7 @@ def test_the_page_shows_detection_and_false_alarms_beside_the_papers(store, page
     row = next(
         r
         for r in rows
-        if (r["detector"], r["held_out"], r["scenario"], r["iou"], r["r"], r["strength"], r["attacked"])
+        if (r["detector"], r["left_out"], r["scenario"], r["iou"], r["r"], r["strength"], r["attacked"])
         == ("geometric", "nothing", 1, 0.7, 0.05, "opaque", None)
     )
     shown = next(g for g in grids if g.title == "geometric; in sample, as in the paper").rows[3]

@@ -100,7 +100,7 @@ def make_evaluation(folder):
 
 
 def folds(cases, statistic):
-    """theta and N by (held_out, recording, block, r): the definition, spelled out."""
+    """theta and N by (left_out, recording, block, r): the definition, spelled out."""
     clean = [(recording, case) for recording in FRAMES for case in cases["clean", recording]]
     blocks = {(recording, case.frame // BLOCK) for recording, case in clean}
     kept = {
@@ -110,7 +110,7 @@ def folds(cases, statistic):
     }
     found = {}
     for here in blocks:
-        for held_out, keeps in kept.items():
+        for left_out, keeps in kept.items():
             samples = [[] for _ in RIG.triples]
             for recording, case in clean:
                 if keeps((recording, case.frame // BLOCK), here):
@@ -121,7 +121,7 @@ def folds(cases, statistic):
                 of_triple.sort()
             for r in RATES:
                 theta = [threshold(of_triple, r) for of_triple in samples]
-                found[held_out, *here, r] = theta, [len(of_triple) for of_triple in samples]
+                found[left_out, *here, r] = theta, [len(of_triple) for of_triple in samples]
     return found
 
 
@@ -142,13 +142,13 @@ def test_detection_by_combination_equals_python(made, statistic):
     theta_of = folds(made[1], statistic)
     expected = Counter()
     smallest = {}
-    for (held_out, recording, block, r), (theta, N) in theta_of.items():
+    for (left_out, recording, block, r), (theta, N) in theta_of.items():
         for case in made[1]["combinations", recording]:
             for at, triple in enumerate(RIG.triples):
                 if case.frame // BLOCK == block and triple.k == 4 and set(case.attacked) <= set(triple):
                     found = state(errors(case, statistic)[at], theta[at])
                     for attacked in (case.attacked, None):
-                        key = held_out, triple, case.strength, attacked, r
+                        key = left_out, triple, case.strength, attacked, r
                         expected[key, "cases"] += 1
                         expected[key, "not_measured"] += found == "-"
                         expected[key, "detected"] += found == "1"
@@ -158,7 +158,7 @@ def test_detection_by_combination_equals_python(made, statistic):
     for row in rows:
         triple = Triple(row["i"], row["j"], row["k"])
         attacked = None if row["attacked"] is None else tuple(row["attacked"])
-        key = row["held_out"], triple, row["strength"], attacked, Decimal(str(row["r"])).normalize() + 0
+        key = row["left_out"], triple, row["strength"], attacked, Decimal(str(row["r"])).normalize() + 0
         for column in ("cases", "not_measured", "detected"):
             assert row[column] == expected[key, column], (key, column)
         assert row["rate"] == expected[key, "detected"] / expected[key, "cases"]
@@ -169,9 +169,9 @@ def test_detection_by_combination_equals_python(made, statistic):
 
 
 def verdicts(made, statistic):
-    """(held_out, system, strength, attacked, r) -> counts of (verdict, named or None, raised)."""
+    """(left_out, system, strength, attacked, r) -> counts of (verdict, named or None, raised)."""
     found = defaultdict(Counter)
-    for (held_out, recording, block, r), (theta, _) in folds(made[1], statistic).items():
+    for (left_out, recording, block, r), (theta, _) in folds(made[1], statistic).items():
         for case in made[1]["clean", recording] + made[1]["combinations", recording]:
             if case.frame // BLOCK != block:
                 continue
@@ -180,7 +180,7 @@ def verdicts(made, statistic):
                     E = errors(case, statistic)
                     states = zip(RIG.triples, E, theta, strict=True)
                     e = "".join(state(E_t, th) if set(t) <= set(system) else "-" for t, E_t, th in states)
-                    found[held_out, system, case.strength, case.attacked, r][said(e)] += 1
+                    found[left_out, system, case.strength, case.attacked, r][said(e)] += 1
     return found
 
 
@@ -208,27 +208,27 @@ def test_identification_equals_python(made):
             continue
         attacked = tuple(row["attacked"])
         r = Decimal(str(row["r"])).normalize() + 0
-        counts = expected[row["held_out"], tuple(row["system"]), row["strength"], attacked, r]
+        counts = expected[row["left_out"], tuple(row["system"]), row["strength"], attacked, r]
         named = sum(n for (_, name, raised), n in counts.items() if raised and name == attacked)
         identified = sum(n for (kind, name, _), n in counts.items() if kind == "attacked" and name == attacked)
         assert (row["cases"], row["named"], row["identified"]) == (counts.total(), named, identified)
         assert row["rate"] == named / counts.total()
-        average = averages[row["held_out"], tuple(row["system"]), row["strength"], len(attacked), row["r"]]
+        average = averages[row["left_out"], tuple(row["system"]), row["strength"], len(attacked), row["r"]]
         average.update(cases=row["cases"], named=row["named"], identified=row["identified"])
     for row in rows:
         if row["attacked"] is None:
-            key = row["held_out"], tuple(row["system"]), row["strength"], row["attacked_sensors"], row["r"]
+            key = row["left_out"], tuple(row["system"]), row["strength"], row["attacked_sensors"], row["r"]
             assert averages[key] == {name: row[name] for name in averages[key]}
 
 
 def test_the_matrix_of_truth_against_verdict_equals_python(made):
     expected = Counter()
-    for (held_out, system, strength, attacked, r), counts in verdicts(made, Statistic.GATED).items():
+    for (left_out, system, strength, attacked, r), counts in verdicts(made, Statistic.GATED).items():
         for (kind, named, _), n in counts.items():
             if r == Decimal("0.05"):
-                expected[held_out, system, strength, attacked, kind, named if kind == "attacked" else ()] += n
+                expected[left_out, system, strength, attacked, kind, named if kind == "attacked" else ()] += n
     rows = answer(made, "evaluation_confusion", r="0.05")
-    names = ("held_out", "system", "strength", "attacked", "verdict", "accused")
+    names = ("left_out", "system", "strength", "attacked", "verdict", "identified")
     found = {tuple(tuple(x) if isinstance(x := row[n], list) else x for n in names): row["cases"] for row in rows}
     assert found == expected
 
@@ -236,24 +236,24 @@ def test_the_matrix_of_truth_against_verdict_equals_python(made):
 def test_false_alarms_equal_python(made):
     expected = Counter()
     theta_of = folds(made[1], Statistic.GATED)
-    for (held_out, system, _, attacked, r), counts in verdicts(made, Statistic.GATED).items():
+    for (left_out, system, _, attacked, r), counts in verdicts(made, Statistic.GATED).items():
         if not attacked:
             for (kind, _, raised), n in counts.items():
-                expected[held_out, system, r, "frames"] += n
-                expected[held_out, system, r, "raised"] += n * raised
-                expected[held_out, system, r, "accused"] += n * (kind == "attacked")
-    for (held_out, recording, block, r), (theta, _) in theta_of.items():
+                expected[left_out, system, r, "frames"] += n
+                expected[left_out, system, r, "raised"] += n * raised
+                expected[left_out, system, r, "identified"] += n * (kind == "attacked")
+    for (left_out, recording, block, r), (theta, _) in theta_of.items():
         for case in made[1]["clean", recording]:
             for at, triple in enumerate(RIG.triples):
                 if case.frame // BLOCK == block and triple.k == 4:
-                    key = held_out, tuple(triple), r
+                    key = left_out, tuple(triple), r
                     expected[*key, "frames"] += 1
                     expected[*key, "raised"] += state(errors(case, Statistic.GATED)[at], theta[at]) == "1"
     rows = answer(made, "evaluation_false_alarms", r=R)
     assert len(rows) == 3 * len(RATES) * 8
     for row in rows:
-        key = row["held_out"], tuple(row["system"]), Decimal(str(row["r"])).normalize() + 0
-        for column in ("frames", "raised", "accused"):
+        key = row["left_out"], tuple(row["system"]), Decimal(str(row["r"])).normalize() + 0
+        for column in ("frames", "raised", "identified"):
             assert row[column] == expected[*key, column], (key, column)
         assert row["hours"] == pytest.approx(26 * 0.1 / 3600)
         assert row["raised_an_hour"] == pytest.approx(row["raised"] / (26 * 0.1 / 3600))
@@ -264,17 +264,17 @@ def test_false_alarms_equal_python(made):
 def test_sensitivity_equals_python(made):
     at = RIG.triples.index(Triple(0, 1, 4))
     expected = Counter()
-    for (held_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
+    for (left_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
         for case in made[1]["sensitivity", recording]:
             if case.frame // BLOCK == block:
                 role = {0: "lidar", 1: "witness", 4: "reference"}[case.attacked[0]]
-                key = held_out, role, case.size, r
+                key = left_out, role, case.size, r
                 expected[key] += state(errors(case, Statistic.GATED)[at], theta[at]) == "1"
                 expected[key, "cases"] += 1
     rows = answer(made, "evaluation_sensitivity", r=R)
     assert len(rows) == 3 * 4 * len(RATES)
     for row in rows:
-        key = row["held_out"], row["sensor"], row["size"], Decimal(str(row["r"])).normalize() + 0
+        key = row["left_out"], row["sensor"], row["size"], Decimal(str(row["r"])).normalize() + 0
         assert (row["detected"], row["cases"]) == (expected[key], expected[key, "cases"])
     facula = next(row for row in rows if row["sensor"] == "witness")
     assert facula["nominal_share"] == pytest.approx(0.0379, abs=5e-5)
@@ -296,32 +296,32 @@ def test_distributions_equal_python(made):
 
 def test_attacks_beyond_the_papers_equal_python(made):
     expected = Counter()
-    for (held_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
+    for (left_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
         for case in made[1]["further", recording]:
             if case.frame // BLOCK == block and r == Decimal("0.05"):
                 states = zip(errors(case, Statistic.GATED), theta, strict=True)
                 _, named, raised = said("".join(state(*pair) for pair in states))
-                key = held_out, case.attack, case.strength, case.size, case.attacked
+                key = left_out, case.attack, case.strength, case.size, case.attacked
                 expected[*key, "cases"] += 1
                 expected[*key, "detected"] += raised
                 expected[*key, "named"] += raised and named == case.attacked
     rows = [row for row in answer(made, "evaluation_further", r="0.05") if len(row["system"]) == 5]
     assert len(rows) == 3 * 3
     for row in rows:
-        key = row["held_out"], row["attack"], row["variant"], row["size"], tuple(row["attacked"])
+        key = row["left_out"], row["attack"], row["variant"], row["size"], tuple(row["attacked"])
         for column in ("cases", "detected", "named"):
             assert row[column] == expected[*key, column], (key, column)
 
 
 def test_the_summary_agrees_with_the_tables(made):
-    summary = {(row["held_out"], row["strength"], row["r"]): row for row in answer(made, "evaluation_summary", r=R)}
+    summary = {(row["left_out"], row["strength"], row["r"]): row for row in answer(made, "evaluation_summary", r=R)}
     for row in answer(made, "evaluation_detection", r=R):
         if row["attacked"] is None and (row["i"], row["j"]) in ((0, 1), (1, 2)):
-            short = summary[row["held_out"], row["strength"], row["r"]]
+            short = summary[row["left_out"], row["strength"], row["r"]]
             assert short[f"scenario_{row['scenario']}"] == row["rate"]
     for row in answer(made, "evaluation_identification", r=R):
         if row["attacked"] is None:
-            short = summary[row["held_out"], row["strength"], row["r"]]
+            short = summary[row["left_out"], row["strength"], row["r"]]
             name = {(4, 1): "one_of_3", (5, 1): "one_of_all", (5, 2): "two_of_all"}
             assert short[name[len(row["system"]), row["attacked_sensors"]]] == row["rate"]
 
@@ -350,7 +350,7 @@ def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
     write(store, part("a", "clean"), clean)
     write(store, part("a", "combinations"), hit)
     rows = run_query(store, "evaluation_detection", {"r": "0"}).to_pylist()
-    assert {row["held_out"] for row in rows} == {"nothing", "block"}
+    assert {row["left_out"] for row in rows} == {"nothing", "block"}
 
 
 def test_real_and_synthetic_drives_are_not_pooled(tmp_path):

@@ -48,16 +48,16 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     assert np.isnan(values[1, 0]).all()
     assert seen.level.tolist() == [[10, 20, 30]] * 2
     assert seen.saturated.tolist() == [[0.25] * 3] * 2
-    [row] = run_sql(store, "SELECT k, in_step, difference, turned FROM symptoms WHERE frame = 3").to_pylist()
-    assert row == {"k": 3, "in_step": 0.9, "difference": None, "turned": 0.7}
+    [row] = run_sql(store, "SELECT k, row_aligned, difference, turned FROM fault_features WHERE frame = 3").to_pylist()
+    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "turned": 0.7}
 
 
 def test_a_measurement_older_than_symptoms_and_regions_has_none(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
-    for table in ("symptoms", "regions"):
+    for table in ("fault_features", "regions"):
         store.path(table, measurement_id).unlink()
-    assert np.isnan(store.load_fault_features(measurement_id).columns["in_step"]).all()
+    assert np.isnan(store.load_fault_features(measurement_id).columns["row_aligned"]).all()
     assert store.load_regions(measurement_id, 0) == []
     assert run_sql(store, "SELECT * FROM regions").num_rows == 0
 
@@ -66,13 +66,13 @@ def test_symptoms_older_than_specks_have_none(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     frames = [replace(make_measurement(rig, 1), fault_features={(2, 3): SEEN})]
     measurement_id = add_measurement(store, rig, frames)
-    path = store.path("symptoms", measurement_id)
-    older = pq.read_table(path).drop_columns(["specks_near", "specks_beyond"])
+    path = store.path("fault_features", measurement_id)
+    older = pq.read_table(path).drop_columns(["isolated_near", "isolated_beyond"])
     pq.write_table(older.replace_schema_metadata({b"schema_version": b"4"}), path)
     seen = store.load_fault_features(measurement_id)
-    assert np.isnan(seen.columns["specks_near"]).all()
-    assert seen.columns["in_step"][0, 1] == 0.9
-    assert run_sql(store, "SELECT specks_beyond FROM symptoms").to_pylist() == [{"specks_beyond": None}]
+    assert np.isnan(seen.columns["isolated_near"]).all()
+    assert seen.columns["row_aligned"][0, 1] == 0.9
+    assert run_sql(store, "SELECT isolated_beyond FROM fault_features").to_pylist() == [{"isolated_beyond": None}]
 
 
 def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path):

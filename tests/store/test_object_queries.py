@@ -98,7 +98,7 @@ def unmatched(case, triple, iou):
 
 
 def limits(cases, detector, triple, iou):
-    """Threshold and N by (held_out, recording, block, r): the definition, spelled out."""
+    """Threshold and N by (left_out, recording, block, r): the definition, spelled out."""
     clean = [
         (recording, case.frame // BLOCK, share)
         for recording in FRAMES
@@ -113,10 +113,10 @@ def limits(cases, detector, triple, iou):
     found = {}
     for here in {(recording, block) for recording, block, _ in clean}:
         found[None, *here, None] = 0.0, None
-        for held_out, keeps in kept.items():
+        for left_out, keeps in kept.items():
             samples = sorted(share for recording, block, share in clean if keeps((recording, block), here))
             for r in RATES:
-                found[held_out, *here, r] = threshold(samples, r), len(samples)
+                found[left_out, *here, r] = threshold(samples, r), len(samples)
     return found
 
 
@@ -126,14 +126,14 @@ def test_detection_and_false_alarms_equal_python(made, detector):
     smallest = {}
     for triple in SCENARIOS:
         for iou in map(float, IOUS):
-            for (held_out, recording, block, r), (limit, N) in limits(made[1], detector, triple, iou).items():
+            for (left_out, recording, block, r), (limit, N) in limits(made[1], detector, triple, iou).items():
                 for experiment in ("clean", "combinations"):
                     for case in made[1][detector, experiment, recording]:
                         share = unmatched(case, triple, iou)
                         if case.frame // BLOCK != block or share is None:
                             continue
                         for attacked in (case.attacked, None):
-                            key = held_out, triple, iou, r, experiment, attacked
+                            key = left_out, triple, iou, r, experiment, attacked
                             expected[key][0] += 1
                             expected[key][1] += share > limit
                             smallest[key] = min(smallest.get(key, N), N) if N else None
@@ -145,7 +145,7 @@ def test_detection_and_false_alarms_equal_python(made, detector):
     for row in rows:
         r = None if row["r"] is None else Decimal(str(row["r"])).normalize() + 0
         attacked = None if row["attacked"] is None else tuple(row["attacked"])
-        key = row["held_out"], Triple(row["i"], row["j"], row["k"]), row["iou"], r
+        key = row["left_out"], Triple(row["i"], row["j"], row["k"]), row["iou"], r
         assert [row["cases"], row["detected"]] == expected[*key, "combinations", attacked], key
         assert [row["frames"], row["raised"]] == expected[*key, "clean", None], key
         assert row["rate"] == row["detected"] / row["cases"]
@@ -154,7 +154,7 @@ def test_detection_and_false_alarms_equal_python(made, detector):
         assert row["samples"] == smallest[*key, "combinations", attacked]
         assert row["resolvable"] is (None if r is None else resolvable(r, row["samples"]))
         assert row["scenario"] == (1 if row["i"] == 0 else 2)
-    assert {row["held_out"] for row in rows} == {None, "nothing", "block", "recording"}
+    assert {row["left_out"] for row in rows} == {None, "nothing", "block", "recording"}
 
 
 @pytest.mark.parametrize("points", [40, 11])

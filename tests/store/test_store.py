@@ -427,7 +427,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from auditor.store import frames_writer, store
+from auditor.store import measurement_tables, store
 from tests.making.stores import *
 point, rows = sys.argv[3], 10_000
 die = lambda: os.kill(os.getpid(), signal.SIGKILL)
@@ -443,7 +443,7 @@ def write_rows(table, path, content, write=store.write_rows):
         die()
     write(table, path, content)
 
-store.write_rows = frames_writer.write_rows = write_rows
+store.write_rows = measurement_tables.write_rows = write_rows
 rig = make_rig(3)
 store = new_store(Path(sys.argv[2]))
 if store.ids("measurements"):
@@ -475,5 +475,5 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     last = run_killed(killed, "never")
     assert last.returncode == 0, last.stderr
     assert list(killed.rglob("*.part")) == []
-    for table in ("frames", "cells", "verdicts", "triples", "elements", "rigs"):
+    for table in ("frames", "cells", "verdicts", "triples", "pair_checks", "rigs"):
         assert digests(killed / "audit" / table) == digests(tmp_path / "undisturbed" / "audit" / table)

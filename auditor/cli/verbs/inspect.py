@@ -92,10 +92,10 @@ def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str,
         if rigs and written:
             write_rig(rigs[0], written)
             say(f"the rig is in {written}")
-        misfits = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
+        calibration_warnings = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
         described = [
-            {**_rig(rig, check_health(synchronise(recording, rig, surveyed), rig)), "misfits": list(unfit)}
-            for rig, unfit in zip(rigs, misfits, strict=True)
+            {**_rig(rig, check_health(synchronise(recording, rig, surveyed), rig)), "calibration_warnings": list(unfit)}
+            for rig, unfit in zip(rigs, calibration_warnings, strict=True)
         ]
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
@@ -249,5 +249,5 @@ def _geometry(rig: dict[str, Any]) -> Iterator[str]:
             yield f"not on one line ({beside} at 10 m): rectified pair by pair, and brought back to {shown}"
         else:
             yield f"not rectified as recorded: measured on rectified {shown}"
-    for warning in rig["misfits"]:
+    for warning in rig["calibration_warnings"]:
         yield f"WARNING: {warning}"

@@ -41,9 +41,9 @@ def isolated_ratio(found: IsolatedShares) -> float | None:
     Drops of rain do so nearby many times as often: half of what stands alone there is taken off. None where too few
     points are in view.
     """
-    if isnan(found.specks_beyond):
+    if isnan(found.isolated_beyond):
         return None
-    more = max(found.specks_beyond - ISOLATED_POINTS.near_weight * found.specks_near, 0.0)
+    more = max(found.isolated_beyond - ISOLATED_POINTS.near_weight * found.isolated_near, 0.0)
     return more / (more + ISOLATED_POINTS.half_share)
 
 

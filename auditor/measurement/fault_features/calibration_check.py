@@ -81,7 +81,7 @@ class CalibrationCheck:
     def _lidar_warning(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
         fault_features = [s.agreement for s in self._features[best]]
         leads = [
-            _median([lead(s.agreement.turned_only, s.agreement.unturned_only) for s in self._features[pair]])
+            _median([lead(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]])
             for pair in known
         ]
         turned = _median([one.turned for one in fault_features])
@@ -100,13 +100,13 @@ class CalibrationCheck:
 
 
 def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
-    in_step, offset_px = _fitting([s.rows.in_step for s in seen]), _median([s.rows.offset_px for s in seen])
-    if isnan(in_step) or in_step >= CALIBRATION_CHECK.least_aligned:
+    row_aligned, offset_px = _fitting([s.rows.row_aligned for s in seen]), _median([s.rows.offset_px for s in seen])
+    if isnan(row_aligned) or row_aligned >= CALIBRATION_CHECK.least_aligned:
         return None
     names = f"the pictures of {rig.name(pair[0])} and {rig.name(pair[1])}"
     if abs(offset_px) >= CALIBRATION_CHECK.clear_offset_px:
         return f"{names} are off by {abs(offset_px):.1f} rows: wrong rectification flag, or another vehicle's rig?"
-    return f"{names} show {in_step:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
+    return f"{names} show {row_aligned:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
 
 
 def _scale(evidence: Evidence, pair: Pair) -> float | None:

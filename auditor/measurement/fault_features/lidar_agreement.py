@@ -69,8 +69,8 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
         right_px=float(right),
         down_px=float(down),
         turned=_agreeing(most),
-        turned_only=_only(most, difference),
-        unturned_only=_only(difference, most),
+        rotated_only=_only(most, difference),
+        unrotated_only=_only(difference, most),
         before_only=nan if earlier is None else _only(earlier, difference),
         now_only=nan if earlier is None else _only(difference, earlier),
     )

@@ -73,21 +73,21 @@ def register(
         if np.count_nonzero(tracked) >= ROW_ALIGNMENT.fewest:
             apart = match[:, 1] - points[k][:, 1]
             # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
-            late_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
-            late_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
-            found[i, k] = _features(apart, tracked, late_i, late_k)
+            lagged_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
+            lagged_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
+            found[i, k] = _features(apart, tracked, lagged_i, lagged_k)
     return found
 
 
-def _features(apart: Points, tracked: Mask, late_i: float, late_k: float) -> Rows:
+def _features(apart: Points, tracked: Mask, lagged_i: float, lagged_k: float) -> Rows:
     offset = np.median(apart[tracked])
     return Rows(
         tracked=float(np.count_nonzero(tracked)),
-        in_step=_share(apart, tracked),
+        row_aligned=_share(apart, tracked),
         offset_px=float(HALF * offset),
         offset_share=_share(apart - offset, tracked),
-        late_i=late_i,
-        late_k=late_k,
+        lagged_i=lagged_i,
+        lagged_k=lagged_k,
     )
 
 

@@ -26,9 +26,8 @@ def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflic
     camera = rig.camera(view.reference)
     shape = -(-camera.height_px // CELL_PX), -(-camera.width_px // CELL_PX)
     row, column = view.row // CELL_PX, view.column // CELL_PX
-    conflicting, comparable = (
-        np.logical_or.reduce([getattr(a, name) for a in verified_conflicts]) for name in ("contradicted", "valid")
-    )
+    conflicting = np.logical_or.reduce([of_pair.lidar_conflicts for of_pair in verified_conflicts])
+    comparable = np.logical_or.reduce([of_pair.valid for of_pair in verified_conflicts])
     inconsistent, valid = (_window_sums(row[mask], column[mask], shape) for mask in (conflicting, comparable))
     dense = (valid >= DAMAGED_POINTS.window_fewest) & (inconsistent >= DAMAGED_POINTS.window_share * valid)
     left = conflicting & dense[row, column]

@@ -31,7 +31,7 @@ class Answers:
         self.rows = rows
         self.detection = {
             (
-                row["held_out"],
+                row["left_out"],
                 Triple(row["i"], row["j"], row["k"]),
                 row["strength"],
                 _set(row["attacked"]),
@@ -41,7 +41,7 @@ class Answers:
         }
         self.identification = {
             (
-                row["held_out"],
+                row["left_out"],
                 len(row["system"]),
                 row["strength"],
                 _set(row["attacked"]) or row["attacked_sensors"],
@@ -50,7 +50,7 @@ class Answers:
             for row in rows["identification"]
         }
         n = rig.n
-        self.modes = [mode for mode in LEFT_OUT if any(row["held_out"] == mode for row in rows["false_alarms"])]
+        self.modes = [mode for mode in LEFT_OUT if any(row["left_out"] == mode for row in rows["false_alarms"])]
         scenarios = {1: Triple(LIDAR, 1, n), 2: Triple(1, 2, n)} if self.modes else {}  # else no frame was measured
         self.scenarios = {number: triple for number, triple in scenarios.items() if triple in rig.triples}
         self.strengths = [s for s in STRENGTHS if any(key[2] == s for key in self.detection)]

@@ -91,7 +91,7 @@ def _sensitivity_curves(answers: Answers) -> Iterator[Sheet]:
     ):
         lines = []
         for mode, dashes in (("nothing", ""), ("block", " dashed")):
-            of_it = [row for row in rows if row["sensor"] == sensor and row["held_out"] == mode]
+            of_it = [row for row in rows if row["sensor"] == sensor and row["left_out"] == mode]
             for strength in dict.fromkeys(row["strength"] for row in of_it):
                 points = [
                     Point(row["size"], row["rate"], row["low"], row["high"])

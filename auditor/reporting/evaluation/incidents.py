@@ -12,10 +12,10 @@ _METHODS = {"paper": "E and Algorithm 2", "robust": "robust"}
 def incident_grids(methods: Mapping[str, Answers]) -> dict[str, list[Grid]]:
     """False incidents of clean drives, then attacked intervals by each method."""
     shown = {method: answers for method, answers in methods.items() if answers.rows["incidents"]}
-    lasting = [_intervals(method, answers) for method, answers in shown.items()]
+    window_kind = [_intervals(method, answers) for method, answers in shown.items()]
     return {
         "false_incidents": [_false(shown)] if shown else [],
-        "intervals": [table for table in lasting if table.rows],
+        "intervals": [table for table in window_kind if table.rows],
     }
 
 
@@ -44,7 +44,7 @@ def _false(shown: Mapping[str, Answers]) -> Grid:
 def _intervals(method: str, answers: Answers) -> Grid:
     modes = _modes({method: answers})
     rows = [row for row in answers.rows["incidents"] if row["attacked"]]
-    found = {(row["held_out"], tuple(row["attacked"]), row["variant"]): row for row in rows}
+    found = {(row["left_out"], tuple(row["attacked"]), row["variant"]): row for row in rows}
     kinds = list(dict.fromkeys((attacked, variant) for _, attacked, variant in found))
 
     def cells(kind: tuple[tuple[int, ...], str]) -> Iterator[Cell]:
@@ -69,7 +69,7 @@ def _modes(shown: Mapping[str, Answers]) -> list[str]:
 
 
 def _clean(answers: Answers, mode: str) -> Mapping[str, Any] | None:
-    rows = (row for row in answers.rows["incidents"] if row["held_out"] == mode and not row["attacked"])
+    rows = (row for row in answers.rows["incidents"] if row["left_out"] == mode and not row["attacked"])
     return next(rows, None)
 
 

@@ -35,7 +35,7 @@ CLEARLY_SEEN = 0.9
 
 def load_evaluation(store: Store) -> EvaluationPage:
     """The page of everything that was evaluated into a store. Raises StoreError where nothing was."""
-    parts = rows_of(run_sql(store, "SELECT * FROM evaluations ORDER BY name, stretch"))
+    parts = rows_of(run_sql(store, "SELECT * FROM evaluations ORDER BY name, chunk"))
     if not parts:
         raise StoreError(
             "nothing has been evaluated", where=store.folder, remedy="attack clean recordings with auditor evaluate"
@@ -123,13 +123,13 @@ def _unseen(answers: Answers) -> Iterator[str]:
         return
     mode = "block" if "block" in answers.modes else answers.modes[0]
     for row in answers.rows["sensitivity"]:
-        if row["held_out"] == mode and row["rate"] < CLEARLY_SEEN:
+        if row["left_out"] == mode and row["rate"] < CLEARLY_SEEN:
             what = f"{row['strength']} facula" if row["strength"] else "bogus wall"
             where = f"{'An' if what[0] == 'o' else 'A'} {what}, {size_of(row)}, on the {SHORT_ROLES[row['sensor']]}"
             yield f"{where} was detected in {row['detected']} of {row['cases']} frames."
     for row in answers.rows["further"]:
         everyone = len(row["system"]) == len(answers.rig.sensors)
-        if row["held_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
+        if row["left_out"] == mode and everyone and row["rate"] < CLEARLY_SEEN:
             what = f"{described(row)} on {names(row['attacked'])}"
             yield f"{what[0].upper()}{what[1:]}, {_how_seldom(row, _raised_clean(answers, mode))}"
     for number, triple in answers.scenarios.items():
@@ -145,7 +145,7 @@ def _unseen(answers: Answers) -> Iterator[str]:
 
 def _raised_clean(answers: Answers, mode: str) -> float:
     """The share of clean frames that all sensors raise."""
-    rows = (row for row in answers.rows["false_alarms"] if row["held_out"] == mode and row["r"] == R_SHOWN)
+    rows = (row for row in answers.rows["false_alarms"] if row["left_out"] == mode and row["r"] == R_SHOWN)
     return next((row["rate"] for row in rows if len(row["system"]) == len(answers.rig.sensors)), 0.0)
 
 

@@ -86,7 +86,7 @@ def _looking(query: str, counted: str, **where: object) -> Lookup:
 
     def look(answers: Answers, mode: str) -> Cell:
         for row in answers.rows[query]:
-            if row["held_out"] == mode and all(row[name] == value for name, value in where.items()):
+            if row["left_out"] == mode and all(row[name] == value for name, value in where.items()):
                 naming = query == "further" and counted == "named"
                 return rate_of(
                     {**row, "low": row["naming_low"], "high": row["naming_high"]} if naming else row, counted

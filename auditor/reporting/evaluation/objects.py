@@ -38,7 +38,7 @@ def object_sheets(answers: Answers) -> dict[str, list[Sheet]]:
     """The plots, by the part of the page that they belong to."""
     panels = [_panel(name, rows) for name, rows in _kinds(answers.rows["average_precision"])]
     legend = (("line any", "clean frames"), ("line wall", "wall"), ("line mild", "mild"), ("line opaque", "opaque"))
-    sheet = Sheet("Average precision by size of the attack", published.PRECISION, tuple(panels), legend, held_out=False)
+    sheet = Sheet("Average precision by size of the attack", published.PRECISION, tuple(panels), legend, left_out=False)
     return {"precision": [sheet] if panels else []}
 
 
@@ -56,7 +56,7 @@ def _average(answers: Answers, detector: str, rows: Rows, mode: str | None) -> I
     found = {
         (row["iou"], row["r"], row["i"], row["j"], row["strength"]): row
         for row in rows
-        if row["held_out"] == mode and row["attacked"] is None
+        if row["left_out"] == mode and row["attacked"] is None
     }
     rates = [None] if mode is None else [float(r) for r in OBJECT_RATES]
 
@@ -100,7 +100,7 @@ def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> G
     found = {
         (row["iou"], row["strength"], tuple(row["attacked"])): rate_of(row, "detected")
         for row in rows
-        if (row["held_out"], row["r"], row["i"], row["j"]) == (mode, R_SHOWN, triple.i, triple.j) and row["attacked"]
+        if (row["left_out"], row["r"], row["i"], row["j"]) == (mode, R_SHOWN, triple.i, triple.j) and row["attacked"]
     }
     return Grid(
         title=f"Scenario {number}: {names(triple)}; {detector}; {LEFT_OUT[mode]}",

@@ -61,14 +61,14 @@ class Grid:
 class Sheet:
     """Small panels that belong together, with what they are to be compared with.
 
-    `held_out` says that their dashed lines are of thresholds that were held out.
+    `left_out` says that their dashed lines are of thresholds that were held out.
     """
 
     title: str
     note: str
     panels: tuple[Panel, ...]
     legend: tuple[tuple[str, str], ...]
-    held_out: bool = True
+    left_out: bool = True
 
 
 @dataclass(frozen=True)

@@ -116,9 +116,9 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
     rows = answers.rows["sensitivity"]
     for sensor in ("lidar", "reference", "witness"):
         of_it = [row for row in rows if row["sensor"] == sensor]
-        columns = list(dict.fromkeys((row["held_out"], row["strength"]) for row in of_it))
+        columns = list(dict.fromkeys((row["left_out"], row["strength"]) for row in of_it))
         columns.sort(key=lambda column: (answers.modes.index(column[0]), column[1] or ""))
-        found = {(row["held_out"], row["strength"], row["size"]): rate_of(row, "detected") for row in of_it}
+        found = {(row["left_out"], row["strength"], row["size"]): rate_of(row, "detected") for row in of_it}
         sizes = {row["size"]: row for row in of_it}
         if of_it:
             strengths = len(columns) // len(answers.modes)
@@ -136,7 +136,7 @@ def _sensitivity(answers: Answers) -> Iterator[Grid]:
 def _further(answers: Answers) -> Iterator[Grid]:
     """One table for each sensor's attacks beyond the paper's, by the largest system."""
     rows = [row for row in answers.rows["further"] if len(row["system"]) == len(answers.rig.sensors)]
-    found = {(row["held_out"], tuple(row["attacked"]), described(row)): row for row in rows}
+    found = {(row["left_out"], tuple(row["attacked"]), described(row)): row for row in rows}
     for attacked in dict.fromkeys(attacked for _, attacked, _ in found):
         kinds = list(dict.fromkeys(kind for _, of_it, kind in found if of_it == attacked))
 
@@ -166,7 +166,7 @@ def described(row: Mapping[str, Any]) -> str:
 
 
 def _false_alarms(answers: Answers, mode: str) -> Grid:
-    rows = [row for row in answers.rows["false_alarms"] if row["held_out"] == mode]
+    rows = [row for row in answers.rows["false_alarms"] if row["left_out"] == mode]
     systems = list(dict.fromkeys(tuple(row["system"]) for row in rows))
     found = {(tuple(row["system"]), row["r"]): row for row in rows}
 
@@ -188,12 +188,12 @@ def _false_alarms(answers: Answers, mode: str) -> Grid:
 def _confusion(answers: Answers, system: Sensors) -> Grid:
     """Truth against verdict, held out by blocks where that could be done, for faculas of all strengths."""
     mode = "block" if "block" in answers.modes else answers.modes[0]
-    rows = [r for r in answers.rows["confusion"] if r["held_out"] == mode and tuple(r["system"]) == system]
+    rows = [r for r in answers.rows["confusion"] if r["left_out"] == mode and tuple(r["system"]) == system]
     counts: dict[tuple[Sensors, str], int] = defaultdict(int)
     for row in rows:
         if row["attacked"] == [LIDAR] and row["strength"] != answers.strengths[0]:
             continue  # a wall has no strength: it is repeated under each
-        counts[tuple(row["attacked"]), names(row["accused"]) or row["verdict"]] += row["cases"]
+        counts[tuple(row["attacked"]), names(row["identified"]) or row["verdict"]] += row["cases"]
     kinds = ["clean", *(f"S_{s}" for s in system), "unidentified", "not_auditable"]
     return Grid(
         title=f"{names(system)}; r = {percent(str(R_SHOWN))}; {LEFT_OUT[mode]}; faculas of all strengths",

@@ -13,9 +13,9 @@ from auditor.store.store import Store
 
 
 def incident_views(store: Store, measurement_id: str, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
-    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the accused.
+    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the named ones.
 
-    Where no camera is accused, every other camera is shown, and the reference view itself where there is none. What an
+    Where no camera is named, every other camera is shown, and the reference view itself where there is none. What an
     attacked sensor lost is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
     """
     inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
@@ -27,17 +27,17 @@ def incident_views(store: Store, measurement_id: str, errors: FrameErrors, incid
     if picture is None or picture.reference not in picture.views:
         return ()
     images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}
-    accused = [sensor for sensor in incident.attacked if sensor in images]
+    identified = [sensor for sensor in incident.attacked if sensor in images]
     others = [sensor for sensor in images if sensor != picture.reference and not incident.attacked]
     damaged = [r for r in store.load_regions(measurement_id, picture.frame) if r.sensor in incident.attacked]
-    if any(region.sensor == LIDAR for region in damaged) and picture.reference not in accused:
-        accused.append(picture.reference)
+    if any(region.sensor == LIDAR for region in damaged) and picture.reference not in identified:
+        identified.append(picture.reference)
     mask = _data_uri("image/png", picture.mask_png)
     return (
         View(picture.reference, picture.frame, images[picture.reference], mask),
         *(
             View(sensor, picture.frame, images[sensor], portions=tuple(map(_portion, _lying_in(damaged, sensor))))
-            for sensor in accused or others or [picture.reference]
+            for sensor in identified or others or [picture.reference]
         ),
     )
 

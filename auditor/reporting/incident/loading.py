@@ -232,7 +232,7 @@ def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine
     if row["method"] == Method.ROBUST:
         # Judgements of earlier versions know fewer elements: later ones were added at the end.
         for pair_check, theta, samples in zip(
-            rig_pair_checks(rig), row["element_theta"], row["element_samples"], strict=False
+            rig_pair_checks(rig), row["check_theta"], row["check_samples"], strict=False
         ):
             yield ThresholdLine(pair_check.check, (pair_check.i, pair_check.k), theta, samples or 0)
     else:

@@ -53,9 +53,9 @@ def test_a_dry_view_has_no_specks():
 
 def test_drops_stand_alone_near_the_lidar_and_not_beyond():
     few, many = (seen(Rain(rate, seed=1).apply(PLANE, RIG)) for rate in (2, 25))
-    assert 0.005 < few.specks_near < many.specks_near
-    assert few.specks_beyond < few.specks_near / 10, "what drops leave of the plane is thin, but holds together"
-    assert many.specks_beyond < many.specks_near / 10
+    assert 0.005 < few.isolated_near < many.isolated_near
+    assert few.isolated_beyond < few.isolated_near / 10, "what drops leave of the plane is thin, but holds together"
+    assert many.isolated_beyond < many.isolated_near / 10
 
 
 def test_points_at_chance_ranges_stand_alone_beyond_as_well():
@@ -64,13 +64,13 @@ def test_points_at_chance_ranges_stand_alone_beyond_as_well():
 
 
 def test_drops_in_one_part_of_the_view_are_no_rain():
-    assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).specks_near == 0
-    assert seen(pulled(0.05, 1.5, 6)).specks_near > 0.01
+    assert seen(pulled(0.05, 1.5, 6, slice(0, WIDTH // 4))).isolated_near == 0
+    assert seen(pulled(0.05, 1.5, 6)).isolated_near > 0.01
 
 
 def test_objects_real_or_bogus_and_a_hidden_sector_are_no_specks():
     for attack in (BogusWall(8.0, 0.0), HiddenSector(10, 0)):
-        assert seen(attack.apply(PLANE, RIG)).specks_near == 0
+        assert seen(attack.apply(PLANE, RIG)).isolated_near == 0
 
 
 def test_a_view_of_hardly_any_points_says_nothing():
@@ -84,10 +84,10 @@ def test_they_are_watched_where_a_pair_may_deny_the_lidar():
     for given, raining in ((frame, False), (wet, True)):
         found = watch.update(measure(given, RIG, SgbmMatcher())[1])
         assert {pair.isolated_shares for pair in found.values()} == {found[1, 3].isolated_shares}
-        assert (found[1, 3].isolated_shares.specks_near > 0.01) is raining
+        assert (found[1, 3].isolated_shares.isolated_near > 0.01) is raining
     rig = plane_rig(lidar=False)
     blind = FaultFeatures().update(measure(replace(plane_frame(rig), cloud=None), rig, SgbmMatcher())[1])
-    assert isnan(blind[1, 3].isolated_shares.specks_near)
+    assert isnan(blind[1, 3].isolated_shares.isolated_near)
 
 
 def test_scattered_points_are_told_and_neither_drops_nor_a_dry_view():

@@ -47,39 +47,39 @@ def test_cameras_that_see_one_moment_are_in_step_and_nothing_is_said_of_a_frame_
     assert set(seen) == {(1, 3), (2, 3)}
     for pair in seen.values():
         assert pair.rows.tracked > 30
-        assert pair.rows.in_step > 0.9
+        assert pair.rows.row_aligned > 0.9
         assert abs(pair.rows.offset_px) < 0.5
-        assert isnan(pair.rows.late_i)
-        assert isnan(pair.rows.late_k)
+        assert isnan(pair.rows.lagged_i)
+        assert isnan(pair.rows.lagged_k)
         assert isnan(pair.agreement.before_only)
         assert pair.agreement.agreeing > 0.9
 
 
 def test_a_tilted_camera_moves_all_rows_of_its_pairs_alike():
     seen = observed(with_image(scene(), 1, ShiftedCamera(6)))
-    assert seen[1, 3].rows.in_step < 0.1
+    assert seen[1, 3].rows.row_aligned < 0.1
     assert seen[1, 3].rows.offset_px == pytest.approx(6, abs=0.5)
     assert seen[1, 3].rows.offset_share > 0.8
-    assert seen[2, 3].rows.in_step > 0.9
+    assert seen[2, 3].rows.row_aligned > 0.9
 
 
 def test_a_camera_a_frame_behind_is_on_its_rows_with_the_frame_before():
     before, now = scene(), scene(down_px=6)
     rows = observed(before, replace(now, images={**now.images, 1: before.images[1]}))[1, 3].rows
-    assert rows.in_step < 0.1
-    assert rows.late_i > 0.9
+    assert rows.row_aligned < 0.1
+    assert rows.lagged_i > 0.9
     steady = observed(before, now)[1, 3].rows
-    assert steady.in_step > 0.9
-    assert max(steady.late_i, steady.late_k) < 0.1
+    assert steady.row_aligned > 0.9
+    assert max(steady.lagged_i, steady.lagged_k) < 0.1
 
 
 def test_a_reference_a_frame_behind_all_along_is_on_its_rows_with_the_others_frame_before():
     moments = [scene(down_px=rows) for rows in (0, 6, 12)]
     late = [replace(now, images={**now.images, 3: before.images[3]}) for before, now in pairwise(moments)]
     for pair in observed(*late).values():
-        assert pair.rows.in_step < 0.1
-        assert pair.rows.late_k > 0.8
-        assert pair.rows.late_i < 0.1
+        assert pair.rows.row_aligned < 0.1
+        assert pair.rows.lagged_k > 0.8
+        assert pair.rows.lagged_i < 0.1
 
 
 def test_a_camera_turned_aside_biases_its_disparities_by_a_constant():
@@ -111,15 +111,15 @@ def test_a_turned_lidar_agrees_once_all_its_points_are_moved():
     assert turned.agreeing < straight.agreeing - 0.02
     assert turned.turned > turned.agreeing + 0.02
     assert (turned.right_px, turned.down_px) == (-16, 0)
-    assert turned.turned_only > 5 * turned.unturned_only
-    assert straight.turned_only < turned.turned_only / 10
+    assert turned.rotated_only > 5 * turned.unrotated_only
+    assert straight.rotated_only < turned.rotated_only / 10
 
 
 def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
     far, near = scene(), scene(depth_m=NEAR_M)
-    in_step, late = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
-    assert in_step.now_only > 500
-    assert in_step.before_only == 0
+    row_aligned, late = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
+    assert row_aligned.now_only > 500
+    assert row_aligned.before_only == 0
     assert late.before_only > 500
     assert late.now_only == 0
 
@@ -131,13 +131,13 @@ def test_dirt_makes_a_camera_the_darker_one_where_the_pictures_are_unlike():
         pixels[10:110, 110:270] = 30
         frame = replace(frame, images={**frame.images, sensor: replace(frame.images[sensor], pixels=pixels)})
         contrast = observed(frame)[1, 3].contrast
-        assert contrast.unlike_px > 200
+        assert contrast.inconsistent_px > 200
         assert sign * contrast.difference > 15
-    assert observed(scene())[1, 3].contrast.unlike_px < 200
+    assert observed(scene())[1, 3].contrast.inconsistent_px < 200
 
 
 def test_a_camera_with_less_light_is_not_taken_for_a_dirty_one():
-    assert observed(with_image(scene(), 1, DimmedCamera(0.6)))[1, 3].contrast.unlike_px < 200
+    assert observed(with_image(scene(), 1, DimmedCamera(0.6)))[1, 3].contrast.inconsistent_px < 200
 
 
 def test_without_a_lidar_nothing_is_said_of_it():

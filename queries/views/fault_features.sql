@@ -3,4 +3,4 @@
 -- column frame: Number of the frame within the recording.
 -- column i: The witness camera.
 -- column k: The reference camera.
-SELECT * FROM stored_symptoms
+SELECT * FROM stored_fault_features
