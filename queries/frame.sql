@@ -66,7 +66,7 @@ fact AS (
     ])
     FROM errors WHERE frame = $frame
     UNION ALL
-    SELECT measurement_id, 5, position, witness || ' S_' || i || ' S_' || k, unnest([
+    SELECT measurement_id, 5, position, check_name || ' S_' || i || ' S_' || k, unnest([
         {fact: 'ratio', value: CAST(ratio AS VARCHAR)},
         {fact: 'theta', value: CAST(theta AS VARCHAR)},
         {fact: 'z', value: CAST(z AS VARCHAR)}

@@ -117,7 +117,7 @@ testimony AS (
         kind,
         attacked,
         run,
-        witness_in_words(piece.witness, piece.i, piece.j, piece.k) AS witness,
+        check_in_words(piece.check_name, piece.i, piece.j, piece.k) AS check_name,
         count(*) AS frames,
         avg(piece.margin) AS margin
     FROM (SELECT line, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
@@ -130,8 +130,8 @@ carried AS (
         attacked,
         run,
         string_agg(
-            format('{} in {} frame{} ({:+.2f})', witness, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, margin),
-            ', ' ORDER BY frames * margin DESC, witness
+            format('{} in {} frame{} ({:+.2f})', check_name, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, margin),
+            ', ' ORDER BY frames * margin DESC, check_name
         ) AS evidence
     FROM testimony
     GROUP BY ALL

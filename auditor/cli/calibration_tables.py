@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 20
 _MOST_NAMED = 5
-_ROBUST_COLUMNS = ("witness", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
+_ROBUST_COLUMNS = ("check", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
 _LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
 
@@ -87,7 +87,7 @@ def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "l
     return [
         {
             "calibration_id": calibration.calibration_id,
-            "witness": pair_check.check.value,
+            "check": pair_check.check.value,
             "i": pair_check.i,
             "k": pair_check.k,
             "N": scale.samples,

@@ -262,7 +262,7 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
     """Whether a cause can have raised what a verdict's evidence says."""
-    checks = {one.check for one in verdict.evidence}
+    checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.SOILED and hypothesis.sensor not in verdict.attacked:
         # To one pair dirt on a camera looks like light in the other: several must see it, clearer than what was raised.
         strongest = max(one.margin for one in verdict.evidence)
@@ -285,4 +285,4 @@ def _raises_most(sensor: int | None, verdict: Verdict) -> bool:
 
 def _nameable(evidence: Evidence) -> tuple[int, ...]:
     """The sensors one of which must be at fault where it is raised."""
-    return PairCheck(Check(evidence.check), evidence.i, evidence.k).nameable
+    return PairCheck(Check(evidence.check_name), evidence.i, evidence.k).nameable

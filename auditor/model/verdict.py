@@ -32,11 +32,11 @@ FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKin
 class Evidence(NamedTuple):
     """One thing that speaks for an attack, and how far it lies above its threshold.
 
-    By the robust method an element's margin z; by the paper's E - theta of a triple. `witness` is the value of a
-    Witness or of a Statistic; `j` is None for elements.
+    By the robust method an element's margin z; by the paper's E - theta of a triple. `check_name` is the value of a
+    Check or of a Statistic; `j` is None for elements.
     """
 
-    check: str
+    check_name: str
     i: int
     j: int | None
     k: int

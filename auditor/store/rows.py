@@ -55,7 +55,7 @@ def pair_check_rows(rig: Rig) -> Iterator[Row]:
         yield {
             "rig_id": rig.rig_id,
             "position": position,
-            "witness": pair_check.check.value,
+            "check_name": pair_check.check.value,
             "i": pair_check.i,
             "k": pair_check.k,
         }

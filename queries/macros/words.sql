@@ -1,8 +1,8 @@
 -- Structured columns of verdicts in words.
 
 -- What one piece of evidence says, without how much.
-CREATE MACRO witness_in_words(witness, i, j, k) AS
-    CASE witness
+CREATE MACRO check_in_words(check_name, i, j, k) AS
+    CASE check_name
         WHEN 'contradicted' THEN 'S_' || i || ' and S_' || k || ' contradict the LiDAR'
         WHEN 'unlike' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
         WHEN 'light' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
@@ -15,7 +15,7 @@ CREATE MACRO witness_in_words(witness, i, j, k) AS
 CREATE MACRO evidence_in_words(evidence) AS
     nullif(array_to_string(list_transform(
         evidence,
-        lambda x: witness_in_words(x['witness'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['margin'])
+        lambda x: check_in_words(x['check_name'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['margin'])
     ), ', '), '');
 
 -- Sensors as 'S_1 and S_2', or what their absence means.

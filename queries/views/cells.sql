@@ -2,7 +2,7 @@
 --
 -- column frame: Number of the frame within the recording.
 -- column position: The element's place among the rig's elements, counted from 1.
--- column witness: Who says something: contradicted or unlike.
+-- column check_name: Who says something: contradicted or unlike.
 -- column i: First camera of the pair.
 -- column k: Second camera of the pair, whose image the grid is of.
 -- column rows: Rows of the grid.
@@ -13,7 +13,7 @@ SELECT
     cells.measurement_id,
     cells.frame,
     cells.position,
-    element.witness,
+    element.check_name,
     element.i,
     element.k,
     cells.rows,

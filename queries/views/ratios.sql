@@ -1,9 +1,9 @@
--- One row a measured frame and element: the local ratio of each witness.
+-- One row a measured frame and element: the local ratio of each check_name.
 --
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column position: Place of the element in `ratios`, counted from 1.
--- column witness: Who says something: contradicted, unlike, light, empty or scattered.
+-- column check_name: Who says something: contradicted, unlike, light, empty or scattered.
 -- column i: First camera of the pair; of empty and scattered the LiDAR, 0.
 -- column k: Second camera of the pair; of empty and scattered the one whose view it is.
 -- column ratio: The local ratio; NULL where it was not measured.
@@ -14,7 +14,7 @@ SELECT
     frame.frame,
     frame.stamp_ns,
     element.position,
-    element.witness,
+    element.check_name,
     element.i,
     element.k,
     frame.ratios[element.position] AS ratio,

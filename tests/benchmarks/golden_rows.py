@@ -7,6 +7,7 @@ import pyarrow as pa
 
 RENAMED_TABLES: dict[str, str] = {"symptoms": "fault_features"}
 RENAMED_COLUMNS: dict[str, str] = {
+    "witness": "check_name",
     "in_step": "row_aligned",
     "late_i": "lagged_i",
     "late_k": "lagged_k",

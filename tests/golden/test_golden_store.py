@@ -58,7 +58,7 @@ def test_what_was_only_renamed_is_equal(tmp_path, monkeypatch):
     renamed = [{**row, "evidence": [{"check": "brightness", "i": row["frame"]}]} for row in ROWS]
     now = {"fault_features/a.arrow": canonical(table(renamed))}
     assert len(list(compare(read(tmp_path), now))) == 2
-    for names, new in (("TABLES", ("symptoms", "fault_features")), ("COLUMNS", ("witness", "check"))):
+    for names, new in (("TABLES", ("symptoms", "fault_features")), ("COLUMNS", ("witness", "check_name"))):
         monkeypatch.setitem(getattr(golden_rows, f"RENAMED_{names}"), *new)
     assert list(compare(read(tmp_path), now)) == ["fault_features/a.arrow: column evidence differs in 2 of 2 rows"]
     monkeypatch.setitem(golden_rows.RENAMED_WORDS, "light", "brightness")

@@ -56,7 +56,7 @@ def judged(store, measurement, *, recount):
 
 
 def checks(verdicts):
-    return {evidence["witness"] for verdict in verdicts for evidence in verdict["evidence"]}
+    return {evidence["check_name"] for verdict in verdicts for evidence in verdict["evidence"]}
 
 
 def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_says_that_it_was_recounted(scanned):
