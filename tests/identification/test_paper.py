@@ -171,7 +171,7 @@ def test_frames_are_judged_as_one_by_one():
         alone = judge(e, N4, FIVE, absent, min(measured) if measured else None)
         assert replace(verdict, evidence=()) == alone
         above = sorted((row[place] - 0.2, N4[place]) for place, state in enumerate(e) if state == "1")
-        assert [(x.check, x.i, x.j, x.k, pytest.approx(x.margin)) for x in verdict.evidence] == [
+        assert [(x.check_name, x.i, x.j, x.k, pytest.approx(x.margin)) for x in verdict.evidence] == [
             ("gated", *triple, margin) for margin, triple in reversed(above)
         ]
 

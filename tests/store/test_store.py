@@ -158,7 +158,7 @@ def test_frames_come_back_as_local_ratios_and_fingerprints(tmp_path):
     assert (found.frames.tolist(), found.stamps_ns.tolist()) == ([1, 2], [PERIOD_NS, 2 * PERIOD_NS])
     assert found.states.tolist()[1] == ["present", "present", "missing", "present"]
     assert found.fingerprints.tolist() == [[10, 11, 12, 13], [20, 21, -1, 23]]
-    seen = run_sql(store, "SELECT witness, i, k, ratio FROM ratios WHERE frame = 1 ORDER BY position").to_pylist()
+    seen = run_sql(store, "SELECT check_name, i, k, ratio FROM ratios WHERE frame = 1 ORDER BY position").to_pylist()
     assert [(row["check_name"], row["i"], row["k"]) for row in seen] == [
         tuple(pair_check) for pair_check in pair_checks
     ]
@@ -191,7 +191,7 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
             assert np.array_equal(of_it.inconsistent, original.cells[pair_check].inconsistent)
     with pq.ParquetFile(store.path("cells", measurement_id)) as file:
         assert file.num_row_groups == 2
-    [row] = run_sql(store, "SELECT witness, i, k, rows, columns, valid, against FROM cells WHERE frame = 3").to_pylist()
+    [row] = run_sql(store, "SELECT check_name, i, k, rows, columns, valid, against FROM cells WHERE frame = 3").to_pylist()
     of_it = given[2].cells[pair_checks[1]]
     assert (row["check_name"], row["i"], row["k"]) == pair_checks[1]
     assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), of_it.valid)
