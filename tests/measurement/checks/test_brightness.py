@@ -226,11 +226,13 @@ def test_texture_is_more_than_two_grey_levels_a_pixel(slope, enough):
 
 
 def test_texture_is_the_root_of_the_mean_square_over_five_by_five_pixels():
-    # One upright edge of height h: two columns of gradient h / 2, in windows of five columns h / sqrt(10) in all.
-    for height, expected in ((6, False), (7, True)):
-        image = np.full((20, 40), 100, dtype=np.uint8)
-        image[:, 20:] += np.uint8(height)
-        found = textured(image)
-        assert found[10, 18:22].all() == expected
-        assert not found[:, :17].any()
-        assert not found[:, 23:].any()
+    # A dot of 64 has Sobel gradients of 8, 16 and 8 in the columns beside it: their mean squares are compared with 4.
+    image = np.zeros((30, 30), dtype=np.uint8)
+    image[15, 15] = 64
+    gradient = np.zeros((30, 30))
+    gradient[14:17, 14] = gradient[14:17, 16] = 8, 16, 8
+    power = np.array(
+        [[(gradient[r - 2 : r + 3, c - 2 : c + 3] ** 2).mean() for c in range(3, 27)] for r in range(3, 27)]
+    )
+    np.testing.assert_array_equal(textured(image)[3:27, 3:27], power > 4)
+    assert not textured(np.full((30, 30), 77, dtype=np.uint8)).any()

@@ -243,6 +243,20 @@ def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, 
     assert found.lidar_conflicts.tolist() == [not hidden]
 
 
+@pytest.mark.parametrize(("beyond_px", "hidden"), [(17.0, False), (16.9, True)])
+def test_a_beam_passes_where_stereo_sees_more_than_three_pixels_less(monkeypatch, beyond_px, hidden):
+    grid = HEIGHT // 2, WIDTH // 2
+    disparity = np.full(grid, beyond_px, np.float32)
+    disparity[30, 80] = 20.0
+    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
+    rig, ones = lidar_at(0, -0.5, 0), np.ones(grid, np.bool_)
+    view = seen_at(rig, np.array([60]), np.array([160]), np.array([160.0]), np.array([5.0]))
+    found = verify_conflicts(
+        view, StereoMap(disparity, ones, ones, 2, 128), PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
+    )
+    assert found.lidar_conflicts.tolist() == [not hidden]
+
+
 @pytest.mark.parametrize(("flagged", "asked"), [(1000, 1000), (1001, 501), (2001, 667)])
 def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th(monkeypatch, flagged, asked):
     grid = HEIGHT // 2, WIDTH // 2
