@@ -116,7 +116,7 @@ def test_the_papers_two_systems_are_compared() -> None:
 
 
 def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(chunks, "STRETCH_FRAMES", STRETCH)
+    monkeypatch.setattr(chunks, "CHUNK_FRAMES", STRETCH)
     whole = run(drive, tmp_path / "whole")
     assert (whole.frames, whole.cases) == (FRAMES, CASES)
     assert not run(drive, tmp_path / "whole").fresh
