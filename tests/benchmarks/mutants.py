@@ -84,7 +84,7 @@ SUBJECTS = (
     Subject(
         "parameters",
         ("measurement/parameters.py", "identification/parameters.py", "model/parameters.py"),
-        (*IDENTIFICATION, *CHECKS),
+        ("model", *IDENTIFICATION, *CHECKS, "measurement"),
     ),
     Subject("identification", ("identification/*.py",), IDENTIFICATION),
 )

@@ -33,6 +33,8 @@ FOLDER = Path(__file__).parent
 FRAME, STRETCH = FOLDER / "frame.toml", FOLDER / "stretch.toml"
 
 FRAME_NUMBER = 3
+DIGITS = 3
+"""Decimals kept of the features: points followed by OpenCV move by millionths from processor to processor."""
 WALL = BogusWall(range_m=3.2, lateral_m=0.3)
 """Nearer than the widest pair's matcher can see."""
 FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
@@ -61,14 +63,16 @@ Table = dict[str, Any]
 
 
 def one_frame() -> dict[str, dict[str, Table]]:
-    """By case and subject: the counts of each triple, each check's statistic, and the sums of its cells."""
+    """By case and subject: the counts of each triple, each check's statistic, sums of its cells, fault features."""
     rig, stream = frames("0009", all_cameras=True)
-    frame = next(islice(stream, FRAME_NUMBER, None))
-    return {name: _figures(_changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
+    before, frame = islice(stream, FRAME_NUMBER - 1, FRAME_NUMBER + 1)
+    return {name: _figures(before, _changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
 
 
-def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
-    measured, _ = measure(frame, rig, find_matcher("sgbm"))
+def _figures(before: Frame, frame: Frame, rig: Rig) -> dict[str, Table]:
+    matcher, watch = find_matcher("sgbm"), FaultFeatures()
+    watch.update(measure(before, rig, matcher)[1])
+    measured, evidence = measure(frame, rig, matcher)
     pair_checks = rig_pair_checks(rig)
     return {
         "counts": {
@@ -94,6 +98,10 @@ def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
             ]
             for e in pair_checks
             if e in measured.cells
+        },
+        "features": {
+            " ".join(map(str, pair)): [[round(value, DIGITS) for value in part] for part in features]
+            for pair, features in watch.update(evidence).items()
         },
     }
 
@@ -195,6 +203,7 @@ def _write() -> None:
         f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
         "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
         "# cells: the sums over the grid, valid and against.\n"
+        "# features: rows, contrast, agreement with the LiDAR and isolated points, in the order of their fields.\n"
         + "".join(
             _section(f'["{case}".{subject}]', table)
             for case, tables in figures.items()

@@ -191,7 +191,8 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
             assert np.array_equal(of_it.inconsistent, original.cells[pair_check].inconsistent)
     with pq.ParquetFile(store.path("cells", measurement_id)) as file:
         assert file.num_row_groups == 2
-    [row] = run_sql(store, "SELECT check_name, i, k, rows, columns, valid, against FROM cells WHERE frame = 3").to_pylist()
+    sql = "SELECT check_name, i, k, rows, columns, valid, against FROM cells WHERE frame = 3"
+    [row] = run_sql(store, sql).to_pylist()
     of_it = given[2].cells[pair_checks[1]]
     assert (row["check_name"], row["i"], row["k"]) == pair_checks[1]
     assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), of_it.valid)
