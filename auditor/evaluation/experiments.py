@@ -27,19 +27,26 @@ from auditor.store.evaluation_tables import INTERVAL_FRAMES
 WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Fig. 11."""
 
-
 RADII_PX = (37.5, 75.0, 112.5, 150.0, 187.5, 225.0)
 """Fig. 12, on images of the paper's width."""
 
-
 PAPER_WIDTH_PX = 1242
-
-
 SENSITIVITY_STRENGTHS = ("mild", "opaque")
-
 
 MOST_ATTACKED = 2
 """Sets that are only identified, not detected by one triple, have this many sensors at most."""
+
+SECTORS_DEG = (10.0, 20.0, 30.0)
+SECTOR_AZIMUTHS_DEG = (-25.0, 25.0)
+POINTS = (500, 2000, 8000)
+YAWS_DEG = (0.2, 0.5, 1.0)
+ROWS_PX = (1, 2, 4)
+DELAYS = (1, 3, 10)
+STRIPES_PX = 40.0
+STRIPE_LEVELS = (60.0, 120.0)
+
+STRENGTH = "mild"
+"""Of the faculas: the weakest that the combinations try."""
 
 
 @dataclass(frozen=True)
@@ -184,30 +191,6 @@ EXPERIMENTS = (
 """In the order in which they are measured."""
 
 
-SECTORS_DEG = (10.0, 20.0, 30.0)
-
-
-SECTOR_AZIMUTHS_DEG = (-25.0, 25.0)
-
-
-POINTS = (500, 2000, 8000)
-
-
-YAWS_DEG = (0.2, 0.5, 1.0)
-
-
-ROWS_PX = (1, 2, 4)
-
-
-DELAYS = (1, 3, 10)
-
-
-STRIPES_PX = 40.0
-
-
-STRIPE_LEVELS = (60.0, 120.0)
-
-
 def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[Case]:
     """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it.
 
@@ -277,10 +260,6 @@ def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraw
 
 
 FURTHER = Experiment("further", all_triples, further_cases)
-
-
-STRENGTH = "mild"
-"""Of the faculas: the weakest that the combinations try."""
 
 
 def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:

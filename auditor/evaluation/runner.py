@@ -39,8 +39,6 @@ from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, 
 from auditor.store.records import content_id
 
 _VERSIONED = ("numpy", "opencv-python-headless")
-
-
 Progress = Callable[[str, int], None]
 
 

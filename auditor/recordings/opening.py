@@ -23,7 +23,6 @@ READERS: tuple[tuple[str, Reader], ...] = (
 )
 """Built-in readers, each with its name; those of the entry points group `auditor.readers` are asked after them."""
 
-
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
 

@@ -10,9 +10,8 @@ from typing import Self
 from auditor.errors import SettingError
 
 WORDS = ("vehicle", "date", "drive")
-
-
 _PLACE = re.compile(r"\{(\w*)\}|(\*)")
+_DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
 
 
 def read_path(path: Path, pattern: str) -> dict[str, str]:
@@ -39,9 +38,6 @@ def _word(word: str, pattern: str, before: str) -> str:
             where=f"path pattern {pattern!r}",
         )
     return word
-
-
-_DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,22 @@ from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 
 Clock = Literal["utc", "relative", "unknown"]
-
-
 CLOCKS: frozenset[str] = frozenset(get_args(Clock))
-
 
 EARLIEST_UTC_NS = 946_684_800 * 10**9
 """Stamps before the year 2000 do not count from 1970: they count from the start of something."""
+
+_BLOCK = 1 << 20
+LABELS_NAME = "auditor-labels.json"
+LABELS_MEDIA_TYPE = "application/json"
+METADATA_NAME = "auditor"
+MAX_JSON_BYTES = 16 * 2**20
+
+MAX_JSON_PARTS = 1_000_000
+"""A parsed list or object takes many times its text: they are counted first."""
+
+METADATA_TOPIC = "/auditor/metadata"
+"""Where .bag and .db3 recordings carry both, as JSON in a std_msgs/String: they have no attachments."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +132,6 @@ class Reader(Protocol):
         """Open it. Raises RecordingError."""
 
 
-_BLOCK = 1 << 20
-
-
 def content_id(path: Path, files: tuple[Path, ...]) -> str:
     """sha256 (hex) of a file; of a folder, or a file and its journal, of sorted relative paths and the files' hashes.
 
@@ -149,26 +155,6 @@ def _file_hash(path: Path) -> str:
     except OSError as error:
         raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
     return digest.hexdigest()
-
-
-LABELS_NAME = "auditor-labels.json"
-
-
-LABELS_MEDIA_TYPE = "application/json"
-
-
-METADATA_NAME = "auditor"
-
-
-MAX_JSON_BYTES = 16 * 2**20
-
-
-MAX_JSON_PARTS = 1_000_000
-"""A parsed list or object takes many times its text: they are counted first."""
-
-
-METADATA_TOPIC = "/auditor/metadata"
-"""Where .bag and .db3 recordings carry both, as JSON in a std_msgs/String: they have no attachments."""
 
 
 def labels_to_json(labels: Iterable[AttackLabel]) -> bytes:

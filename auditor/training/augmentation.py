@@ -12,6 +12,7 @@ from auditor.measurement.disparity.matchers.scoring import Sample
 
 # Two cameras never see alike: what both share, and what each has of its own.
 _GAMMAS, _GAINS, _OFFSETS = (0.7, 1.4), (0.75, 1.25), (-15.0, 15.0)
+
 _OWN_GAINS, _OWN_OFFSETS, _NOISE = (0.92, 1.08), (-6.0, 6.0), (0.0, 4.0)
 
 

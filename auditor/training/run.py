@@ -15,6 +15,7 @@ from auditor.training.samples import Made, SampleFiles
 if TYPE_CHECKING:
     from auditor.training.checkpoints import TrainingRow, TrainingSettings
 
+
 WEIGHTS = "psmnet.safetensors"
 CURVE = "curve.csv"
 

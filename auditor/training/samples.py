@@ -27,15 +27,12 @@ from auditor.recordings import open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
-
-
 Disparities = NDArray[np.float32]
-
-
 _STREET_FRAMES = 60
-
-
 _STREET_CAMERAS = 4
+_SUFFIX = ".npz"
+_UNITS = 64.0  # disparities are kept as whole numbers of this share of a pixel, 0 where unknown
+_REPORT_EVERY = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,15 +141,6 @@ def _inside(disparity: Disparities, source: Camera) -> Disparities:
     match = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     there = (disparity > 0) & (match >= 0) & (match < source.width_px)
     return np.where(there, disparity, np.float32(np.nan))
-
-
-_SUFFIX = ".npz"
-
-
-_UNITS = 64.0  # disparities are kept as whole numbers of this share of a pixel, 0 where unknown
-
-
-_REPORT_EVERY = 5
 
 
 @dataclass(frozen=True)

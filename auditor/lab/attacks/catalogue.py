@@ -29,6 +29,9 @@ _PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
 _AZIMUTHS_DEG = (-25.0, 25.0)
 
+PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
+"""Kinds that need more than chance: a picture file, the data of some frames ago, the data when it began."""
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -76,8 +79,6 @@ ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
 }
 """By name: width in m, degrees, points, degrees of yaw, mm/h."""
 
-PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
-"""Kinds that need more than chance: a picture file, the data of some frames ago, the data when it began."""
 
 KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)
 

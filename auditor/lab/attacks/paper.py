@@ -31,8 +31,6 @@ _NEAREST_M = 0.1
 _DENSITY_CELL = 0.02  # radians: an HDL-64 has about 15 directions in a cell
 _DENSITY_CELLS = 40
 _USUAL_STEPS = (0.003, 0.008)  # radians, where a cloud is too small to tell
-
-
 Points = NDArray[np.float32]
 
 

@@ -11,6 +11,9 @@ from auditor.lab.simulation.textures import Tile
 Floats = NDArray[np.float32]
 Vector = tuple[float, float, float]
 
+_WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
+"""Tiles that begin where their piece begins."""
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -107,10 +110,6 @@ def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
         speed=column("speed"),
         ambient=column("ambient"),
     )
-
-
-_WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
-"""Tiles that begin where their piece begins."""
 
 
 def _shifts(pieces: Sequence[Piece], rng: np.random.Generator) -> Floats:

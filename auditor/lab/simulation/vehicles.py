@@ -10,6 +10,7 @@ from auditor.model.rig import Camera, Lidar, Rig
 
 _FOCAL_SHARE = 721.5377 / 1242  # of the width, KITTI's
 _PRINCIPAL = (609.5593 / 1242, 172.854 / 375)
+
 KITTI_POSITIONS_M = {2: (0.47, -0.06), 3: (0.54, 0.47, -0.06), 4: (0.54, 0.47, 0.0, -0.06)}
 """x of S_1, S_2, ... by number of cameras."""
 
@@ -17,6 +18,7 @@ _SPACING_M = 0.3
 _FOCAL_TOLERANCE = 0.008
 _PRINCIPAL_TOLERANCE = 4 / 1242  # of the width
 _PLACE_TOLERANCE_M = 0.0012
+
 _LIDAR_TOLERANCES = 0.005, np.deg2rad(0.3)
 """How far what is built differs from what was drawn: of one rig kind they all remain."""
 

@@ -13,6 +13,21 @@ from typing import Any, NamedTuple
 
 from auditor.errors import DecodingError
 
+TIMESTAMP = "google.protobuf.Timestamp"
+RAW_IMAGE = "foxglove.RawImage"
+COMPRESSED_IMAGE = "foxglove.CompressedImage"
+COMPRESSED_VIDEO = "foxglove.CompressedVideo"
+CAMERA_CALIBRATION = "foxglove.CameraCalibration"
+POINT_CLOUD = "foxglove.PointCloud"
+FRAME_TRANSFORM = "foxglove.FrameTransform"
+FRAME_TRANSFORMS = "foxglove.FrameTransforms"
+MAX_BYTES = 48 * 2**20
+
+MAX_PARTS = 100_000
+"""A parsed list or object takes 20 times its text: they are counted first. Pixels and points are one string of text."""
+
+_TIMES = {"seconds": "sec", "nanos": "nsec"}
+
 
 class Kind(IntEnum):
     """Types of fields; the numbers are those of google.protobuf.FieldDescriptorProto.Type."""
@@ -36,45 +51,11 @@ class Field(NamedTuple):
     repeated: bool = False
 
 
-TIMESTAMP = "google.protobuf.Timestamp"
-
-
-RAW_IMAGE = "foxglove.RawImage"
-
-
-COMPRESSED_IMAGE = "foxglove.CompressedImage"
-
-
-COMPRESSED_VIDEO = "foxglove.CompressedVideo"
-
-
-CAMERA_CALIBRATION = "foxglove.CameraCalibration"
-
-
-POINT_CLOUD = "foxglove.PointCloud"
-
-
-FRAME_TRANSFORM = "foxglove.FrameTransform"
-
-
-FRAME_TRANSFORMS = "foxglove.FrameTransforms"
-
-
 _STAMP = Field("timestamp", Kind.MESSAGE, TIMESTAMP)
-
-
 _FRAME_ID = Field("frame_id", Kind.STRING)
-
-
 _WIDTH = Field("width", Kind.FIXED32)
-
-
 _HEIGHT = Field("height", Kind.FIXED32)
-
-
 _DATA = Field("data", Kind.BYTES)
-
-
 _FORMAT = Field("format", Kind.STRING)
 
 
@@ -152,16 +133,6 @@ DESCRIPTORS: dict[str, dict[int, Field]] = {
     },
 }
 """What of google.protobuf's descriptor.proto is needed to compare an embedded schema with LAYOUTS."""
-
-
-MAX_BYTES = 48 * 2**20
-
-
-MAX_PARTS = 100_000
-"""A parsed list or object takes 20 times its text: they are counted first. Pixels and points are one string of text."""
-
-
-_TIMES = {"seconds": "sec", "nanos": "nsec"}
 
 
 _NUMBERS = {Kind.INT64, Kind.INT32, Kind.FIXED32, Kind.ENUM}

@@ -14,6 +14,9 @@ from auditor.recordings.decoding.pictures import check_size, decode_picture, ins
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.video import Videos, is_h264
 
+_PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
+"""OpenCV's own order by bytes a pixel: what a cv_bridge that was told nothing else passed through."""
+
 
 class Encoding(NamedTuple):
     """How the pixels of a raw image lie in memory.
@@ -66,9 +69,6 @@ ENCODINGS = {
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
 }
 """Encodings of sensor_msgs/image_encodings.hpp that are understood; 16-bit values keep their upper 8 bits."""
-
-_PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
-"""OpenCV's own order by bytes a pixel: what a cv_bridge that was told nothing else passed through."""
 
 
 class RawImageDecoder:

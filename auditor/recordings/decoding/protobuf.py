@@ -26,6 +26,7 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _REPEATED = 3
 _DOUBLE = struct.Struct("<d")
 _UINT32 = struct.Struct("<I")
+
 _WIRE_TYPES = {
     Kind.DOUBLE: _FIXED64,
     Kind.FIXED32: _FIXED32,
@@ -36,6 +37,8 @@ _WIRE_TYPES = {
     Kind.BYTES: _BYTES,
     Kind.MESSAGE: _BYTES,
 }
+
+_ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}
 
 
 def decode_protobuf(
@@ -164,6 +167,3 @@ def _agrees(found: Mapping[str, Any], number: int, known: Field) -> bool:
         known.kind,
         known.repeated,
     ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is Kind.ENUM]}
-
-
-_ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}

@@ -19,6 +19,7 @@ from auditor.recordings.recording import Definition
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
 _ROS1_HEAD = struct.Struct("<4xIII")
 _MAX_FRAME_ID_BYTES = 1024
+
 MAX_DEFINITION_BYTES = 2**17
 """CameraInfo with all it is made of has 12 kB as text."""
 

@@ -3,6 +3,7 @@
 from auditor.recordings.recording import Damage
 
 MAX_ENTRIES = 100
+_ZEROS = bytes(512)
 
 
 class DamageLog:
@@ -31,9 +32,6 @@ class DamageLog:
         if not self._more:
             return tuple(self._entries)
         return (*self._entries, Damage(f"and {self._more} more damaged places"))
-
-
-_ZEROS = bytes(512)
 
 
 def is_trusted(data: bytes | memoryview) -> bool:

@@ -17,21 +17,13 @@ from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
 MAGIC = b"#ROSBAG V2.0\n"
-
-
 _UINT32 = struct.Struct("<I")
-
-
 _TIME = struct.Struct("<II")
-
-
 _MAX_HEADER_BYTES = 2**20
-
-
 _MAX_FIELDS = 64
-
-
 Fields = dict[bytes, bytes]
+_MAX_INDEX_RECORDS = 1_000_000
+_BUFFER_BYTES = 1 << 18
 
 
 class Op:
@@ -132,12 +124,6 @@ def inner_records(inside: memoryview) -> Iterator[Inner]:
         fields = parse_fields(inside[position + 4 : start])
         yield Inner(op_of(fields), fields, inside[start + 4 : end], end)
         position = end
-
-
-_MAX_INDEX_RECORDS = 1_000_000
-
-
-_BUFFER_BYTES = 1 << 18
 
 
 class BagRead:

@@ -6,12 +6,9 @@ from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.recording import Definition, Topic
 
 MAX_TOPICS = 10_000
-
-
 MAX_NAME = 4096
-
-
 MAX_DEFINITION_BYTES = 64 * 2**20
+MAX_CHANNELS = 100_000
 
 
 class Names:
@@ -44,9 +41,6 @@ class Names:
                 self.definitions[schema] = definition
         elif known != definition:
             damage.add(f"a second, different definition of {schema[:80]!r} is ignored", offset)
-
-
-MAX_CHANNELS = 100_000
 
 
 class Channel:

@@ -16,20 +16,14 @@ from auditor.errors import RecordingError
 MAX_BYTES = 64 * 2**20
 """No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
 
-
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-
-
 _FREE_BYTES = 32 * 2**20
-
-
 _MAX_RATIO = 100
-
-
 _STEP_BYTES = 1 << 20
-
-
 _ZSTD_HEAD_BYTES = 18
+
+PACKED = ".zstd"
+"""What rosbag2 appends to the names of files that it compressed (compression mode `file`)."""
 
 
 class BadChunkError(Exception):
@@ -158,10 +152,6 @@ def _unpack_stream(compression: bytes, packed: memoryview, size: int) -> bytes:
 def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
     # lz4 ships no types; its class has the same methods.
     return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
-
-
-PACKED = ".zstd"
-"""What rosbag2 appends to the names of files that it compressed (compression mode `file`)."""
 
 
 @dataclass(frozen=True)

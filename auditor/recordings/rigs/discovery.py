@@ -19,6 +19,7 @@ from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, gr
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
+
 IDENTIFYING = 4
 """Sensors that can tell which of them is attacked; with three an attack is only detected."""
 

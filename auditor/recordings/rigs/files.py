@@ -29,8 +29,9 @@ _HEAD = """\
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording shows it.
 """
 
-
 _REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
+_MAX_BYTES = 2**20
+_CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
 
 
 def read_rig(path: Path) -> Rig:
@@ -95,12 +96,6 @@ def _text(text: str) -> str:
 def _matrix(matrix: Matrix) -> str:
     rows = ("    [" + ", ".join(repr(float(value)) for value in row) + "]," for row in matrix)
     return "[\n" + "\n".join(rows) + "\n]"
-
-
-_MAX_BYTES = 2**20
-
-
-_CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
 
 
 def read_camchain(path: Path) -> list[Camera]:

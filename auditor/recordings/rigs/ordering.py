@@ -14,6 +14,7 @@ from auditor.recordings.rigs.cameras import View
 from auditor.recordings.rigs.frame_tree import FrameTree
 
 MIN_BASELINE_M = 0.005
+
 MAX_TURN = np.radians(0.5)
 """Rectified cameras of one rig look the same way; tf is often written with four digits."""
 

@@ -15,6 +15,7 @@ MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
 """How long a frame waits for a sensor that is silent."""
 
 MAX_WINDOW_BYTES = FRAME_WINDOW.most_bytes
+
 MESSAGE_BYTES = FRAME_WINDOW.message_bytes
 """What a waiting message takes beside its data."""
 

@@ -31,12 +31,12 @@ from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 
 Change = Callable[[CameraImage], CameraImage] | Callable[[PointCloud], PointCloud]
-
-
 _GREY_ENCODINGS = {"mono8", "8UC1"}
-
-
 _COLOUR_ENCODINGS = {"bgr8", "8UC3"}
+HEADER = "std_msgs/msg/Header"
+_ENDING = ".mcap"
+_KITTI_SCHEMAS = "kitti/"
+_ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 
 
 class Changing:
@@ -93,18 +93,6 @@ class Changing:
         points = np.zeros((len(after), 4), np.float32)
         points[:, :3] = after
         return self._maker.point_cloud(points, stamp, cloud.header.frame_id)
-
-
-HEADER = "std_msgs/msg/Header"
-
-
-_ENDING = ".mcap"
-
-
-_KITTI_SCHEMAS = "kitti/"
-
-
-_ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 
 
 @dataclass(frozen=True)

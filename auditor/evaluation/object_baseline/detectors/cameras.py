@@ -15,6 +15,15 @@ from auditor.evaluation.object_baseline.detectors.overlap import overlaps
 
 Image = NDArray[np.uint8]
 
+_COLUMNS = {
+    "xyxy": ("left", "top", "right", "bottom"),
+    "yxyx": ("top", "left", "bottom", "right"),
+    "xywh": ("left", "top", "w", "h"),
+    "cxcywh": ("cx", "cy", "w", "h"),
+}
+
+_LETTERBOX_GREY = 114
+
 
 @dataclass(frozen=True)
 class _Fit:
@@ -92,15 +101,6 @@ class OnnxCameraDetector(Network):
         ):
             ends[name] = np.clip((columns[name] * unit - fit.border[axis]) / fit.scale[axis], 0, length)
         return [ImageBox(*map(float, row)) for row in zip(*ends.values(), strict=True)]
-
-
-_COLUMNS = {
-    "xyxy": ("left", "top", "right", "bottom"),
-    "yxyx": ("top", "left", "bottom", "right"),
-    "xywh": ("left", "top", "w", "h"),
-    "cxcywh": ("cx", "cy", "w", "h"),
-}
-_LETTERBOX_GREY = 114
 
 
 def _fitted(image: Image, size: tuple[int, int], how: str) -> tuple[Image, _Fit]:

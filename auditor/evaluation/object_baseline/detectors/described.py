@@ -79,19 +79,21 @@ MOST_VALUES = 100_000_000
 COLUMN = re.compile(r"(?P<name>.+?)(?:\[(?P<first>\d+)(?::(?P<end>\d+))?\])?")
 SOLID = ("x", "y", "z", "length", "width", "height", "yaw")
 _NEEDED = {"lidar": {"x", "y", "length", "width", "yaw"}, "camera": {"x", "z", "length", "width", "yaw"}}
+_SIDE = whole("a number of pixels", largest=LARGEST_SIDE_PX)
+
+_SIZE = Rule(
+    lambda size: size is None or (isinstance(size, tuple) and len(size) == 2 and all(map(_SIDE.holds, size))),
+    f"height and width, at most {LARGEST_SIDE_PX} pixels each",
+)
+
+_TWO = numbers("two numbers, the smaller first", 2)
+_ENDS = Rule(lambda ends: _TWO.holds(ends) and ends[0] < ends[1], _TWO.meant)
 
 
 def _are_texts(values: object) -> bool:
     return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
 
 
-_SIDE = whole("a number of pixels", largest=LARGEST_SIDE_PX)
-_SIZE = Rule(
-    lambda size: size is None or (isinstance(size, tuple) and len(size) == 2 and all(map(_SIDE.holds, size))),
-    f"height and width, at most {LARGEST_SIDE_PX} pixels each",
-)
-_TWO = numbers("two numbers, the smaller first", 2)
-_ENDS = Rule(lambda ends: _TWO.holds(ends) and ends[0] < ends[1], _TWO.meant)
 _CLASSES = Rule(lambda names: _are_texts(names) and any(names), "a list of names of classes")
 _COLUMNS = Rule(
     lambda columns: _are_texts(columns) and set(columns) <= set(SOLID) and len(set(columns)) == len(columns),

@@ -16,6 +16,7 @@ from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.rig import Camera, Rig
 
 GEOMETRIC = "geometric"
+
 SETTINGS = {"version": 1}
 """The version is raised whenever the same points would give other boxes."""
 

@@ -27,6 +27,7 @@ from auditor.recordings.recording import Clock, Damage, Definition, Topic, conte
 CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_color_left", "03": "camera_color_right"}
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
 TRANSFORMS_TOPIC = "/tf_static"
+
 PERIOD_NS = 10**8
 """Between frames of a drive without timestamps."""
 
@@ -35,6 +36,7 @@ _LIDAR_FILE = "calib_velo_to_cam.txt"
 SCAN_TOPIC = Topic(LIDAR_TOPIC, SCAN, "bin")
 _NUMBER = re.compile(r"[0-9]{1,12}")
 _MAX_TEXT_BYTES = 16 * 2**20
+
 _DRIVE_BELOW = ("*_sync", "[0-9]*_[0-9]*_[0-9]*/*_sync")
 """In a date's folder, and in a folder that holds one."""
 

@@ -11,19 +11,16 @@ from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
 
 MAGIC = b"\x89MCAP0\r\n"
-
-
 HEAD = struct.Struct("<BQ")
-
-
 _FOOTER = struct.Struct("<BQQQI")
-
-
 _DATA_END = struct.Struct("<BQI")
-
 
 _MAX_SUMMARY_BYTES = 16 * 2**20
 """A summary of 64 GB of chunks; it is looked through at every reading."""
+
+_TIMES_SIZE_CRC = struct.Struct("<QQQI")
+_UINT32 = struct.Struct("<I")
+_UINT64 = struct.Struct("<Q")
 
 
 class Opcode:
@@ -127,15 +124,6 @@ def read_ending(file: IO[bytes], size: int) -> Ending | None:
     if summary_crc and zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != summary_crc:
         return None
     return Ending(summary, data_crc)
-
-
-_TIMES_SIZE_CRC = struct.Struct("<QQQI")
-
-
-_UINT32 = struct.Struct("<I")
-
-
-_UINT64 = struct.Struct("<Q")
 
 
 class _Parts(NamedTuple):
