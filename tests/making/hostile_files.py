@@ -320,7 +320,7 @@ def yaml_bomb(folder: Path) -> Path:
 HOSTILE = (
     Hostile("mcap: empty", lambda f: _file(f, "a.mcap", b""), 0, "empty"),
     Hostile("mcap: only its first bytes", lambda f: _file(f, "a.mcap", MAGIC), 0, "cut"),
-    Hostile("mcap: something else", lambda f: _file(f, "a.mcap", b"text" * 99), 0, "no MCAP"),
+    Hostile("mcap: something else", lambda f: _file(f, "a.mcap", b"text" * 99), 0, "not an MCAP"),
     Hostile("mcap: zstd declares 4 GiB", mcap(GOOD, chunk(zeros(2**10)[:5] + b"\xff" * 8, 2**32)), 1, "at most"),
     Hostile(
         "mcap: frame and chunk disagree on 4 GiB",
@@ -418,7 +418,7 @@ HOSTILE = (
         2,
         "declares",
     ),
-    Hostile("mcap: an encoding of 1 MB", one(schemas.IMAGE, image(encoding="x" * MEGA)), 2, "not understood"),
+    Hostile("mcap: an encoding of 1 MB", one(schemas.IMAGE, image(encoding="x" * MEGA)), 2, "not supported"),
     Hostile(
         "mcap: a PNG of 64,000,000 pixels",
         one(schemas.COMPRESSED_IMAGE, picture(png(8000, 8000, 6))),
@@ -467,7 +467,7 @@ HOSTILE = (
     ),
     Hostile("mcap: a definition of 10 MB", one(schemas.IMAGE, image(), b"uint8 a\n" * 1_250_000), 2, "not accepted"),
     Hostile(
-        "mcap: IDL that is none", one(schemas.IMAGE, image(), b"module " * 10_000, form="ros2idl"), 2, "definition"
+        "mcap: ill-formed IDL", one(schemas.IMAGE, image(), b"module " * 10_000, form="ros2idl"), 2, "definition"
     ),
     Hostile(
         "mcap: IDL of a thousand brackets",
@@ -499,7 +499,7 @@ HOSTILE = (
         2,
         "too many",
     ),
-    Hostile("mcap: JSON nested deep", one("foxglove.RawImage", b"[" * 90_000, b"", "json", ""), 2, "no JSON"),
+    Hostile("mcap: JSON nested deep", one("foxglove.RawImage", b"[" * 90_000, b"", "json", ""), 2, "not JSON"),
     Hostile(
         "mcap: JSON of one 40 MB text",
         one("foxglove.RawImage", b'{"data": "' + b"A" * 40 * MEGA + b'"}', b"", "json", ""),
@@ -530,7 +530,7 @@ HOSTILE = (
         2,
         "units|video",
     ),
-    Hostile("bag: something else", lambda f: _file(f, "a.bag", b"#ROSBAG V1.2\n" * 99), 0, "no ROS 1 bag"),
+    Hostile("bag: something else", lambda f: _file(f, "a.bag", b"#ROSBAG V1.2\n" * 99), 0, "not a ROS 1 bag"),
     Hostile("bag: a header of 4 GiB", bag(_bag_with(b"\xff" * 400)), 0, "no records"),
     Hostile("bag: index of 2^32 chunks", bag(_bag_field(b"chunk_count", b"\xff" * 4)), WHOLE + 1, ""),
     Hostile("bag: index behind the end", bag(_bag_field(b"index_pos", b"\xff" * 8)), WHOLE + 1, "before its index"),
@@ -555,7 +555,7 @@ HOSTILE = (
         0,
         "left out",
     ),
-    Hostile("db3: something else", lambda f: _file(f, "a.db3", b"text" * 9999), 0, "no SQLite"),
+    Hostile("db3: something else", lambda f: _file(f, "a.db3", b"text" * 9999), 0, "not a SQLite"),
     Hostile("db3: a table that is its own child", db3(_loop), 0, "cannot be read"),
     Hostile("db3: rows that never end", overflow_loop, 0, "cut or too large"),
     Hostile("db3: a first page of noise", db3(lambda c: b"\xff" * 4096 + c[4096:]), WHOLE + 1, "first page"),

@@ -61,7 +61,7 @@ def with_log(content: Callable[[bytes], bytes]) -> Callable[[Path], Path]:
 PACKED = (
     Hostile("db3.zstd: 3 GB of zeros", packed("a.db3.zstd", lambda: zeros(3 * 1024 * MEGA)), 0, "unpack to more than"),
     Hostile("mcap.zstd: no zstd", packed("a.mcap.zstd", lambda: b"text" * 99), 0, "zstd"),
-    Hostile("mcap.zstd: empty inside", packed("a.mcap.zstd", lambda: zstandard.compress(b"")), 0, "no MCAP"),
+    Hostile("mcap.zstd: empty inside", packed("a.mcap.zstd", lambda: zstandard.compress(b"")), 0, "not an MCAP"),
     Hostile(
         "db3.zstd: a window of 2 GiB", packed("a.db3.zstd", lambda: b"\x28\xb5\x2f\xfd\x00\xa8" + bytes(999)), 0, "zstd"
     ),

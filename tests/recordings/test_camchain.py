@@ -59,9 +59,9 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, ri
         ("  rostopic", "  topic", "cam0 lacks 'rostopic'"),
         ("intrinsics: [", "intrinsics: [[[1]], ", "cam0 is ill-formed"),
         ("T_cn_cnm1:", "T_cn_cnm1: 3\n  x:", "cam1 is ill-formed"),
-        ("cam0:", "cam0: !!python/object/apply:os.system [true]\ncamX:", "it is no YAML"),
+        ("cam0:", "cam0: !!python/object/apply:os.system [true]\ncamX:", "it is not YAML"),
         ("cam0:", "cam0: &a [*a]\ncamX:", "no YAML|cam0 is ill-formed"),
-        ("cam0:", "{", "it is no YAML"),
+        ("cam0:", "{", "it is not YAML"),
     ],
 )
 def test_a_camchain_that_is_none_says_what_is_wrong(tmp_path: Path, rig: Rig, old: str, new: str, said: str) -> None:

@@ -85,8 +85,8 @@ def test_a_sequence_of_two_cameras_without_times_and_lidar_is_read(sequence: Pat
     [
         ("times.txt", "0.0\n", "no time for file 1"),
         ("times.txt", "yesterday", "ill-formed"),
-        ("times.txt", "nan\n" * 5, "no time since"),
-        ("times.txt", "1e300\n" * 5, "no time since"),
+        ("times.txt", "nan\n" * 5, "not a time since"),
+        ("times.txt", "1e300\n" * 5, "not a time since"),
         ("calib.txt", "", "no P0 to P3"),
         ("calib.txt", "P0: 1 2 3", "no P0 to P3"),
         ("image_0/000000.png", "text", "neither PNG nor JPEG"),

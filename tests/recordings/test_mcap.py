@@ -371,5 +371,5 @@ def test_the_clock_is_told_from_the_first_log_time(tmp_path: Path) -> None:
 
 def test_something_else_named_mcap_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"this is text, not a recording")
-    with pytest.raises(RecordingError, match="no MCAP file"):
+    with pytest.raises(RecordingError, match="not an MCAP file"):
         open_recording(tmp_path / "a.mcap")

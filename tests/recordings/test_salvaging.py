@@ -285,5 +285,5 @@ def test_another_sqlite_file_is_refused(tmp_path: Path) -> None:
     connection = sqlite3.connect(tmp_path / "a.db3")
     connection.execute("CREATE TABLE other(id INTEGER PRIMARY KEY)")
     connection.close()
-    with pytest.raises(RecordingError, match="no ROS 2 recording"):
+    with pytest.raises(RecordingError, match="not a ROS 2 recording"):
         open_recording(tmp_path / "a.db3")
