@@ -191,7 +191,7 @@ def test_a_frozen_camera_shows_what_it_saw_when_it_froze() -> None:
 
 
 def test_a_plan_of_a_kind_that_a_sensor_cannot_suffer_is_refused() -> None:
-    with pytest.raises(SettingError, match="hidden is nothing to do to a camera; use facula"):
+    with pytest.raises(SettingError, match="hidden cannot be done to a camera; use facula"):
         Attacker(AttackPlan(1, kind="hidden"), rig())
     with pytest.raises(SettingError, match="name it with --pattern"):
         Attacker(AttackPlan(1, kind="pattern"), rig())

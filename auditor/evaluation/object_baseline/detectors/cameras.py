@@ -27,7 +27,7 @@ _LETTERBOX_GREY = 114
 
 @dataclass(frozen=True)
 class _Fit:
-    """How an image was made to fit: pixels of the input a pixel of the image, by axis, and the border at its start."""
+    """How an image was resized: pixels of the input for a pixel of the image, by axis, and the border at its start."""
 
     scale: tuple[float, float]
     border: tuple[int, int]
@@ -64,7 +64,7 @@ class OnnxCameraDetector(Network):
     def detect(self, pixels: Image) -> tuple[Detection, ...]:
         """The objects in an (H, W) grey or (H, W, 3) BGR image.
 
-        Raises SettingError where the model fails, or gives something else than described.
+        Raises SettingError where the model fails, or its output is not as described.
         """
         shown, fit = self._shown(pixels)
         found = self.find(shown, 4)
