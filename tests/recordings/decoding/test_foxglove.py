@@ -19,9 +19,9 @@ from auditor.recordings.recording import Definition
 from tests.making.foxglove_messages import (
     cloud_fields,
     json_text,
+    messages_of,
     nuscenes,
     protobuf_message,
-    said,
     stamp,
     transform,
     write_json,
@@ -59,7 +59,7 @@ def test_frames_come_out_as_they_went_in(
     tmp_path: Path, encoding: str, form: str, one_transform_a_message: bool
 ) -> None:
     write = write_json if encoding == "json" else write_protobuf
-    write(tmp_path / "a.mcap", said(RIG, FRAMES, form, one_transform_a_message=one_transform_a_message))
+    write(tmp_path / "a.mcap", messages_of(RIG, FRAMES, form, one_transform_a_message=one_transform_a_message))
     with open_recording(tmp_path / "a.mcap") as recording:
         frames, skipped = split(stream_of(recording))
         assert recording.damage == ()
@@ -71,7 +71,7 @@ def test_frames_come_out_as_they_went_in(
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_conversion_keeps_the_messages_as_they_are(tmp_path: Path, encoding: str) -> None:
     write = write_json if encoding == "json" else write_protobuf
-    write(tmp_path / "a.mcap", said(RIG, FRAMES))
+    write(tmp_path / "a.mcap", messages_of(RIG, FRAMES))
     with open_recording(tmp_path / "a.mcap") as recording:
         convert(recording, tmp_path / "b.mcap")
         before = [m.data for m in recording.messages()]

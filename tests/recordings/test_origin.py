@@ -21,7 +21,7 @@ from auditor.recordings import read_path
         ("/fleet/V(7)+/aXb.mcap", "V({vehicle})+/a.b.mcap", {}),
     ],
 )
-def test_the_end_of_a_path_tells_what_the_pattern_names(path: str, pattern: str, expected: dict[str, str]) -> None:
+def test_the_end_of_a_path_gives_the_words_of_the_pattern(path: str, pattern: str, expected: dict[str, str]) -> None:
     assert read_path(Path(path), pattern) == expected
 
 

@@ -16,10 +16,10 @@ from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
 from tests.making.foxglove_messages import (
-    Said,
+    FoxgloveMessage,
     json_text,
+    messages_of,
     protobuf_message,
-    said,
     stamp,
     write_json,
     write_protobuf,
@@ -76,13 +76,13 @@ def drive() -> list[Frame]:
     ]
 
 
-def as_video(frames: list[Frame]) -> list[Said]:
+def as_video(frames: list[Frame]) -> list[FoxgloveMessage]:
     tracks = {f"/cam{n}/image_rect": iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, RIG.n + 1)}
     out = []
-    for one in said(RIG, frames, "png"):
+    for one in messages_of(RIG, frames, "png"):
         if one.schema == "foxglove.CompressedImage":
             data = {**one.fields, "data": next(tracks[one.topic]), "format": "h264"}
-            out.append(Said(one.topic, VIDEO, one.time_ns, data))
+            out.append(FoxgloveMessage(one.topic, VIDEO, one.time_ns, data))
         else:
             out.append(one)
     return out
@@ -144,7 +144,7 @@ def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
     assert states([packets[0], packets[1][starts[-1] :], packets[2]]) == ["whole", "damaged", "damaged"]
 
 
-def test_sizes_are_told_by_the_parameters_of_key_pictures() -> None:
+def test_sizes_follow_from_the_parameters_of_key_pictures() -> None:
     for width, height in ((64, 48), (1242, 374), (34, 18)):
         packets = encoded([picture(number, width, height) for number in range(2)])
         assert [found.size_px for found in parameter_sets(packets[0])] == [(width, height)]
@@ -169,12 +169,12 @@ def test_json_and_colours_are_read_too() -> None:
     assert np.abs(pixels[:, :, 0].astype(int) - picture(0)).mean() < 6
 
 
-def test_without_the_extra_a_video_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
     (message,) = messages(PACKETS[:1])
-    for ask in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
+    for read in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
         with pytest.raises(DecodingError, match=r"install auditor\[video\]"):
-            ask(message)
+            read(message)
 
 
 @settings(max_examples=80, deadline=None, derandomize=True)

@@ -39,7 +39,7 @@ def test_constants_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
-def test_a_conversion_runs_nothing_that_a_recording_says(tmp_path: Path, encoding: str) -> None:
+def test_a_conversion_runs_nothing_of_a_recording(tmp_path: Path, encoding: str) -> None:
     with (tmp_path / "a.mcap").open("wb") as out:
         writer = Writer(out)
         writer.start("ros1" if encoding == "ros1" else "ros2")

@@ -26,13 +26,13 @@ def sequence(real_data: Path, tmp_path: Path) -> Path:
         shutil.copy(drive / "velodyne_points" / "data" / f"{frame:010d}.bin", target / "velodyne")
     for file in target.rglob("*.*"):
         file.rename(file.with_name(file.name[4:]))
-    told = dict(line.split(":", 1) for line in (raw / "calib_cam_to_cam.txt").read_text().splitlines())
+    values = dict(line.split(":", 1) for line in (raw / "calib_cam_to_cam.txt").read_text().splitlines())
     velo = dict(line.split(":", 1) for line in (raw / "calib_velo_to_cam.txt").read_text().splitlines())
-    rotation = np.array(told["R_rect_00"].split(), float).reshape(3, 3)
+    rotation = np.array(values["R_rect_00"].split(), float).reshape(3, 3)
     Tr = rotation @ np.column_stack(
         [np.array(velo["R"].split(), float).reshape(3, 3), np.array(velo["T"].split(), float)]
     )
-    lines = [f"P{number}:{told[f'P_rect_0{number}']}" for number in range(4)]
+    lines = [f"P{number}:{values[f'P_rect_0{number}']}" for number in range(4)]
     lines.append("Tr: " + " ".join(repr(float(value)) for value in Tr.ravel()))
     (target / "calib.txt").write_text("\n".join(lines) + "\n")
     (target / "times.txt").write_text("".join(f"{frame * 0.1037:.6e}\n" for frame in range(5)))
