@@ -44,9 +44,12 @@ def _keep(measure: Callable[[Scene], Any], folder: Path, scene: Scene) -> str:
 
 
 def of_package(*patterns: str) -> list[Path]:
-    """The package's sources that match any of the patterns, such as "lab/*.py"."""
+    """The package's sources that match any of the patterns, such as "lab/*.py"; ValueError where none matches one."""
     root = Path(auditor.__file__).parent
-    return [path for pattern in patterns for path in root.glob(pattern)]
+    found = {pattern: list(root.glob(pattern)) for pattern in patterns}
+    if nothing := [pattern for pattern, paths in found.items() if not paths]:
+        raise ValueError(f"no source matches {', '.join(nothing)}")
+    return [path for paths in found.values() for path in paths]
 
 
 def digest(sources: Iterable[Path]) -> str:

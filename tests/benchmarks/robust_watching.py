@@ -22,17 +22,10 @@ from tests.benchmarks.robust_faults import PARTS
 
 MATCHER = find_matcher("sgbm")
 _SOURCES = (
-    "evidence/*.py",
-    "evidence/matchers/*.py",
-    "lab/*.py",
-    "identification/local_ratio.py",
-    "common_view.py",
-    "elements.py",
-    "frames.py",
-    "geometry.py",
-    "lenses.py",
-    "rig.py",
-    "symptoms.py",
+    "measurement/**/*.py",
+    "lab/**/*.py",
+    "identification/statistics.py",
+    "model/*.py",
 )
 
 Floats = NDArray[np.float64]

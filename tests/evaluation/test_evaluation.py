@@ -52,7 +52,7 @@ class CountingMatcher:
         return self._sgbm.match(left, right)
 
 
-def attacked_frame(frame, attacks):
+def under_attacks(frame, attacks):
     images = {s: attacks[s].apply(i) if s in attacks else i for s, i in frame.images.items()}
     return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
 
@@ -64,7 +64,7 @@ def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
     for size in (0, 1, 2, 3):
         for attacked in combinations(RIG.sensors, size):
             attacks = {s: ATTACKS[s] for s in attacked}
-            measured, _ = measure(attacked_frame(frame, attacks), RIG, matcher)
+            measured, _ = measure(under_attacks(frame, attacks), RIG, matcher)
             assert attacked_frame.counts(attacks) == measured.counts
             found.append(attacked_frame.ratios(attacks))
             assert found[-1] == windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
