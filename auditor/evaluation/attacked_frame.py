@@ -3,11 +3,12 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Protocol, TypeVar, cast, runtime_checkable
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evaluation.attacks import Attack, Attacks, CameraAttack, LidarAttack, of_two
 from auditor.identification.statistics import windowed_ratios
 from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
@@ -23,38 +24,11 @@ from auditor.measurement.frame import level, saturated_share
 from auditor.measurement.pairwise_views import OF_TWO, joined
 from auditor.measurement.shared_view import Evidence, Mask, matched
 from auditor.model.checks import Pair, PairFaultFeatures, rig_pair_checks
-from auditor.model.frames import CameraImage, Frame, PointCloud
+from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
-
-
-@runtime_checkable
-class CameraAttack(Protocol):
-    """Changes the data of one camera. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, image: CameraImage) -> CameraImage: ...  # noqa: D102
-
-
-@runtime_checkable
-class LidarAttack(Protocol):
-    """Changes the data of the LiDAR. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud: ...  # noqa: D102
-
-
-Attack = CameraAttack | LidarAttack
-Attacks = Mapping[int, Attack]
-"""The attack on each attacked sensor."""
 
 
 class AttackedFrame:
@@ -338,11 +312,6 @@ class _AttackedPair(AttackedFrame):
         """The data of the whole attacked frame."""
         number, attack = self._view.cameras[camera - 1], attacks.get(camera)
         return self._whole.pixels(number, {} if attack is None else {number: attack})
-
-
-def of_two(attacks: Attacks, pair: Pair) -> Attacks:
-    """The attacks on the LiDAR and on a pair's cameras, under the numbers that these have in a rig of two."""
-    return {number: attacks[sensor] for number, sensor in enumerate((LIDAR, *pair)) if sensor in attacks}
 
 
 AttackedCamera = tuple[int, Attack | None]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.errors import DecodingError, SettingError
-from auditor.evaluation.attacked_frame import Attack
+from auditor.evaluation.attacks import Attack
 from auditor.lab.attacks.faults import (
     DelayedCamera,
     DelayedLidar,
@@ -183,14 +183,6 @@ def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
     return float(np.mean(down[:, None] + across[None, :] <= facula.radius_px**2))
 
 
-EXPERIMENTS = (
-    Experiment("clean", all_triples, _clean, drawn=False, attacks=False),
-    Experiment("combinations", all_triples, _combinations),
-    Experiment("sensitivity", _scenario_1_only, _sensitivity),
-)
-"""In the order in which they are measured."""
-
-
 def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[Case]:
     """One sensor of each part: the LiDAR, the leftmost reference camera and the source camera farthest from it.
 
@@ -259,9 +251,6 @@ def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraw
     return on_each
 
 
-FURTHER = Experiment("further", all_triples, further_cases)
-
-
 def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
     """One sensor at a time, then the first and the last together; still attacks are drawn once for the interval."""
     fixed = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
@@ -272,4 +261,12 @@ def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iter
             yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)
 
 
+EXPERIMENTS = (
+    Experiment("clean", all_triples, _clean, drawn=False, attacks=False),
+    Experiment("combinations", all_triples, _combinations),
+    Experiment("sensitivity", _scenario_1_only, _sensitivity),
+)
+"""The paper's experiments, in the order in which they are measured."""
+
+FURTHER = Experiment("further", all_triples, further_cases)
 INTERVALS = Experiment("intervals", all_triples, interval_cases, together=INTERVAL_FRAMES)

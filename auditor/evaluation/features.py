@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 
-from auditor.evaluation.attacked_frame import AttackedFrame, Attacks, InTime
+from auditor.evaluation.attacked_frame import AttackedFrame, InTime
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
 from auditor.measurement.fault_features.collect import Prepared
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures

@@ -34,6 +34,7 @@ class TrainingSet:
     def known(self) -> str:
         """An id that follows from the samples, in their order."""
         every = (self.training, *self.validation.values())
+        # The first word is part of the ids of trainings begun earlier, which can still be resumed.
         return content_id("lesson", *([str(Path(*file.parts[-2:])) for file in files.files] for files in every))
 
 

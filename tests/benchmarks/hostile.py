@@ -11,9 +11,10 @@ import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
 
+from tests.making.hostile_packed import ALL
+from tests.making.memory import forget_peak, memory_mb
 from tests.making.reading_all import read_all
 from tests.making.small_drives import write_drive
-from tests.recordings.test_hostile import ALL, FORGET_PEAK, memory_mb
 
 
 def read_each() -> None:
@@ -22,7 +23,7 @@ def read_each() -> None:
     for hostile in ALL:
         with tempfile.TemporaryDirectory() as folder:
             path = hostile.make(Path(folder))
-            FORGET_PEAK.write_text("5")
+            forget_peak()
             idle_mb, started = memory_mb("VmRSS"), process_time()
             outcome = read_all(path)
             seconds, peak_mb = process_time() - started, memory_mb("VmHWM") - idle_mb

@@ -7,7 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
-from auditor.evaluation.attacked_frame import Attacks
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig

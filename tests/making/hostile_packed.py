@@ -9,7 +9,7 @@ import zstandard
 
 from auditor.recordings import write_db3
 from auditor.recordings.formats.rosbag2.sqlite_wal import _sums
-from tests.making.hostile_files import FRAMES, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
+from tests.making.hostile_files import FRAMES, HOSTILE, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
 
 TABLE = "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
 
@@ -77,3 +77,6 @@ PACKED = (
         "",
     ),
 )
+
+ALL = (*HOSTILE, *PACKED)
+"""All hostile files."""

@@ -145,7 +145,7 @@ def test_a_folder_is_neither_overwritten_nor_resumed_by_mistake(tmp_path: Path) 
         list(train(SAMPLES, UNSEEN, dataclasses.replace(short, width=3, seed=6), tmp_path, resume=True))
 
 
-def test_samples_that_are_not_there_or_end_are_said(tmp_path: Path) -> None:
+def test_missing_or_exhausted_samples_are_an_error(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="no samples to train on"):
         list(train([], UNSEEN, TOY, tmp_path))
 
@@ -181,7 +181,7 @@ def test_both_images_of_a_crop_change_their_light_and_not_alike() -> None:
     assert max(abs(left - right) for left, right in means) < 60
 
 
-def test_a_network_for_half_resolution_says_so_and_its_range_is_that_of_the_image(tmp_path: Path) -> None:
+def test_a_network_for_half_resolution_is_marked_and_its_range_is_that_of_the_image(tmp_path: Path) -> None:
     settings = dataclasses.replace(TOY, steps=1, step=2, max_disparity=32, crop=(16, 32))
     list(train(SAMPLES, UNSEEN, settings, tmp_path))
     matcher = find_matcher("psmnet", MatcherOptions(weights=tmp_path / CHECKPOINT))

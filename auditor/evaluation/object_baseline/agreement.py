@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame, Attacks
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.object_baseline.detectors import Detection, Detectors, ImageBox, SolidBox, SolidDetection
 from auditor.evaluation.object_baseline.detectors.geometric import NEAREST_M, find_objects, lidar_points, stereo_points
 from auditor.evaluation.object_baseline.detectors.overlap import best_partners

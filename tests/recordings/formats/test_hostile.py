@@ -6,19 +6,13 @@ from time import process_time
 
 import pytest
 
-from tests.making.hostile_files import HOSTILE, Hostile
-from tests.making.hostile_packed import PACKED
+from tests.making.hostile_files import Hostile
+from tests.making.hostile_packed import ALL
+from tests.making.memory import forget_peak, memory_mb
 from tests.making.reading_all import read_all
 
-ALL = (*HOSTILE, *PACKED)
 MAX_S = 5.0
 MAX_MB = 300.0
-STATUS = Path("/proc/self/status")
-FORGET_PEAK = Path("/proc/self/clear_refs")
-
-
-def memory_mb(what: str) -> float:
-    return int(STATUS.read_text().split(f"{what}:")[1].split()[0]) / 1024
 
 
 def test_there_are_at_least_forty_kinds() -> None:
@@ -28,7 +22,7 @@ def test_there_are_at_least_forty_kinds() -> None:
 @pytest.mark.parametrize("hostile", ALL, ids=lambda hostile: hostile.name)
 def test_a_hostile_file_costs_little_and_its_damage_is_reported(hostile: Hostile, tmp_path: Path) -> None:
     path = hostile.make(tmp_path)
-    FORGET_PEAK.write_text("5")
+    forget_peak()
     idle_mb, started = memory_mb("VmRSS"), process_time()
     outcome = read_all(path)
     seconds, peak_mb = process_time() - started, memory_mb("VmHWM") - idle_mb
