@@ -51,7 +51,11 @@ class Subject:
 IDENTIFICATION = ("identification", "golden/test_golden.py")
 CHECKS = ("measurement/checks", "golden/test_golden.py")
 SUBJECTS = (
-    Subject("E", ("measurement/checks/disparity_error.py",), ("measurement/checks/test_disparity_error.py", *CHECKS)),
+    Subject(
+        "E",
+        ("measurement/checks/disparity_error.py", "measurement/disparity/stereo.py"),
+        ("measurement/checks/test_disparity_error.py", *CHECKS),
+    ),
     Subject(
         "LiDAR projection",
         ("measurement/disparity/lidar.py",),
@@ -77,7 +81,11 @@ SUBJECTS = (
         ("identification/statistics.py",),
         ("identification/test_temporal_windows.py", "identification/test_windowed_ratio.py", *IDENTIFICATION),
     ),
-    Subject("parameters", ("measurement/parameters.py", "identification/parameters.py"), (*IDENTIFICATION, *CHECKS)),
+    Subject(
+        "parameters",
+        ("measurement/parameters.py", "identification/parameters.py", "model/parameters.py"),
+        (*IDENTIFICATION, *CHECKS),
+    ),
     Subject("identification", ("identification/*.py",), IDENTIFICATION),
 )
 
@@ -110,30 +118,38 @@ def main() -> None:
 
 def draw(seed: int, count: int) -> list[tuple[Subject, Mutant]]:
     """So many mutants, from the subjects in turn; none of those known to be equivalent."""
-    equivalent = {(m["module"], m["where"], m["operator"], m["line"]) for m in known_equivalent()}
-    shuffled = []
+    equivalent = known_equivalent()
+    shuffled, every = [], set()
     for subject, modules in modules_by_subject():
         found = [m for module in modules for m in mutants_of(module, (ROOT / module).read_text())]
+        every.update(mutant.key for mutant in found)
         random.Random(f"{seed} {subject.name}").shuffle(found)
         shuffled.append([(subject, mutant) for mutant in found if mutant.key not in equivalent])
+    if lapsed := sorted(equivalent - every):
+        raise ValueError(f"{EQUIVALENT.name} lists what is no mutant:\n" + "\n".join(map(str, lapsed)))
     in_turn = chain.from_iterable(zip_longest(*shuffled))
     return [one for one in in_turn if one is not None][:count]
 
 
-def known_equivalent() -> list[dict[str, str]]:
-    """The mutants that no test can notice, each with its `reason`."""
-    found: list[dict[str, str]] = tomllib.loads(EQUIVALENT.read_text())["mutants"]
-    return found
+def known_equivalent() -> set[tuple[str, str, str, str]]:
+    """The keys of the mutants that no test can notice; the file says why."""
+    return {
+        (m["module"], m["where"], m["operator"], m["line"]) for m in tomllib.loads(EQUIVALENT.read_text())["mutants"]
+    }
 
 
 def modules_by_subject() -> Iterator[tuple[Subject, list[str]]]:
-    """Each subject that has modules with them, relative to the repository."""
+    """Each subject with its modules, relative to the repository. Raises ValueError where a glob or test names none."""
     taken: set[Path] = set()
     for subject in SUBJECTS:
+        named = [(ROOT / "auditor", glob) for glob in subject.modules] + [
+            (ROOT / "tests", test) for test in subject.tests
+        ]
+        if missing := [glob for folder, glob in named if not any(folder.glob(glob))]:
+            raise ValueError(f"subject {subject.name} names what is not there: {', '.join(missing)}")
         mine = sorted({path for glob in subject.modules for path in (ROOT / "auditor").glob(glob)} - taken)
         taken.update(mine)
-        if mine:
-            yield subject, [path.relative_to(ROOT).as_posix() for path in mine]
+        yield subject, [path.relative_to(ROOT).as_posix() for path in mine]
 
 
 def run(drawn: Sequence[tuple[Subject, Mutant]], jobs: int, folder: Path) -> Iterator[tuple[Subject, Mutant, bool]]:
@@ -173,10 +189,16 @@ def _survives(subject: Subject, mutant: Mutant, copy: Path) -> bool:
     original = path.read_text()
     path.write_text(mutant.source)
     try:
-        tests = (f"{path.parent.name}/test_{path.name}", *subject.tests)
+        tests = (_test_of(mutant.module), *subject.tests)
         return _test(tests, copy, compiled=False).returncode == 0
     finally:
         path.write_text(original)
+
+
+def _test_of(module: str) -> str:
+    """Where the test of a module stands below tests/, if it has one of its own."""
+    folder, name = module.removeprefix("auditor/").rsplit("/", 1)
+    return f"{folder}/test_{name}"
 
 
 def _test(tests: Sequence[str], copy: Path, *, compiled: bool) -> subprocess.CompletedProcess[str]:

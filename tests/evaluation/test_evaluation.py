@@ -1,6 +1,7 @@
 """Attacks in memory: the same counts as measuring the attacked frame, and nothing measured twice."""
 
 import json
+import shutil
 from dataclasses import replace
 from itertools import combinations, pairwise
 
@@ -33,8 +34,8 @@ from tests.making.small_drives import FOUR_CAMERAS, drive_frames, write_drive
 RIG = plane_rig(FOUR_CAMERAS)
 FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)}
 ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
-FRAMES = 7
-CHUNK = 3
+FRAMES = 5
+CHUNK = 2
 
 
 class CountingMatcher:
@@ -184,6 +185,13 @@ def drive(tmp_path_factory):
     return write_drive(tmp_path_factory.mktemp("drive") / "clean.mcap", FRAMES, positions_m=(0.6, 0.3, 0.0))
 
 
+@pytest.fixture(scope="module")
+def evaluated(drive, tmp_path_factory):
+    """A store with all cases of all frames, only to be read, and the result of evaluating."""
+    store = tmp_path_factory.mktemp("evaluated")
+    return store, run(drive, store)
+
+
 @pytest.fixture
 def short_chunks(monkeypatch):
     monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
@@ -195,14 +203,29 @@ def short_intervals(monkeypatch):
     monkeypatch.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
 
 
-@pytest.mark.usefixtures("short_chunks", "short_intervals")
-def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(drive, tmp_path, monkeypatch):
-    whole = run(drive, tmp_path / "whole")
-    delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
-    assert (whole.frames, whole.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7 + 2 * 5) + delayed)
-    assert not run(drive, tmp_path / "whole").fresh
+@pytest.fixture(scope="module")
+def in_chunks(drive, tmp_path_factory):
+    """A store with the cases of every other frame, in short chunks, and the result of evaluating."""
+    store = tmp_path_factory.mktemp("chunks")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+        patched.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
+        return store, run(drive, store, attack_every=2)
 
-    killed_at = 5
+
+def test_every_case_of_every_frame_is_measured_and_none_again(drive, evaluated):
+    store, done = evaluated
+    delayed = 3 * sum(max(FRAMES - delay, 0) for delay in (1, 3, 10))
+    assert (done.frames, done.cases) == (FRAMES, FRAMES * (1 + 3 * 13 + 5 + 24 + 9 + 2 * 7 + 2 * 5) + delayed)
+    assert not run(drive, store).fresh
+
+
+@pytest.mark.usefixtures("short_chunks", "short_intervals")
+def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
+    drive, in_chunks, tmp_path, monkeypatch
+):
+    store, whole = in_chunks
+    killed_at = 3
     measured = []
 
     def counts(attacked_frame, *arguments, really=AttackedFrame.counts):
@@ -214,25 +237,24 @@ def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
     with monkeypatch.context() as patched:
         patched.setattr(AttackedFrame, "counts", counts)
         with pytest.raises(KeyboardInterrupt):
-            run(drive, tmp_path / "killed")
+            run(drive, tmp_path / "killed", attack_every=2)
     assert 0 < len(content(tmp_path / "killed")) < whole.cases
-    again = run(drive, tmp_path / "killed")
+    again = run(drive, tmp_path / "killed", attack_every=2)
     assert again.frames == FRAMES - CHUNK
-    assert content(tmp_path / "killed") == content(tmp_path / "whole")
+    assert content(tmp_path / "killed") == content(store)
 
 
 @pytest.mark.usefixtures("short_chunks", "short_intervals")
-def test_shares_of_a_recording_make_the_whole(drive, tmp_path):
-    done = [run(drive, tmp_path / "shared", share=share, of=2) for share in (0, 1)]
+def test_shares_of_a_recording_make_the_whole(drive, in_chunks, tmp_path):
+    done = [run(drive, tmp_path / "shared", attack_every=2, share=share, of=2) for share in (0, 1)]
     assert [one.frames for one in done] == [CHUNK + 1, CHUNK]
-    run(drive, tmp_path / "alone")
-    assert content(tmp_path / "shared") == content(tmp_path / "alone")
-    assert not run(drive, tmp_path / "shared", share=1, of=3).fresh
+    assert content(tmp_path / "shared") == content(in_chunks[0])
+    assert not run(drive, tmp_path / "shared", attack_every=2, share=1, of=3).fresh
 
 
 def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(drive, tmp_path):
-    first = run(drive, tmp_path / "audit")
-    second = run(drive, tmp_path / "audit", seed=1)
+    first = run(drive, tmp_path / "audit", attack_every=4)
+    second = run(drive, tmp_path / "audit", attack_every=4, seed=1)
     assert second.cases == first.cases - FRAMES
     sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
     drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
@@ -305,6 +327,7 @@ def test_a_rig_without_triples_is_refused_before_anything_is_kept(tmp_path):
 
 def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
     arguments = ["evaluate", str(drive), "--store", str(tmp_path / "audit"), "--jobs", "1", "--format", "json"]
+    arguments += ["--attack-every", str(FRAMES)]
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
@@ -320,10 +343,9 @@ def test_the_command_needs_recordings_or_streets():
     assert "name clean recordings, or give --synthetic" in str(refused.exception)
 
 
-def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(drive, tmp_path):
-    run(drive, tmp_path / "audit")
+def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(evaluated):
     sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
-    rows = [tuple(row.values()) for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    rows = [tuple(row.values()) for row in run_sql(Store.open(evaluated[0]), sql).to_pylist()]
     assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
 
 
@@ -348,12 +370,12 @@ def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_chunk
     assert [f for f in range(40) if experiment.takes(f, 2)] == [*range(10), *range(20, 30)]
 
 
-def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, tmp_path):
+def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, evaluated, tmp_path):
     picture = tmp_path / "laser.png"
     light = np.zeros((60, 160, 3), dtype=np.uint8)
     light[20:40] = 255
     picture.write_bytes(cv2.imencode(".png", light)[1].tobytes())
-    run(drive, tmp_path / "audit")
+    shutil.copytree(evaluated[0], tmp_path / "audit")
     added = run(drive, tmp_path / "audit", patterns=(picture,))
     assert added.cases == FRAMES * 3
     assert not run(drive, tmp_path / "audit", patterns=(picture,)).fresh

@@ -78,9 +78,9 @@ def test_an_incident_may_begin_with_the_first_frame_and_be_raised_a_little():
     assert [one.hours for one in found] == pytest.approx([20 / 36_000] * 2)
 
 
-def test_only_faults_are_false_alarms_by_themselves_and_only_beyond_their_threshold():
+def test_only_faults_are_false_alarms_by_themselves_and_only_from_their_threshold_on():
     easy = recording("easy")
-    for cause, strength, raised in ((Cause.LATE, 1.0, 0), (Cause.LATE, 1.01, 20), (Cause.DARK, 2.0, 0)):
+    for cause, strength, raised in ((Cause.LATE, 0.99, 0), (Cause.LATE, 1.0, 20), (Cause.DARK, 2.0, 0)):
         key = (cause, None if cause is Cause.DARK else 1)
         held = replace(recording("held"), strengths={key: np.full(20, strength)})
         other = replace(easy, strengths={key: np.zeros(20), (Cause.FROZEN, 2): np.zeros(20)})

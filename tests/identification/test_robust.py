@@ -65,6 +65,15 @@ def test_a_sensor_that_stands_still_is_a_finding_with_its_cause_and_is_left_out(
     assert verdicts[4].kind is VerdictKind.CLEAN, "the first of equal frames repeats nothing yet"
 
 
+def test_of_a_sensor_that_stands_still_no_other_cause_is_told_and_of_the_others_all_are():
+    late = [(Cause.LATE, 1), (Cause.LATE, 2)]
+    series = replace(series_of(frozen=range(4, 14)), fault_scores={cause: np.full(FRAMES, 2.0) for cause in late})
+    thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, Scale(1.0, 0.25, 100)))
+    verdicts = judge_frames(series, SYSTEM, thresholds)
+    assert [(one.cause, one.sensor) for one in verdicts[8].causes] == [(Cause.FROZEN, 2), (Cause.LATE, 1)]
+    assert [(one.cause, one.sensor) for one in verdicts[2].causes] == late
+
+
 def test_a_missing_sensor_is_neither_heard_nor_accused():
     verdicts = judge(range(5, 12), missing=range(5, 12))
     assert {v.kind for v in verdicts} == {VerdictKind.CLEAN}

@@ -39,7 +39,7 @@ def attacked_frame():
 )
 def test_exactly_the_elements_of_the_attacked_sensor_are_raised(attacked_frame, attacks, raised):
     ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
-    assert {f"{e.source} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.source]} == raised
+    assert {f"{e.check} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.check]} == raised
 
 
 def test_sixty_four_beams_need_what_the_window_says(attacked_frame):

@@ -73,9 +73,9 @@ def test_lidar_points_are_counted_as_worked_out_by_hand() -> None:
     row, column, u, d0 = points.T
     view = WrittenDown(
         3, column.astype(np.int32), row.astype(np.int32), u.astype(np.float32), np.zeros((6, 3), np.float32), 6,
-        d0.astype(np.float32),
+        plane_rig(), d0.astype(np.float32),
     )  # fmt: skip
-    comparison = compare_with_lidar(view, stereo, plane_rig(), 1)
+    comparison = compare_with_lidar(view, stereo, 1)
     assert comparison.counts == Counts(
         valid_px=4, inconsistent_px=2, gated_valid_px=2, gated_inconsistent_px=1, out_of_range_px=1
     )

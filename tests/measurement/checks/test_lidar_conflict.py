@@ -92,7 +92,7 @@ def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
     monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=50))
     asked = []
     original = lidar_conflict.ncc_at
-    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: asked.append(a[2].size) or original(*a))
+    monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: asked.append(a[2].size) or original(*a))
     few = judged(cloud).lidar_conflicts
     assert asked[0] <= 50
     assert few.sum() == pytest.approx(everything.sum(), rel=0.1)
@@ -144,7 +144,7 @@ def seen_at(rig, row, column, u, d0):
     right, down, ahead = np.array([x, y, z]) - rig.lidar.rig_SE3_lidar[:3, 3:]
     points = np.stack([ahead, -right, -down], axis=1).astype(np.float32)
     return WrittenDown(
-        3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, np.float32(d0)
+        3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, rig, np.float32(d0)
     )
 
 
@@ -181,10 +181,10 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     confident = alike[row // 2, column // 2]
     n0 = confident - rng.choice([0.0, 0.25, 0.3, 0.35, 0.9], count).astype(np.float32)
     n0_at = {(r, c): value for r, c, value in zip((row // 2).tolist(), (column // 2).tolist(), n0, strict=True)}
-    monkeypatch.setattr(lidar_conflict, "MOST_ADJUDICATED", most)
+    monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=most))
     monkeypatch.setattr(
         lidar_conflict,
-        "likeness_at",
+        "ncc_at",
         lambda _, __, r, c, ___: np.array([n0_at[at] for at in zip(r.tolist(), c.tolist(), strict=True)], np.float32),
     )
     found = verify_conflicts(
@@ -234,7 +234,7 @@ def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, 
     grid = HEIGHT // 2, WIDTH // 2
     disparity = np.full(grid, 16.9, np.float32)
     disparity[row // 2, column // 2] = 20.0
-    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
+    monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
     found = verify_conflicts(
@@ -248,7 +248,7 @@ def test_a_beam_passes_where_stereo_sees_more_than_three_pixels_less(monkeypatch
     grid = HEIGHT // 2, WIDTH // 2
     disparity = np.full(grid, beyond_px, np.float32)
     disparity[30, 80] = 20.0
-    monkeypatch.setattr(lidar_conflict, "likeness_at", lambda *a: np.zeros(a[2].size, np.float32))
+    monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: np.zeros(a[2].size, np.float32))
     rig, ones = lidar_at(0, -0.5, 0), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([60]), np.array([160]), np.array([160.0]), np.array([5.0]))
     found = verify_conflicts(
@@ -266,7 +266,7 @@ def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th
         sizes.append(arguments[2].size)
         return np.zeros(arguments[2].size, np.float32)
 
-    monkeypatch.setattr(lidar_conflict, "likeness_at", remembered)
+    monkeypatch.setattr(lidar_conflict, "ncc_at", remembered)
     row, column = (part[:flagged] for part in np.divmod(np.arange(HEIGHT * 200), 200))
     rig, ones = plane_rig(), np.ones(grid, np.bool_)
     view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))

@@ -101,9 +101,9 @@ def test_the_mask_of_what_is_too_near_is_that_worked_out_by_hand():
     # One point a little over the limit at row 30, column 100 of the half-resolution grid; the others are not.
     rows, columns = np.int32([60, 60, 100]), np.int32([200, 40, 100])
     view = WrittenDown(
-        3, columns, rows, np.float32(columns), np.zeros((3, 3), np.float32), 3, np.float32([116, 115, 120])
+        3, columns, rows, np.float32(columns), np.zeros((3, 3), np.float32), 3, plane_rig(), np.float32([116, 115, 120])
     )
-    mask = out_of_range(view, np.array([False, False, True]), plane_rig(), 1, RangeMask(115.0, 20), (60, 160))
+    mask = out_of_range(view, np.array([False, False, True]), 1, RangeMask(115.0, 20), (60, 160))
     expected = np.zeros((60, 160), dtype=np.bool_)
     expected[30 - 8 : 30 + 9, 100 - 8 - 9 : 100 + 9] = True
     np.testing.assert_array_equal(mask, expected)
