@@ -69,7 +69,7 @@ def view_of(boxes: list[tuple[float, float, float]]) -> ViewPoints:
     return ViewPoints(u[known], v[known], depth[known])
 
 
-def test_what_stands_above_the_ground_is_an_object_and_the_ground_is_none() -> None:
+def test_points_above_the_ground_are_objects_and_the_ground_is_not() -> None:
     seen_by = plane_rig().camera(3)
     assert find_objects(view_of([]), seen_by) == ()
     found = sorted(
@@ -239,7 +239,7 @@ def test_outputs_of_another_shape_than_described_are_an_error_of_the_description
             camera(path).detect(BLACK)
 
 
-def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_model_is_refused(tmp_path: Path) -> None:
     path = write_camera_detector(tmp_path / "m.onnx", [[0, 0, 9, 9]], [0.9])
     path.write_bytes(b"no model")
     with pytest.raises(SettingError, match="no ONNX model that can be run"):
@@ -247,7 +247,7 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["a file", "memory", "operators"])
-def test_a_model_that_reaches_for_what_is_not_its_own_is_an_error(tmp_path: Path, what: str) -> None:
+def test_a_model_that_needs_other_files_or_operators_is_an_error(tmp_path: Path, what: str) -> None:
     path = write_camera_detector(tmp_path / "m.onnx", [[0, 0, 9, 9]], [0.9])
     path.write_bytes(hostile_models()[what].SerializeToString())
     with pytest.raises(SettingError, match=r"no ONNX model that can be run|the model fails"):

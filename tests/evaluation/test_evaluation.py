@@ -286,7 +286,7 @@ def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alon
     assert cases(tmp_path / "some") == everything  # and nothing twice
 
 
-def test_what_decides_the_attacks_decides_the_id_of_a_part():
+def test_the_id_of_a_part_follows_from_all_that_determines_its_attacks():
     first = EvaluationPart(
         recording_id="a" * 64,
         name="a",

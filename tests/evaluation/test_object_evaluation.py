@@ -197,7 +197,7 @@ def test_an_object_is_found_once_and_the_surest_finds_it() -> None:
     assert scored([found(0.5, 0, 0, 100, 34)], [CAR]) == (1, [(0.5, False)])  # 0.68 of a car's 0.7
 
 
-def test_what_kitti_does_not_count_is_neither_right_nor_wrong() -> None:
+def test_objects_that_kitti_does_not_count_are_neither_hits_nor_false() -> None:
     here = [found(0.9, 0, 0, 100, 50)]
     assert scored(here, [label("Van", 0, 0, 100, 50)]) == (0, [])
     assert scored(here, [label("Car", 0, 0, 100, 50, occluded=2)]) == (0, [])

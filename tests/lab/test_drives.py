@@ -148,7 +148,7 @@ def test_a_drive_without_a_lidar_has_no_cloud() -> None:
         drive.cloud(0)
 
 
-def test_what_makes_no_sense_is_refused() -> None:
+def test_impossible_settings_are_refused() -> None:
     with pytest.raises(SettingError, match="city"):
         make_drive(1, 1, style="moon")
     with pytest.raises(SettingError, match="2 positions for 3 cameras"):

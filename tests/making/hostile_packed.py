@@ -1,4 +1,4 @@
-"""Packed files and messages, and write-ahead logs, made to hurt: see hostile."""
+"""Packed files and messages, and write-ahead logs, that are hostile or broken; and all hostile files together."""
 
 import shutil
 import struct

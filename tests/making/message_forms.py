@@ -1,4 +1,4 @@
-"""The same drive in every message form that is understood, by the real writers."""
+"""The same drive in every supported message form, by the real writers."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -205,9 +205,9 @@ def _ros_image(
     maker: MessageMaker, bgr: Pixels, stamp_ns: int, frame_id: str, raw: Raw | None, picture: tuple[str, str] | None
 ) -> tuple[str, bytes]:
     if picture:
-        form, said_format = picture
+        form, declared_format = picture
         return schemas.COMPRESSED_IMAGE, maker.compressed_image(
-            encode_picture(bgr, form), said_format, stamp_ns, frame_id
+            encode_picture(bgr, form), declared_format, stamp_ns, frame_id
         )
     assert raw
     rows = np.ascontiguousarray(raw.rows(bgr))

@@ -26,6 +26,6 @@ def test_the_end_of_a_path_gives_the_words_of_the_pattern(path: str, pattern: st
 
 
 @pytest.mark.parametrize("pattern", ["", "*/*.mcap", "{car}/*", "{}/*", "{vehicle}/{vehicle}"])
-def test_a_pattern_that_names_nothing_known_is_refused(pattern: str) -> None:
+def test_a_pattern_without_a_known_word_is_refused(pattern: str) -> None:
     with pytest.raises(SettingError, match="vehicle"):
         read_path(Path("a/b"), pattern)

@@ -103,7 +103,7 @@ def test_samples_are_made_once_and_spread_over_the_recording(drives: tuple[Path,
         samples[0]
 
 
-def test_attacked_recordings_and_those_without_a_lidar_teach_nothing(tmp_path: Path) -> None:
+def test_attacked_recordings_and_those_without_a_lidar_are_refused(tmp_path: Path) -> None:
     rig = plane_rig(THREE)
     attacked, blind = tmp_path / "attacked.mcap", tmp_path / "blind.mcap"
     write_mcap(attacked, rig, drive_frames(rig, 4), [AttackLabel(rig.topic(1), "facula", 0, 2**60, {})])
@@ -113,7 +113,7 @@ def test_attacked_recordings_and_those_without_a_lidar_teach_nothing(tmp_path: P
             make_samples(SampleTask(Recorded(path), tmp_path / "samples", 10), progress)
 
 
-def test_what_is_tried_on_is_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
+def test_validation_sources_are_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
     made = [make_samples(SampleTask(source, tmp_path, 4), progress) for source in (Recorded(drives[0]), Street(1, 1))]
     with pytest.raises(SettingError, match="the same recording"):
         training_set(made, made[:1])

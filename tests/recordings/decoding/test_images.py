@@ -209,7 +209,7 @@ def test_a_jpeg_cut_anywhere_is_damaged(share: float, colour: bool) -> None:
         pixels(picture_message(picture[: int(share * (len(picture) - 1))]), colour=colour)
 
 
-def test_what_follows_the_end_of_a_jpeg_does_not_harm() -> None:
+def test_bytes_behind_the_end_of_a_jpeg_do_no_harm() -> None:
     picture = encode_picture(GREY, "jpeg")
     assert np.array_equal(pixels(picture_message(picture + bytes(16))), pixels(picture_message(picture)))
 
@@ -250,7 +250,7 @@ def test_a_type_that_is_defined_otherwise_than_known_is_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["this is no definition", "uint8[", "", "nowhere/Type a"])
-def test_a_definition_that_makes_no_sense_is_damage(text: str) -> None:
+def test_an_ill_formed_definition_is_damage(text: str) -> None:
     decoder = Decoders(lambda _: Definition("ros2msg", text.encode())).image(schemas.IMAGE, "cdr")
     assert decoder is not None
     with pytest.raises(DecodingError):

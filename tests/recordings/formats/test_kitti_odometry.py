@@ -92,7 +92,7 @@ def test_a_sequence_of_two_cameras_without_times_and_lidar_is_read(sequence: Pat
         ("image_0/000000.png", "text", "neither PNG nor JPEG"),
     ],
 )
-def test_what_is_ill_formed_is_a_clear_error(sequence: Path, name: str, text: str, message: str) -> None:
+def test_an_ill_formed_file_is_a_clear_error(sequence: Path, name: str, text: str, message: str) -> None:
     (sequence / name).write_text(text)
     with pytest.raises(RecordingError, match=message):
         open_recording(sequence)

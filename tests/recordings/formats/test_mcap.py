@@ -76,7 +76,7 @@ def test_frames_come_out_as_they_went_in(whole: Path, tmp_path: Path, compressio
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
-def test_whatever_precedes_a_cut_is_read_and_the_cut_is_reported(
+def test_messages_before_a_cut_are_read_and_the_cut_is_reported(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = whole.read_bytes()
@@ -369,7 +369,7 @@ def test_the_clock_follows_from_the_first_log_time(tmp_path: Path) -> None:
     assert clocks == ["relative", "utc", "unknown"]
 
 
-def test_something_else_named_mcap_is_refused(tmp_path: Path) -> None:
+def test_another_file_named_mcap_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"this is text, not a recording")
     with pytest.raises(RecordingError, match="not an MCAP file"):
         open_recording(tmp_path / "a.mcap")

@@ -99,7 +99,7 @@ def test_a_bag_without_an_index_gives_all_messages_and_reports_the_damage(bag: P
 
 
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_an_active_bag_whose_last_chunk_is_open_gives_what_is_in_it(tmp_path: Path, compression: str) -> None:
+def test_an_active_bag_whose_last_chunk_is_open_gives_its_messages(tmp_path: Path, compression: str) -> None:
     write_small_chunks(tmp_path / "a.bag", compression)
     content = bytearray(without_index(tmp_path / "a.bag"))
     start, _ = chunks(tmp_path / "a.bag")[-1]
@@ -117,7 +117,7 @@ def test_an_active_bag_whose_last_chunk_is_open_gives_what_is_in_it(tmp_path: Pa
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
 @pytest.mark.parametrize("indexed", [True, False])
-def test_whatever_precedes_a_cut_of_a_bag_is_read_and_the_cut_is_reported(
+def test_messages_before_a_cut_of_a_bag_are_read_and_the_cut_is_reported(
     bag: Path, tmp_path_factory: pytest.TempPathFactory, indexed: bool, data: st.DataObject
 ) -> None:
     content = bag.read_bytes() if indexed else without_index(bag)
@@ -235,7 +235,7 @@ def test_a_db3_with_a_damaged_first_page_gives_all_messages_and_reports_the_dama
 
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.data())
-def test_whatever_precedes_a_cut_of_a_db3_is_read_and_the_cut_is_reported(
+def test_messages_before_a_cut_of_a_db3_are_read_and_the_cut_is_reported(
     db3: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = db3.read_bytes()

@@ -293,7 +293,7 @@ def test_a_camera_whose_pairs_see_too_little_is_left_out_with_the_reason() -> No
     assert "ahead shares too little of its view with a once both are rectified" in found.reasons
 
 
-def test_a_rig_file_whose_cameras_stand_on_no_line_is_taken_unless_a_pair_sees_nothing() -> None:
+def test_a_rig_file_of_cameras_off_one_line_is_used_unless_a_pair_shares_no_view() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c")}
     survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(0.6), "top": LIDAR_AT}, images="image_raw")
     description = find_rigs(survey)[0].to_dict()
