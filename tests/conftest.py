@@ -13,7 +13,7 @@ settings.load_profile("without deadline")
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """The folder of real recorded data; a test that asks for it is skipped, with the reason, where there is none."""
+    """The folder of real recorded data; a test that uses it is skipped, with the reason, where there is none."""
     folder = os.environ.get("AUDITOR_TEST_DATA")
     if not folder:
         pytest.skip("AUDITOR_TEST_DATA is not set: no real recorded data")

@@ -1,5 +1,6 @@
 """The documents say what the program does."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from auditor.cli import VERBS, auditor
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+BENCHMARKS = ROOT / "tests" / "benchmarks"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 
 
@@ -104,3 +106,21 @@ def test_the_citation_names_this_version_and_the_paper() -> None:
     (paper,) = citation["references"]
     assert f"doi:{paper['doi']}" in README
     assert [author["family-names"] for author in paper["authors"]] == re.findall(r"[A-Z]\. (\w+)[,:]", README)
+
+
+def test_every_benchmark_that_a_text_names_exists() -> None:
+    texts = [*DOCUMENTS, *(ROOT / "tests").rglob("*.py"), *(ROOT / "auditor").rglob("*.py")]
+    named = {
+        (path.name, name)
+        for path in texts
+        for name in re.findall(r"-m tests\.benchmarks\.(\w+)", path.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert [one for one in sorted(named) if not (BENCHMARKS / f"{one[1]}.py").exists()] == []
+
+
+def test_every_benchmark_that_can_be_run_says_how() -> None:
+    scripts = [path for path in BENCHMARKS.glob("*.py") if "__main__" in path.read_text(encoding="utf-8")]
+    assert scripts
+    docstrings = {path.stem: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "" for path in scripts}
+    assert [name for name, text in docstrings.items() if f"python -m tests.benchmarks.{name}" not in text] == []

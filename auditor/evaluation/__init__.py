@@ -1,4 +1,4 @@
-"""The paper's experiments on clean recordings: attacked in memory, measured into a store, answered in SQL."""
+"""The paper's experiments on clean recordings: frames are attacked in memory, measured, judged and kept in a store."""
 
 from auditor.evaluation.runner import Evaluated, EvaluateTask, Task, evaluate_source, experiments_of
 from auditor.evaluation.sources import Recorded, Source, Street

@@ -3,11 +3,12 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Protocol, TypeVar, cast, runtime_checkable
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.evaluation.attacks import Attack, Attacks, CameraAttack, LidarAttack, of_two
 from auditor.identification.statistics import windowed_ratios
 from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
@@ -23,44 +24,17 @@ from auditor.measurement.frame import level, saturated_share
 from auditor.measurement.pairwise_views import OF_TWO, joined
 from auditor.measurement.shared_view import Evidence, Mask, matched
 from auditor.model.checks import Pair, PairFaultFeatures, rig_pair_checks
-from auditor.model.frames import CameraImage, Frame, PointCloud
+from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
 
 
-@runtime_checkable
-class CameraAttack(Protocol):
-    """Changes the data of one camera. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, image: CameraImage) -> CameraImage: ...  # noqa: D102
-
-
-@runtime_checkable
-class LidarAttack(Protocol):
-    """Changes the data of the LiDAR. It is hashable, and equal attacks do the same."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the kind of attack
-    @property
-    def parameters(self) -> dict[str, object]: ...  # noqa: D102 - everything that decides its effect
-    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud: ...  # noqa: D102
-
-
-Attack = CameraAttack | LidarAttack
-Attacks = Mapping[int, Attack]
-"""What is done to each attacked sensor."""
-
-
 class AttackedFrame:
     """Measures one clean frame under one set of attacks after the other.
 
-    Counts and local ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
+    Counts and windowed ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
     counts and ratios of sensors under the same attack (or none) are made once and used again until `forget_attacks`.
     """
 
@@ -86,29 +60,29 @@ class AttackedFrame:
 
     @property
     def valid_masks(self) -> Mapping[int, Mask]:
-        """(H, W) by camera what it sees of the view, where it does not see all of it."""
+        """(H, W) valid mask by camera, of cameras that do not see the whole view."""
         return {}
 
     def _rectification(self) -> Rectification:
         return rectification(self.rig)
 
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
-        """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not asked for."""
+        """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not requested."""
         wanted = self._measurable(triples)
         return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in self.rig.triples)
 
     def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
-        """Local ratios in the order of `elements`, as far as measuring these triples gives them."""
+        """Windowed ratios in the order of `pair_checks`, as far as measuring these triples gives them."""
         wanted = self._measurable(triples)
         pairs = matched(wanted)
         cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
         collected = [self.frame_checks(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
-        cells = {pair_check: of_it for one in collected for pair_check, of_it in one.cells.items()}
+        cells = {pair_check: grid for one in collected for pair_check, grid in one.cells.items()}
         shares = {pair_check: share for one in collected for pair_check, share in one.shares.items()}
         return windowed_ratios(self.pair_checks, cells, shares)
 
     def fingerprint(self, sensor: int, attacks: Attacks) -> int:
-        """Tells whether the data of a sensor that is there change, under these attacks."""
+        """The fingerprint of a present sensor's data under these attacks: equal data have equal ones."""
 
         def take() -> int:
             if sensor == LIDAR:
@@ -118,34 +92,34 @@ class AttackedFrame:
         return self.memoise("fingerprint", sensor, attacks, (sensor,), take)
 
     def coverage(self, camera: int, attacks: Attacks) -> Coverage:
-        """How bright a camera's image is under these attacks."""
+        """The brightness of a camera's image under these attacks."""
 
-        def look() -> Coverage:
+        def take() -> Coverage:
             pixels = grey(self.rectified(camera, attacks))
             return Coverage(saturated_share=saturated_share(pixels), level=level(pixels))
 
-        return self.memoise("coverage", camera, attacks, (camera,), look)
+        return self.memoise("coverage", camera, attacks, (camera,), take)
 
     def pairs(self, triples: Collection[Triple] | None = None) -> list[Pair]:
         """The pairs (i, k) that are matched to measure these triples."""
         return matched(self._measurable(triples))
 
     def fault_features(self, pair: Pair, attacks: Attacks, before: Prepared | None) -> PairFaultFeatures:
-        """The symptoms of a matched pair under these attacks; `before` is what the frame before has of it."""
+        """The fault features of a matched pair under these attacks; `before` is the frame before, as prepared."""
         own = OF_TWO if self._pairs else pair
         return self.memoise(
-            "symptoms",
+            "fault features",
             (pair, before),
             attacks,
             (LIDAR, *pair),
             lambda: symptoms_of(self.prepared(pair, attacks), before)[own],
         )
 
-    def symptoms_after(self, pair: Pair, attacks: Attacks, after: "AttackedFrame") -> PairFaultFeatures:
-        """The symptoms of a pair matched in the clean frame `after` this one, which is under these attacks."""
+    def fault_features_after(self, pair: Pair, attacks: Attacks, after: "AttackedFrame") -> PairFaultFeatures:
+        """The fault features of a pair in the clean frame `after` this one, which is under these attacks."""
         own = OF_TWO if after._pairs else pair
         return self.memoise(
-            "symptoms after",
+            "fault features after",
             (pair, after),
             attacks,
             (LIDAR, *pair),
@@ -153,14 +127,14 @@ class AttackedFrame:
         )
 
     def earlier(self, pair: Pair, attacks: Attacks) -> Prepared | None:
-        """What the next frame's symptoms of a pair take of this one; None where a pair of its own view begins anew."""
+        """This frame, prepared for the next one's fault features; None where a pair of its own view begins anew."""
         if pair in self.pairs():
             return self.prepared(pair, attacks)
         there = [camera for camera in pair if camera in self.frame.images]
         return None if self._seen.pairs else Prepared({camera: self._half(camera, attacks) for camera in there})
 
     def prepared(self, pair: Pair, attacks: Attacks) -> Prepared:
-        """What symptoms take of a matched pair under these attacks."""
+        """This frame, prepared for the fault features of a matched pair, under these attacks."""
 
         def make() -> Prepared:
             if self._pairs:
@@ -175,7 +149,7 @@ class AttackedFrame:
         return self.memoise("prepared", pair, attacks, (LIDAR, *pair), make)
 
     def match_together(self, cases: Iterable[Attacks], triples: Collection[Triple] | None = None) -> None:
-        """Make the maps of all these cases at once, where the matcher gains by that: a network on a GPU does."""
+        """Make the maps of all these cases at once, where that is faster for the matcher, as for a network on a GPU."""
         if not isinstance(self._matcher, PairMatcher):
             return
         pairs, cases = matched(self._measurable(triples)), list(cases)
@@ -196,13 +170,13 @@ class AttackedFrame:
             self._made[_map_key(source, reference)] = found
 
     def forget_attacks(self) -> None:
-        """Keep only what was made of clean data."""
+        """Keep only results of clean data."""
         self._made = {key: made for key, made in self._made.items() if not any(key[2:])}
         for pair in self._pairs.values():
             pair.forget_attacks()
 
     def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
-        """Those of the triples asked for whose sensors are all there."""
+        """The requested triples whose sensors are all present."""
         present = frozenset(self.sensors)
         wanted = self.rig.triples if triples is None else triples
         return tuple(triple for triple in wanted if present.issuperset(triple))
@@ -223,9 +197,9 @@ class AttackedFrame:
         return self.memoise("counts", triple, attacks, triple, count)
 
     def frame_checks(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> FrameChecks:
-        """What the witnesses say of two cameras i < k under these attacks, and the LiDAR in k's view if it is there.
+        """The checks of two cameras i < k under these attacks, and of the LiDAR in k's view if it is present.
 
-        Without having `matched` them that is only what needs no disparities.
+        Where they are not `matched`, only those checks that need no disparities.
         """
 
         def collect() -> FrameChecks:
@@ -237,7 +211,7 @@ class AttackedFrame:
                 return joined(of_pairs, half_res, views, self._seen.rig)
             return collect_checks(half_res, maps, views, self._seen.rig)
 
-        return self.memoise("testimony", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), collect)
+        return self.memoise("checks", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), collect)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{i,k} under these attacks, in the common view."""
@@ -272,7 +246,7 @@ class AttackedFrame:
         return self.memoise("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
 
     def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
-        """The rectified image as the matcher wants it."""
+        """The rectified image in the matcher's colours."""
 
         def change() -> NDArray[np.uint8]:
             pixels = self.rectified(camera, attacks)
@@ -301,7 +275,7 @@ class AttackedFrame:
     def memoise(
         self, what: str, which: object, attacks: Attacks, sensors: Collection[int], make: Callable[[], Made]
     ) -> Made:
-        """What depends on the data of these sensors only, made once for each attack on them."""
+        """A result that depends only on the data of these sensors: made once for each attack on them, then kept."""
         key = (what, which, *(attacks.get(sensor) for sensor in sensors))
         if key not in self._made:
             self._made[key] = make()
@@ -309,7 +283,7 @@ class AttackedFrame:
 
 
 class _AttackedPair(AttackedFrame):
-    """The bench of a pair with a view of its own: a rig of two, whose attacked data is the whole bench's."""
+    """The attacked frame of a pair with a view of its own: a rig of two, with the data of the whole attacked frame."""
 
     def __init__(self, whole: AttackedFrame, view: PairView) -> None:
         self._whole, self._view = whole, view
@@ -320,41 +294,38 @@ class _AttackedPair(AttackedFrame):
 
     @property
     def valid_masks(self) -> Mapping[int, Mask]:
-        """What each of both sees."""
+        """The valid mask of each of the two cameras."""
         return self._view.valid_masks
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
-        """DM_{1,2}, where both see."""
+        """DM_{1,2}, where both cameras see."""
         found, valid_masks = super().stereo_map(i, k, attacks), self._view.valid_masks
-        return self.memoise("seen map", (i, k), attacks, (i, k), lambda: within(found, valid_masks[k], valid_masks[i]))
+        return self.memoise(
+            "masked map", (i, k), attacks, (i, k), lambda: within(found, valid_masks[k], valid_masks[i])
+        )
 
     def cloud(self, attacks: Attacks) -> PointCloud:
-        """That of the whole bench."""
+        """The data of the whole attacked frame."""
         return self._whole.cloud(attacks)
 
     def pixels(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
-        """That of the whole bench."""
+        """The data of the whole attacked frame."""
         number, attack = self._view.cameras[camera - 1], attacks.get(camera)
         return self._whole.pixels(number, {} if attack is None else {number: attack})
-
-
-def of_two(attacks: Attacks, pair: Pair) -> Attacks:
-    """The attacks on the LiDAR and on a pair's cameras, under the numbers that these have in a rig of two."""
-    return {number: attacks[sensor] for number, sensor in enumerate((LIDAR, *pair)) if sensor in attacks}
 
 
 AttackedCamera = tuple[int, Attack | None]
 
 
 def _map_key(source: AttackedCamera, reference: AttackedCamera) -> tuple[object, ...]:
-    """The key of `once` for a disparity map."""
+    """The key of `memoise` for a disparity map."""
     (i, on_i), (k, on_k) = source, reference
     return ("map", (i, k), on_i, on_k)
 
 
 @dataclass(frozen=True, eq=False)
 class InTime:
-    """A frame under attack between the clean frames before and after it; None where there is none."""
+    """An attacked frame between the clean frames before and after it; None where there is none."""
 
     attacked_frame: AttackedFrame
     before: AttackedFrame | None

@@ -1,6 +1,8 @@
-"""What a scan would see around each case of an evaluation: a drive in which this frame alone, or its interval, differs.
+"""The series around each case of an evaluation: its drive as a scan would see it, with only this case attacked.
 
-An attacked frame changes the symptoms of the clean frame after it, too: there its data are those of the frame before.
+Only the frame of the case differs from the clean drive, or the frames of its interval.
+
+An attacked frame also changes the fault features of the clean frame after it, which are taken between the two.
 """
 
 from collections import defaultdict
@@ -67,7 +69,7 @@ class CaseSeries:
         self._drives = {drive: self._drive(places) for drive, places in rows.items()}
 
     def has(self, place: int) -> bool:
-        """Whether the frame of the case at this place was measured clean, so that it has a drive around it."""
+        """True where the frame of the case at this place was also measured clean, so that it has a drive around it."""
         one = self._cases.known[place]
         return one.drive in self._drives and one.frame in self._drives[one.drive].row_of
 
@@ -145,7 +147,7 @@ class CaseSeries:
         return np.asarray(values[places][:, columns])
 
     def _interval(self, place: int) -> tuple[object, ...]:
-        """What the cases of one interval have in common."""
+        """The key that the cases of one interval share."""
         one = self._cases.known[place]
         return one.evaluation_id, one.frame // INTERVAL_FRAMES, one.draw, one.attacked, one.strength
 
@@ -155,7 +157,7 @@ class CaseSeries:
         stamps = np.array([one.stamp_ns for one in known], dtype=np.int64)
         runs = runs_of(stamps)
         first, end = window_bounds(stamps, LONGEST_WINDOW_S, runs)
-        # A frame's own sensors stand still or not by the frames beside it, also across a gap.
+        # Whether a frame's sensors are frozen follows from the frames beside it, also across a gap.
         wider = MIN_FRAMES + 1
         row_of = {one.frame: row for row, one in enumerate(known)}
         return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))

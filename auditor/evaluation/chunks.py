@@ -1,4 +1,4 @@
-"""Runs of frames that are finished together, so that a killed evaluation goes on where it was."""
+"""Chunks of frames that are finished together, so that a killed evaluation goes on where it was."""
 
 import itertools
 from collections import deque
@@ -8,11 +8,11 @@ from auditor.evaluation.experiments import DELAYS
 from auditor.model.frames import Frame, Skipped
 
 CHUNK_FRAMES = 20
-"""Frames that are finished together: a killed evaluation loses no more than these."""
+"""Frames of a chunk: a killed evaluation loses no more than these."""
 
 
 class Chunks:
-    """Runs of frames by number. `past` holds the frames before the one that is being looked at, the latest last."""
+    """Chunks of frames by number. `past` holds the frames before the current one, the latest last."""
 
     def __init__(self, frames: Iterator[Frame | Skipped]) -> None:
         self._frames = frames
@@ -23,19 +23,19 @@ class Chunks:
         for chunk in itertools.count():
             end = (chunk + 1) * CHUNK_FRAMES
             yield chunk, self._below(end)
-            for _ in self._below(end):  # what the caller left unread
+            for _ in self._below(end):  # the frames that the caller left unread
                 pass
             if self.ended:
                 return
 
     @property
     def ended(self) -> bool:
-        """True once the last frame has been looked at."""
+        """True once the last frame has been given."""
         return self._next is None
 
     @property
     def following(self) -> Frame | None:
-        """The frame after the one that is being looked at; those skipped between them are looked at later."""
+        """The frame after the current one; skipped frames between them are given later."""
         for item in self._ahead:
             if isinstance(item, Frame):
                 return item
@@ -60,9 +60,9 @@ class Chunks:
 
 
 def all_finished(parts: Callable[[int], Sequence[bool | None]], *, share: int, of: int) -> bool:
-    """True where every stretch of a share, each `of`-th, is there, and the last one is known.
+    """True where every chunk of a share, each `of`-th, is finished, and the last one is known.
 
-    `parts` are those of a stretch: None where one is not finished, else whether the recording ends in it.
+    `parts` gives the parts of a chunk: None where one is not finished, else whether the recording ends in it.
     """
     for chunk in itertools.count():
         found = parts(chunk)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.errors import DecodingError, SettingError
-from auditor.evaluation.attacked_frame import Attack
+from auditor.evaluation.attacks import Attack
 from auditor.lab.attacks.faults import (
     DelayedCamera,
     DelayedLidar,
@@ -27,28 +27,35 @@ from auditor.store.evaluation_tables import INTERVAL_FRAMES
 WALL_WIDTHS_M = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Fig. 11."""
 
-
 RADII_PX = (37.5, 75.0, 112.5, 150.0, 187.5, 225.0)
 """Fig. 12, on images of the paper's width."""
 
-
 PAPER_WIDTH_PX = 1242
-
-
 SENSITIVITY_STRENGTHS = ("mild", "opaque")
-
 
 MOST_ATTACKED = 2
 """Sets that are only identified, not detected by one triple, have this many sensors at most."""
+
+SECTORS_DEG = (10.0, 20.0, 30.0)
+SECTOR_AZIMUTHS_DEG = (-25.0, 25.0)
+POINTS = (500, 2000, 8000)
+YAWS_DEG = (0.2, 0.5, 1.0)
+ROWS_PX = (1, 2, 4)
+DELAYS = (1, 3, 10)
+STRIPES_PX = 40.0
+STRIPE_LEVELS = (60.0, 120.0)
+
+STRENGTH = "mild"
+"""The strength of the faculas of intervals: the weakest of the combinations."""
 
 
 @dataclass(frozen=True)
 class Case:
     """One way to attack a frame.
 
-    `strength` names the amplitude of its faculas, None where it has none to choose. `size` is what a sensitivity
-    experiment varies: a wall's width in metres, or a facula's radius in pixels on an image of the paper's width;
-    `visible_share` is then the share of the image within that radius.
+    `strength` names the amplitude of its faculas, None where it has none to choose. `size` is the quantity that a
+    sensitivity experiment varies: a wall's width in metres, or a facula's radius in pixels on an image of the paper's
+    width; `visible_share` is then the share of the image within that radius.
     """
 
     attacks: Mapping[int, Attack] = field(default_factory=dict)
@@ -70,7 +77,7 @@ class Case:
 
 @dataclass(frozen=True)
 class SeededDraws:
-    """Chance that depends on nothing but these numbers: a repeated evaluation draws the same attacks."""
+    """Random draws that depend only on these numbers: a repeated evaluation draws the same attacks."""
 
     seed: int
     recording: int
@@ -86,9 +93,9 @@ class SeededDraws:
 class Experiment:
     """Cases for every frame and draw; `triples` are the ones that they are measured for.
 
-    `cases` also gets the frames before, the latest last. `drawn` is False where nothing is left to chance, so that one
-    draw is all there is; `inputs` tells apart the files that its attacks are made from. `attacks` is False where frames
-    are left clean; so many frames as `together` says are attacked one after the other.
+    `cases` also gets the frames before, the latest last. `drawn` is False where the cases are not random, so that there
+    is one draw; `inputs` identifies the files that its attacks are made from. `attacks` is False where frames stay
+    clean; `together` is the number of frames that are attacked one after the other.
     """
 
     name: str
@@ -100,7 +107,7 @@ class Experiment:
     together: int = 1
 
     def takes(self, frame: int, every: int) -> bool:
-        """Whether it looks at the frame of this number where each `every`-th is attacked: at clean ones always."""
+        """True where it uses the frame of this number and each `every`-th is attacked; all frames are used clean."""
         return not self.attacks or frame // self.together % every == 0
 
 
@@ -124,7 +131,7 @@ def attacked_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
 
 
 def all_triples(rig: Rig) -> tuple[Triple, ...]:
-    """Whatever the rig has."""
+    """All triples of the rig."""
     return rig.triples
 
 
@@ -154,7 +161,7 @@ def drawn_attack(rig: Rig, sensor: int, strength: str, rng: np.random.Generator)
 
 
 def _sensitivity(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
-    """Walls of several widths on S_0; faculas of several radii on the reference camera, then on the witness."""
+    """Walls of several widths on S_0; faculas of several radii on the reference camera, then on the source camera."""
     triple = scenario_1(rig)
     if triple is None:
         return
@@ -176,42 +183,10 @@ def disc_share(facula: Facula, width_px: int, height_px: int) -> float:
     return float(np.mean(down[:, None] + across[None, :] <= facula.radius_px**2))
 
 
-EXPERIMENTS = (
-    Experiment("clean", all_triples, _clean, drawn=False, attacks=False),
-    Experiment("combinations", all_triples, _combinations),
-    Experiment("sensitivity", _scenario_1_only, _sensitivity),
-)
-"""In the order in which they are measured."""
-
-
-SECTORS_DEG = (10.0, 20.0, 30.0)
-
-
-SECTOR_AZIMUTHS_DEG = (-25.0, 25.0)
-
-
-POINTS = (500, 2000, 8000)
-
-
-YAWS_DEG = (0.2, 0.5, 1.0)
-
-
-ROWS_PX = (1, 2, 4)
-
-
-DELAYS = (1, 3, 10)
-
-
-STRIPES_PX = 40.0
-
-
-STRIPE_LEVELS = (60.0, 120.0)
-
-
 def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterator[Case]:
-    """One sensor of each part: the LiDAR, the leftmost reference camera and the witness farthest from it.
+    """One sensor of each part: the LiDAR, the leftmost reference camera and the source camera farthest from it.
 
-    What is not left to chance comes with the first draw only, so that nothing counts twice.
+    Cases that are not random come with the first draw only, so that they count once.
     """
     if rig.lidar:
         yield from _drawn_on_lidar(draws)
@@ -249,18 +224,18 @@ def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[Case]:
 
 
 def _earlier(past: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
-    """The frames of DELAYS ago, those that there are."""
+    """The frames of DELAYS ago, as far as they exist."""
     return ((delay, past[-delay]) for delay in DELAYS if delay <= len(past))
 
 
 def read_patterns(paths: Sequence[Path]) -> tuple[LaserPattern, ...]:
-    """Laser patterns from picture files, named by their paths. Raises SettingError where one is none."""
+    """Laser patterns from picture files, named by their paths. Raises SettingError where a file is not a picture."""
     patterns = []
     for path in paths:
         try:
             pixels = decode_picture(memoryview(path.read_bytes()), colour=True, size_px=None)
         except (OSError, DecodingError) as error:
-            raise SettingError(f"it is no readable picture ({error})", where=path) from error
+            raise SettingError(f"it is not a readable picture ({error})", where=path) from error
         patterns.append(LaserPattern("/".join(path.parts[-3:]), pixels if pixels.ndim == 3 else pixels[..., None]))
     return tuple(patterns)
 
@@ -276,21 +251,22 @@ def pattern_cases(patterns: Sequence[LaserPattern]) -> Callable[[Rig, SeededDraw
     return on_each
 
 
-FURTHER = Experiment("further", all_triples, further_cases)
-
-
-STRENGTH = "mild"
-"""Of the faculas: the weakest that the combinations try."""
-
-
 def interval_cases(rig: Rig, draws: SeededDraws, _past: Sequence[Frame]) -> Iterator[Case]:
-    """One sensor at a time, then the first and the last together; what holds still is drawn for the whole interval."""
-    held = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
+    """One sensor at a time, then the first and the last together; still attacks are drawn once for the interval."""
+    fixed = replace(draws, frame=draws.frame - draws.frame % INTERVAL_FRAMES)
     together = (LIDAR if rig.lidar else 1, rig.n)
-    for variant, chance in (("still", held), ("moving", draws)):
-        attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, chance.of(sensor)) for sensor in rig.sensors}
+    for variant, drawn in (("still", fixed), ("moving", draws)):
+        attacks = {sensor: drawn_attack(rig, sensor, STRENGTH, drawn.of(sensor)) for sensor in rig.sensors}
         for attacked in (*((sensor,) for sensor in rig.sensors), together):
             yield Case({sensor: attacks[sensor] for sensor in attacked}, variant)
 
 
+EXPERIMENTS = (
+    Experiment("clean", all_triples, _clean, drawn=False, attacks=False),
+    Experiment("combinations", all_triples, _combinations),
+    Experiment("sensitivity", _scenario_1_only, _sensitivity),
+)
+"""The paper's experiments, in the order in which they are measured."""
+
+FURTHER = Experiment("further", all_triples, further_cases)
 INTERVALS = Experiment("intervals", all_triples, interval_cases, together=INTERVAL_FRAMES)

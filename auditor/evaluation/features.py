@@ -1,10 +1,11 @@
-"""What tells faults and frozen sensors in a case of an evaluation: all that the judge takes beside local ratios."""
+"""The features of a case of an evaluation that show faults and frozen sensors: the judge takes them beside ratios."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 
-from auditor.evaluation.attacked_frame import AttackedFrame, Attacks, InTime
+from auditor.evaluation.attacked_frame import AttackedFrame, InTime
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
 from auditor.measurement.fault_features.collect import Prepared
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
@@ -16,16 +17,16 @@ from auditor.store.measurement_tables import matched_pairs
 
 @dataclass(frozen=True, eq=False)
 class _Attacked:
-    """What the next frame of an interval takes of this one, which was attacked like it."""
+    """An attacked frame of an interval, prepared by pair for the fault features of the next one."""
 
     frame: int
     pairs: Mapping[Pair, Prepared | None]
 
 
 class FeaturesOfCases:
-    """Takes the features of cases, frame by frame; where an interval goes on the frame before was attacked as well.
+    """Takes the features of cases, frame by frame; inside an interval the frame before was attacked as well.
 
-    Intervals lie within stretches, so that a killed evaluation and one in shares take the same.
+    Intervals lie within chunks, so that an evaluation that was killed or is done in shares takes the same.
     """
 
     def __init__(self) -> None:
@@ -38,7 +39,7 @@ class FeaturesOfCases:
         before = self._before(now, experiment, draw, case, pairs)
         fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
         later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
-        told = {pair: attacked_frame.symptoms_after(pair, attacks, after) for pair in later if after}
+        features_after = {pair: attacked_frame.fault_features_after(pair, attacks, after) for pair in later if after}
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
@@ -47,13 +48,13 @@ class FeaturesOfCases:
                 _coverage(attacked_frame, sensor, attacks).saturated_share for sensor in attacked_frame.rig.sensors
             ],
             fault_features=list(_in_order(attacked_frame, fault_features)),
-            fault_features_after=list(_in_order(attacked_frame, told)),
+            fault_features_after=list(_in_order(attacked_frame, features_after)),
         )
 
     def _before(
         self, now: InTime, experiment: Experiment, draw: int, case: Case, pairs: Sequence[Pair]
     ) -> Mapping[Pair, Prepared | None]:
-        """What the frame before has of each pair: it is clean, but inside an interval."""
+        """The frame before, prepared for each pair: it is clean, except inside an interval."""
         if now.before is None:
             found: Mapping[Pair, Prepared | None] = dict.fromkeys(pairs)
         else:
@@ -72,7 +73,7 @@ class FeaturesOfCases:
 
 
 def _same(frame: int, other: int, experiment: Experiment) -> bool:
-    """Whether two frames are attacked together."""
+    """True for two frames of one interval."""
     return frame // experiment.together == other // experiment.together
 
 

@@ -1,4 +1,4 @@
-"""One recording evaluated: its frames times the cases of some experiments, kept chunk by chunk."""
+"""The evaluation of one recording: its frames times the cases of some experiments, kept chunk by chunk."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -39,14 +39,12 @@ from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, 
 from auditor.store.records import content_id
 
 _VERSIONED = ("numpy", "opencv-python-headless")
-
-
 Progress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True)
 class Task:
-    """A share of one source's stretches: every `of`-th, from the `share`-th. The seed decides the attacks.
+    """A share of one source's chunks: every `of`-th, from the `share`-th. The seed determines the attacks.
 
     All frames are measured clean, each `attack_every`-th attacked as well, by their numbers.
     """
@@ -68,7 +66,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """What was done for a task: frames and cases measured just now, and whether anything had to be."""
+    """The work done for a task: the numbers of frames and cases that were measured in this run."""
 
     frames: int
     cases: int
@@ -80,7 +78,7 @@ class Evaluated:
 
 
 class Run(ABC):
-    """Looks at every frame of a drive for every experiment; what is finished already is not looked at again."""
+    """Goes through the frames of a drive for every experiment; finished chunks are not evaluated again."""
 
     def __init__(
         self, task: Task, drive: CleanDrive, matcher: Matcher, store: Store, experiments: Sequence[Experiment]
@@ -90,25 +88,25 @@ class Run(ABC):
         self._matcher = matcher
         self._store = store
         self._experiments = experiments
-        self._benches: dict[int, AttackedFrame] = {}
+        self._attacked_frames: dict[int, AttackedFrame] = {}
         self._frames = 0
         self._cases = 0
 
     @abstractmethod
     def part(self, experiment: Experiment, chunk: int) -> Part:
-        """What the store knows an experiment on a stretch by."""
+        """The part of the store that holds an experiment on a chunk."""
 
     @abstractmethod
-    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
-        """What there is to keep of these cases of one frame."""
+    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[KeptCase]:
+        """The results of these cases of one frame, to be kept."""
 
     def versions(self) -> Mapping[str, str]:
-        """Of auditor and of the libraries that matter."""
+        """The versions of auditor and of the libraries that can change a result."""
         named = {name: version(name) for name in _VERSIONED}
         return {"auditor": __version__} | named | dict(libraries(self._matcher))
 
     def go(self, progress: Progress) -> Evaluated:
-        """Look at what is not finished. Raises RecordingError, RigError and StoreError."""
+        """Evaluate the chunks that are not finished. Raises RecordingError, RigError and StoreError."""
         _check(self._drive.rig, self._task.source)
         if self._finished():
             return Evaluated(0, 0)
@@ -116,11 +114,11 @@ class Run(ABC):
         chunks = Chunks(self._drive.frames)
         for chunk, frames in chunks:
             if chunk % self._task.of == self._task.share:
-                self._go_along(chunk, frames, chunks, progress)
+                self._evaluate_chunk(chunk, frames, chunks, progress)
         return Evaluated(self._frames, self._cases)
 
     def shared_columns(self, experiment: Experiment, chunk: int) -> dict[str, Any]:
-        """What all parts are known by."""
+        """The columns that identify a part, whatever its kind."""
         task, drive = self._task, self._drive
         return {
             "recording_id": drive.recording_id,
@@ -136,14 +134,16 @@ class Run(ABC):
         }
 
     def _finished(self) -> bool:
-        """True where every stretch of this share is there, and the last one is known."""
+        """True where every chunk of this share is finished, and the last one is known."""
         return all_finished(
             lambda chunk: [finished_part(self._store, self.part(one, chunk)) for one in self._experiments],
             share=self._task.share,
             of=self._task.of,
         )
 
-    def _go_along(self, chunk: int, frames: Iterator[Frame | Skipped], chunks: Chunks, progress: Progress) -> None:
+    def _evaluate_chunk(
+        self, chunk: int, frames: Iterator[Frame | Skipped], chunks: Chunks, progress: Progress
+    ) -> None:
         todo = [e for e in self._experiments if finished_part(self._store, self.part(e, chunk)) is None]
         if not todo:
             return
@@ -159,7 +159,7 @@ class Run(ABC):
                 for at, (experiment, writer) in enumerate(zip(todo, writers, strict=True)):
                     if experiment.takes(frame.number, self._task.attack_every):
                         started = perf_counter()
-                        self._look(now, tuple(chunks.past), experiment, writer)
+                        self._attack(now, tuple(chunks.past), experiment, writer)
                         seconds[at] += perf_counter() - started
                         counts[at] += 1
                 self._frames += 1
@@ -175,20 +175,20 @@ class Run(ABC):
                 )
 
     def _in_time(self, frame: Frame, chunks: Chunks) -> InTime:
-        """The frame's bench with those of its neighbours; what was made of the same clean frame is used again."""
+        """The attacked frame with its neighbours; results of the same clean frame are used again."""
         before = chunks.past[-1] if chunks.past else None
         near = [one for one in (before, frame, chunks.following) if one is not None]
-        known = self._benches
-        self._benches = {
+        known = self._attacked_frames
+        self._attacked_frames = {
             f.number: known.get(f.number) or AttackedFrame(f, self._drive.rig, self._matcher) for f in near
         }
         return InTime(
-            self._benches[frame.number],
-            self._benches[before.number] if before is not None else None,
-            self._benches[near[-1].number] if near[-1] is not frame else None,
+            self._attacked_frames[frame.number],
+            self._attacked_frames[before.number] if before is not None else None,
+            self._attacked_frames[near[-1].number] if near[-1] is not frame else None,
         )
 
-    def _look(self, now: InTime, past: Sequence[Frame], experiment: Experiment, writer: PartWriter) -> None:
+    def _attack(self, now: InTime, past: Sequence[Frame], experiment: Experiment, writer: PartWriter) -> None:
         attacked_frame, present = now.attacked_frame, set(now.attacked_frame.sensors)
         for draw in range(self._task.draws if experiment.drawn else 1):
             draws = SeededDraws(
@@ -197,7 +197,7 @@ class Run(ABC):
             cases = [
                 case for case in experiment.cases(attacked_frame.rig, draws, past) if present.issuperset(case.attacked)
             ]
-            for kept in self.look(now, experiment, draw, cases):
+            for kept in self.results(now, experiment, draw, cases):
                 writer.add(kept)
                 self._cases += 1
             attacked_frame.forget_attacks()
@@ -223,7 +223,7 @@ class EvaluateTask(Task):
 
 
 def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
-    """Measure every case of every clean frame; what is finished already is not measured again.
+    """Measure every case of every clean frame; finished chunks are not measured again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
@@ -244,7 +244,7 @@ class _Run(Run):
     def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
         return EvaluationPart(**self.shared_columns(experiment, chunk), inputs=experiment.inputs)
 
-    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
+    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
         attacked_frame, triples = now.attacked_frame, experiment.triples(now.attacked_frame.rig)
         attacked_frame.match_together((case.attacks for case in cases), triples)
         for case in cases:
@@ -265,7 +265,7 @@ class _Run(Run):
 
 
 def experiments_of(patterns: Sequence[Path]) -> tuple[Experiment, ...]:
-    """All experiments, those with the user's laser patterns last. Raises SettingError where one cannot be read."""
+    """All experiments, those with the user's laser patterns last. Raises SettingError where a file cannot be read."""
     if not patterns:
         return (*EXPERIMENTS, FURTHER, INTERVALS)
     read = read_patterns(patterns)

@@ -1,4 +1,4 @@
-"""Where clean frames come from: recordings, or streets made for the evaluation."""
+"""The sources of clean frames: recordings, and synthetic streets made for the evaluation."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,8 +32,8 @@ class CleanDrive:
 class Recorded:
     """A recording known to be clean, with its own rig or that of a rig file; of several rigs the first is taken.
 
-    Cameras that are not rectified are so first: attacks are made on rectified pictures. Where pairs have views of their
-    own, they are made on the pictures as recorded.
+    Images that are not rectified are rectified first, and attacks are made on the rectified images. Where pairs have
+    views of their own, attacks are made on the images as recorded.
     """
 
     path: Path
@@ -63,7 +63,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Street:
-    """A synthetic drive of `frames` frames; `seed` decides everything, and each has a vehicle of its own."""
+    """A synthetic drive of `frames` frames; `seed` determines all of it, and each has a vehicle of its own."""
 
     seed: int
     frames: int
@@ -73,8 +73,8 @@ class Street:
         return f"street {self.seed}"
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[CleanDrive]:  # noqa: ARG002 - they are grey
-        """Its frames, made when they are asked for."""
+    def open(self, *, colour: bool) -> Iterator[CleanDrive]:  # noqa: ARG002 - its images are grey
+        """Its frames, each made when it is read."""
         style = list(STYLES)[self.seed % len(STYLES)]
         drive = make_drive(self.seed, self.frames, n_cameras=self.cameras, style=style, vehicle=self.seed)
         known = content_id("street", __version__, self.seed, self.frames, self.cameras, style)

@@ -1,4 +1,4 @@
-"""What a scan would say of an evaluation's cases, by thresholds from all clean frames and held out."""
+"""The verdicts of a scan on an evaluation's cases, by thresholds from all clean frames and with some left out."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,9 +26,9 @@ Block = tuple[str, int]
 def judge_cases(store: Store) -> int:
     """Judge every case of a store as a scan would and keep the verdicts. Raises StoreError.
 
-    Thresholds come from the clean cases of the same rig kind and way of measuring, so that any new recording changes
-    what is said of all: everything is judged anew. Answers how many parts cannot be judged, since an earlier version
-    kept too little of their cases; what it said of them is let go.
+    Thresholds come from the clean cases of the same rig kind and way of measuring, so that any new recording can
+    change every verdict: all cases are judged anew. Returns the number of parts that cannot be judged, since an earlier
+    version kept too little of their cases; their old verdicts are deleted.
     """
     old = too_old(store)
     for evaluation_id in old:
@@ -37,15 +37,15 @@ def judge_cases(store: Store) -> int:
         verdicts: dict[str, list[CaseVerdict]] = defaultdict(list)
         for evaluation_id, verdict in judged(cases):
             verdicts[evaluation_id].append(verdict)
-        for evaluation_id, of_it in verdicts.items():
-            write_case_verdicts(store, evaluation_id, of_it)
+        for evaluation_id, found in verdicts.items():
+            write_case_verdicts(store, evaluation_id, found)
     return len(old)
 
 
 def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
-    """The verdicts on the cases of one setup, each with its part's id, by every system and way of holding out.
+    """The verdicts on the cases of one setup, each with its part's id, by every system and every set left out.
 
-    A rig without triples has no systems, so that nothing is said of its cases; nor is anything without clean cases.
+    There are none for a rig without triples, which has no systems, and none without clean cases.
     """
     blocks: dict[Block, list[int]] = defaultdict(list)
     window = CaseSeries(cases)
@@ -79,7 +79,7 @@ def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
 
 
 def _system(rig: Rig, sensors: Sequence[int]) -> System:
-    """What some of a rig's sensors are judged by."""
+    """The pair checks and triples by which some of a rig's sensors are judged."""
     chosen = set(sensors)
     pair_checks = tuple(pair_check for pair_check in rig_pair_checks(rig) if set(pair_check.needed) <= chosen)
     return System(pair_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors))
@@ -88,7 +88,7 @@ def _system(rig: Rig, sensors: Sequence[int]) -> System:
 def _thresholds(
     cases: Cases, system: System, scores: Mapping[CauseIn, Floats]
 ) -> Callable[[Block], dict[str, RobustThresholds]]:
-    """For the cases of a block: thresholds by what was held out, where any clean case is left."""
+    """For the cases of a block: thresholds by what was left out, where any clean case remains."""
     columns = [place for place, pair_check in enumerate(rig_pair_checks(cases.rig)) if pair_check in system.pair_checks]
     recordings = np.array([one.recording_id for one in cases.known])
     numbers = np.array([one.block[1] for one in cases.known])
@@ -113,7 +113,7 @@ def _thresholds(
 
 
 def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
-    """Whether a case says something of a system: its sensors are attacked, and no more than can be told apart."""
+    """True for a case that tests a system: only its sensors are attacked, and no more than it can identify."""
     if not set(case.attacked) <= set(sensors):
         return False
     if case.experiment == "sensitivity":

@@ -13,7 +13,7 @@ from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, PAIR_DEPTH, POINT_
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"
 _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/causes.md)"
-_FAULTS_ON_STREETS = "chosen on twelve streets, benchmark robust_causes --synthetic 4 --first 700 (docs/causes.md)"
+_FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 _FALSE_ALARMS = "docs/decisions.md, causes have thresholds from clean frames"

@@ -1,1 +1,1 @@
-"""PROVE: synthetic drives and attacks."""
+"""PROVE: attacks and faults on real frames, and synthetic drives."""

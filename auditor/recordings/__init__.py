@@ -1,4 +1,4 @@
-"""READ: a file becomes messages, and messages become frames."""
+"""READ: the messages of a recording, its rigs, and its frames in order of time."""
 
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path

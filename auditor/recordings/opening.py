@@ -1,4 +1,4 @@
-"""Paths of a command line -> recordings: the readers, in the order they are asked."""
+"""Paths of a command line -> recordings: the table of readers, tried in order."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -21,25 +21,24 @@ READERS: tuple[tuple[str, Reader], ...] = (
     ("kitti", KittiReader()),
     ("kitti_odometry", KittiOdometryReader()),
 )
-"""Built-in readers, each with its name; those of the entry points group `auditor.readers` are asked after them."""
-
+"""Built-in readers, each with its name; those of the entry points group `auditor.readers` are tried after them."""
 
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
 
 @cache
 def readers() -> tuple[tuple[str, Reader], ...]:
-    """All readers, each with its name: the built-in table, then what other packages offer."""
+    """All readers, each with its name: the built-in table, then those of other packages."""
     return READERS + tuple((entry.name, entry.load()()) for entry in entry_points(group="auditor.readers"))
 
 
 def reader_of(path: Path) -> Reader | None:
-    """The first reader that knows the path, or None."""
+    """The first reader that recognises the path, or None."""
     return next((reader for _, reader in readers() if reader.detects(path)), None)
 
 
 def format_of(path: Path) -> str | None:
-    """The name of the first reader that knows the path, or None."""
+    """The name of the first reader that recognises the path, or None."""
     return next((name for name, reader in readers() if reader.detects(path)), None)
 
 
@@ -52,7 +51,7 @@ def open_recording(path: Path) -> Recording:
         raise RecordingError("there is no such file or folder", where=path, remedy="check the path")
     reader = reader_of(path)
     if reader is None:
-        raise RecordingError("this is no recording of a known kind", where=path, remedy=f"give {KINDS}")
+        raise RecordingError("this is not a recording of a known kind", where=path, remedy=f"give {KINDS}")
     try:
         if path.is_file() and path.stat().st_size == 0:
             raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
@@ -70,9 +69,9 @@ class Found:
 
 
 def find_recordings(paths: Sequence[Path]) -> Found:
-    """Find the recordings in files and folders; a folder that is no recording itself is searched, names in order.
+    """Find the recordings in files and folders; a folder that is not itself a recording is searched in order of names.
 
-    A path that gives no recording becomes a RecordingError in the answer: the others go on.
+    A path without a recording becomes a RecordingError in `errors`; the other paths are still searched.
     """
     recordings: dict[Path, None] = {}
     errors: list[RecordingError] = []
@@ -94,7 +93,7 @@ def _recordings_at(path: Path) -> list[Path]:
             raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
         return [path]
     if not path.is_dir():
-        raise RecordingError("this is no recording of a known kind", where=path, remedy=f"give {KINDS}")
+        raise RecordingError("this is not a recording of a known kind", where=path, remedy=f"give {KINDS}")
     found = list(_search(path))
     if not found:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")

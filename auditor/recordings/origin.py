@@ -1,4 +1,4 @@
-"""Where a recording comes from: its vehicle, its day and its drive, as its path or its text says."""
+"""Where a recording comes from: its vehicle, date and drive, read from its path or its metadata."""
 
 import datetime
 import re
@@ -10,15 +10,14 @@ from typing import Self
 from auditor.errors import SettingError
 
 WORDS = ("vehicle", "date", "drive")
-
-
 _PLACE = re.compile(r"\{(\w*)\}|(\*)")
+_DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
 
 
 def read_path(path: Path, pattern: str) -> dict[str, str]:
-    """The words of a pattern, by name, where the end of the path fits it; else nothing.
+    """The text that stands for each word of a pattern, by word, where the end of the path matches it; else nothing.
 
-    `{vehicle}`, `{date}` and `{drive}` stand for any text without a slash, `*` for text that nobody needs. Raises
+    `{vehicle}`, `{date}` and `{drive}` stand for any text without a slash, `*` for text that is ignored. Raises
     SettingError for a pattern with other words, a word twice, or none.
     """
     expression, position = "", 0
@@ -41,29 +40,26 @@ def _word(word: str, pattern: str, before: str) -> str:
     return word
 
 
-_DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
-
-
 @dataclass(frozen=True)
 class Origin:
-    """What is known of it; None where nothing is."""
+    """The origin of a recording; None where a part is unknown."""
 
     vehicle: str | None = None
     date: datetime.date | None = None
     drive: str | None = None
 
     def over(self, other: Self) -> "Origin":
-        """This one, with what it does not know taken from another."""
+        """This origin, with its unknown parts taken from another."""
         return Origin(self.vehicle or other.vehicle, self.date or other.date, self.drive or other.drive)
 
     @classmethod
     def of_path(cls, path: Path, pattern: str) -> "Origin":
-        """What a path says by a pattern, see read_path. Raises SettingError for a bad pattern or a bad date."""
+        """The origin that a path gives by a pattern, see read_path. Raises SettingError for a bad pattern or date."""
         declared = read_path(path.absolute(), pattern)
         date = _day(declared["date"]) if "date" in declared else None
         if "date" in declared and date is None:
             raise SettingError(
-                f"{declared['date']!r} in {path} is no date",
+                f"{declared['date']!r} in {path} is not a date",
                 where=f"path pattern {pattern!r}",
                 remedy="{date} stands for a day such as 2026-01-31, 2026_01_31 or 20260131",
             )
@@ -71,7 +67,7 @@ class Origin:
 
     @classmethod
     def of_metadata(cls, declared: Mapping[str, str]) -> "Origin":
-        """What a recording says of itself; a date that is none is passed over."""
+        """The origin that a recording's metadata declares; an ill-formed date is ignored."""
         return cls(declared.get("vehicle") or None, _day(declared.get("date", "")), declared.get("drive") or None)
 
 

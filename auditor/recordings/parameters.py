@@ -1,6 +1,6 @@
 """Numbers that decide which messages form a frame, and so what is counted of it.
 
-A changed value asks for a new COUNTING_VERSION.
+A changed value needs a new COUNTING_VERSION.
 """
 
 from dataclasses import dataclass

@@ -13,13 +13,22 @@ from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 
 Clock = Literal["utc", "relative", "unknown"]
-
-
 CLOCKS: frozenset[str] = frozenset(get_args(Clock))
 
-
 EARLIEST_UTC_NS = 946_684_800 * 10**9
-"""Stamps before the year 2000 do not count from 1970: they count from the start of something."""
+"""Stamps before the year 2000 do not count from 1970: they count from the start of a recorder or a drive."""
+
+_BLOCK = 1 << 20
+LABELS_NAME = "auditor-labels.json"
+LABELS_MEDIA_TYPE = "application/json"
+METADATA_NAME = "auditor"
+MAX_JSON_BYTES = 16 * 2**20
+
+MAX_JSON_PARTS = 1_000_000
+"""Parsed lists and objects take many times the memory of their text: they are counted before parsing."""
+
+METADATA_TOPIC = "/auditor/metadata"
+"""The topic of labels and metadata in .bag and .db3 recordings, JSON in a std_msgs/String: they have no attachments."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Damage:
-    """A part of a recording that could not be read: what, and at which byte of its file (None where unknown)."""
+    """A part of a recording that could not be read: what it is, and at which byte of its file (None where unknown)."""
 
     what: str
     offset: int | None = None
@@ -60,7 +69,7 @@ class Definition:
 class Recording(Protocol):
     """One log file or folder, opened for reading only.
 
-    `topics` may grow while a recording without an index is read. `counts` (messages met, by topic, asked for or not)
+    `topics` may grow while a recording without an index is read. `counts` (messages found, by topic, requested or not)
     and `damage` describe the last call of `messages`, and are complete once it is exhausted.
     """
 
@@ -73,15 +82,15 @@ class Recording(Protocol):
 
     @property
     def clock(self) -> Clock:
-        """What the stamps count from: 'utc', 'relative' (to a start), or 'unknown' (a clock without a stated zone)."""
+        """The origin of the stamps: 'utc', 'relative' (to a start), or 'unknown' (a clock without a stated zone)."""
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Messages met by the last read, by topic."""
+        """Messages found by the last read, by topic."""
 
     @property
     def damage(self) -> tuple[Damage, ...]:
-        """What the last read could not read."""
+        """The parts that the last read could not read."""
 
     def topics(self) -> tuple[Topic, ...]:
         """All topics known so far, by name."""
@@ -96,10 +105,10 @@ class Recording(Protocol):
         """Ground truth that the recording carries. Raises RecordingError where it is ill-formed."""
 
     def metadata(self) -> Mapping[str, str]:
-        """What the recording says about itself, such as 'vehicle'."""
+        """The recording's own description by name, such as 'vehicle'."""
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
 
     def __enter__(self) -> Self:
         """Use as a context manager closes it."""
@@ -117,13 +126,10 @@ class Reader(Protocol):
     """
 
     def detects(self, path: Path) -> bool:
-        """True where the path is a recording of this format, by its name or its look, without reading it."""
+        """True where the path is a recording of this format, judged by names alone, without reading its content."""
 
     def open(self, path: Path) -> Recording:
         """Open it. Raises RecordingError."""
-
-
-_BLOCK = 1 << 20
 
 
 def content_id(path: Path, files: tuple[Path, ...]) -> str:
@@ -151,28 +157,8 @@ def _file_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-LABELS_NAME = "auditor-labels.json"
-
-
-LABELS_MEDIA_TYPE = "application/json"
-
-
-METADATA_NAME = "auditor"
-
-
-MAX_JSON_BYTES = 16 * 2**20
-
-
-MAX_JSON_PARTS = 1_000_000
-"""A parsed list or object takes many times its text: they are counted first."""
-
-
-METADATA_TOPIC = "/auditor/metadata"
-"""Where .bag and .db3 recordings carry both, as JSON in a std_msgs/String: they have no attachments."""
-
-
 def labels_to_json(labels: Iterable[AttackLabel]) -> bytes:
-    """A JSON array with one object a label."""
+    """A JSON array with one object for each label."""
     return json.dumps([label_to_dict(label) for label in labels], indent=1, sort_keys=True).encode()
 
 
@@ -199,7 +185,7 @@ def label_from_dict(description: dict[str, Any]) -> AttackLabel:
 
 
 def load_json(text: bytes | str) -> Any:  # noqa: ANN401  # what json.loads gives
-    """Parse what may be hostile. Raises ValueError and RecursionError."""
+    """Parse JSON that may be hostile. Raises ValueError and RecursionError."""
     text = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     if len(text) > MAX_JSON_BYTES or sum(text.count(sign) for sign in (b",", b"[", b"{")) > MAX_JSON_PARTS:
         raise ValueError("it is too large")

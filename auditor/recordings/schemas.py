@@ -1,4 +1,4 @@
-"""Schema names: ROS 1 writes `sensor_msgs/Image`, ROS 2 `sensor_msgs/msg/Image`; here it is always the second."""
+"""Schema names, always in the spelling of ROS 2: `sensor_msgs/msg/Image`, which is `sensor_msgs/Image` in ROS 1."""
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"

@@ -1,4 +1,4 @@
-"""Training a network matcher: recordings and synthetic streets become samples, samples a network."""
+"""Training of a network matcher on samples of recordings and of synthetic streets."""
 
 from auditor.training.run import CURVE, WEIGHTS, Point, TrainingSet, train_on, training_set
 from auditor.training.samples import Made, Recorded, SampleFiles, SampleSource, SampleTask, Street, make_samples

@@ -1,4 +1,4 @@
-"""What a training step looks at: windows of samples, each a little other than the camera gave it."""
+"""Batches for training: random crops of samples, with random changes of light and noise."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -10,16 +10,17 @@ from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.psmnet.inference import Image, seen
 from auditor.measurement.disparity.matchers.scoring import Sample
 
-# Two cameras never see alike: what both share, and what each has of its own.
+# Two cameras never record the same light: a part of the change is common to both, a part is each camera's own.
 _GAMMAS, _GAINS, _OFFSETS = (0.7, 1.4), (0.75, 1.25), (-15.0, 15.0)
+
 _OWN_GAINS, _OWN_OFFSETS, _NOISE = (0.92, 1.08), (-6.0, 6.0), (0.0, 4.0)
 
 
 class CropSettings(Protocol):
-    """What of a training's settings decides its crops."""
+    """The settings of a training that determine its crops."""
 
     @property
-    def crop(self) -> tuple[int, int]: ...  # noqa: D102 - described there
+    def crop(self) -> tuple[int, int]: ...  # noqa: D102 - see TrainingSettings
     @property
     def batch(self) -> int: ...  # noqa: D102
     @property
@@ -31,8 +32,8 @@ class CropSettings(Protocol):
 def crops(samples: Sequence[Sample], settings: CropSettings, first: int) -> Iterator[list[Sample]]:
     """Batches of crops without end, from batch `first`: a pass takes every sample once, in an order of its own.
 
-    What a crop shows depends on the seed and its number alone, so that a training that is taken up again sees what it
-    would have seen. Raises SettingError where there are no samples, or one is smaller than a crop.
+    A crop depends on the seed and its number alone, so that a resumed training gets the same crops as one without a
+    break. Raises SettingError where there are no samples, or one is smaller than a crop.
     """
     if not len(samples):
         raise SettingError("there are no samples to train on", where="training", remedy="name clean recordings")
@@ -72,7 +73,7 @@ def _crop(sample: Sample, settings: CropSettings, number: int) -> Sample:
 
 
 def _one_of_four(truth: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(ceil(H / 2), ceil(W / 2)): of 2 x 2 disparities the first known one; their mean would lie beside every edge."""
+    """(ceil(H / 2), ceil(W / 2)): of 2 x 2 disparities the first known one; their mean would be wrong at every edge."""
     padding = [(0, length % 2) for length in truth.shape]
     even = np.pad(truth, padding, constant_values=np.nan)
     found = even[::2, ::2]

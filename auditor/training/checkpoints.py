@@ -1,4 +1,4 @@
-"""The file that a training lives in: weights that can be used, and all that is needed to go on."""
+"""The checkpoint of a training: weights that can be used, and all that is needed to resume it."""
 
 import dataclasses
 import os
@@ -14,7 +14,7 @@ from auditor.measurement.disparity.matchers.psmnet.safe_checkpoint import METADA
 from auditor.measurement.disparity.matchers.scoring import Score
 
 CHECKPOINT = "checkpoint.pt"
-"""The one file in the folder of a training: weights for `--weights`, and all that is needed to go on."""
+"""The one file in the folder of a training: weights for `--weights`, and all that is needed to resume it."""
 
 _MAY_CHANGE = ("steps", "validate_every", "device")
 
@@ -23,11 +23,11 @@ _MAY_CHANGE = ("steps", "validate_every", "device")
 class TrainingSettings:
     """A training run. `crop` (H, W) in the network's pixels, multiples of 16; `steps` batches in all.
 
-    Width 32, range 192 and crops of 256 x 512 make the published network. With `step` 2 the network sees images at
-    half resolution; `max_disparity` is in full-resolution pixels all the same. The learning rate rises to
-    `learning_rate` over the first twentieth of the steps, then falls to nothing along a cosine; where a training goes
-    on with another number of steps, along theirs. `precision` bf16 is for GPUs. `samples` names what it is trained on,
-    so that a training is not taken up with something else.
+    Width 32, range 192 and crops of 256 x 512 make the published network. With `step` 2 the network sees images at half
+    resolution; `max_disparity` is in full-resolution pixels all the same. The learning rate rises to `learning_rate`
+    over the first twentieth of the steps, then falls to zero along a cosine; a training that is resumed with another
+    number of steps follows the cosine of that number. `precision` bf16 is for GPUs. `samples` identifies the training
+    set, so that a training is not resumed with another one.
     """
 
     max_disparity: int = 192
@@ -71,9 +71,9 @@ class Run:
 
 
 def restore(run: Run, checkpoint: Path) -> None:
-    """Bring a run that was just started to where a checkpoint is.
+    """Bring a run that was just started to the state of a checkpoint.
 
-    Raises SettingError where it cannot be read, or was made with settings that would have trained another network.
+    Raises SettingError where it cannot be read, or was made with settings that give another network.
     """
     content = _loaded(checkpoint)
     before, now = content["settings"], _plain(run.settings)
@@ -126,7 +126,7 @@ def _loaded(checkpoint: Path) -> dict[str, Any]:
     except OSError as error:
         raise SettingError(error.strerror or str(error), where=checkpoint, remedy="name a training's folder") from error
     if not isinstance(loaded, dict) or not {"settings", "state_dict", "optimizer", "step", "rows"} <= set(loaded):
-        raise SettingError("no checkpoint of a training", where=checkpoint, remedy="name a training's folder")
+        raise SettingError("it is not a checkpoint of a training", where=checkpoint, remedy="name a training's folder")
     return loaded
 
 

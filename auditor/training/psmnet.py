@@ -1,4 +1,4 @@
-"""Training on a fleet's own clean recordings and on synthetic scenes: for teams without the published weights."""
+"""Training of a PSMNet on a fleet's own clean recordings and on synthetic streets."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,9 +39,9 @@ def train(
 
     Known disparities may be as sparse as a LiDAR's. Loss: smooth L1 of the three outputs, weighted 0.5, 0.7 and 1.0
     (Chang and Chen, section 3.6), over the known pixels within the range. With each row a checkpoint is written whole
-    into `folder`. With `resume` it goes on from there: on a CPU every bit is that of an undisturbed run. `validation`
-    has samples by the name of their group. Raises SettingError for settings that make no sense, samples that do not
-    fit, a checkpoint that is there without `resume` or not there with it.
+    into `folder`. With `resume` it goes on from there: on a CPU every bit is that of an uninterrupted run.
+    `validation` has samples by the name of their group. Raises SettingError for impossible settings, for samples that
+    do not fit, for a checkpoint that is there without `resume`, and for `resume` without a checkpoint.
     """
     check_settings(settings)
     checkpoint = folder / CHECKPOINT
@@ -66,7 +66,7 @@ def train(
 
 
 def best_precision(device: str) -> str:
-    """Mixed precision where the device has it: bf16 on such GPUs, else fp32."""
+    """bf16 (mixed precision) on GPUs that have it, else fp32."""
     capable = device != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
     return "bf16" if capable else "fp32"
 
@@ -128,7 +128,7 @@ def _step(run: Run, crops: list[Sample]) -> float:
 
 
 def _rate(done: int, steps: int) -> float:
-    """The share of the learning rate after so many of the steps: up a line, down a cosine."""
+    """The share of the learning rate after a share of the steps: it rises linearly, then falls along a cosine."""
     warm_up = max(1, steps // _WARM_UP)
     return min(1.0, (done + 1) / warm_up) * 0.5 * (1 + math.cos(math.pi * done / steps))
 
@@ -145,7 +145,7 @@ def _loss(outputs: tuple[Tensor, ...], truth: Tensor, max_disparity: int) -> Ten
 
 
 def _started(settings: TrainingSettings) -> Run:
-    with torch.random.fork_rng(devices=[]):  # constructing draws numbers that are drawn again below
+    with torch.random.fork_rng(devices=[]):  # the constructor draws numbers, which are drawn again below
         network = PSMNet(max_disparity=settings.range_px, align_corners=settings.align_corners, width=settings.width)
     generator = torch.Generator().manual_seed(settings.seed)
     for layer in network.modules():
@@ -158,11 +158,11 @@ def _started(settings: TrainingSettings) -> Run:
 
 
 def _compare_from_the_start(network: PSMNet, width: int) -> None:
-    """Let the network begin as a short one that compares, instead of as a deep one that guesses.
+    """Initialise the network so that it compares features from the first step on.
 
     The first layer over the volume begins with f_L - f_R and its opposite, which after ReLU are what a matching cost is
     made of; and all that is added to a shortcut (residuals, hourglasses) begins at zero, as Goyal et al. do. Otherwise
-    a small network does no more than learn the mean disparity for its first hundreds of steps.
+    a small network learns no more than the mean disparity in its first hundreds of steps.
     """
     first = next(layer for layer in network.dres0.modules() if isinstance(layer, nn.Conv3d))
     with torch.no_grad():
@@ -179,7 +179,7 @@ def _compare_from_the_start(network: PSMNet, width: int) -> None:
 
 
 def check_settings(settings: TrainingSettings) -> None:
-    """Raises SettingError for settings that no training can be done with."""
+    """Raises SettingError for settings with which training is impossible."""
     rows, columns = settings.crop
     pooled = settings.batch * math.prod(max(1, length // _LARGEST_POOL_PX) for length in settings.crop)
     multiple = MULTIPLE * settings.step
@@ -199,7 +199,7 @@ def check_settings(settings: TrainingSettings) -> None:
         (settings.device != "cpu" and not torch.cuda.is_available(), "--device", "cpu where there is no GPU"),
     ):
         if wrong:
-            raise SettingError("no training can be done so", where=what, remedy=f"it is {remedy}")
+            raise SettingError("training is not possible with this value", where=what, remedy=f"it is {remedy}")
 
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""From samples to a network: the training, its curve beside SGBM's, and the weights that a scan takes."""
+"""The training of a network on samples: its curve beside SGBM's, and the weights for scans."""
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,16 +15,17 @@ from auditor.training.samples import Made, SampleFiles
 if TYPE_CHECKING:
     from auditor.training.checkpoints import TrainingRow, TrainingSettings
 
+
 WEIGHTS = "psmnet.safetensors"
 CURVE = "curve.csv"
 
 _VALIDATED = 24
-"""Samples of each kind that are looked at for a point of the curve, at most."""
+"""The most samples of each kind that are scored for a point of the curve."""
 
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """What a network learns from, and what it is tried on, by kind: recordings, streets."""
+    """The samples that a network is trained on, and by kind (recordings, streets) those it is validated on."""
 
     training: SampleFiles
     validation: Mapping[str, SampleFiles]
@@ -33,6 +34,7 @@ class TrainingSet:
     def known(self) -> str:
         """An id that follows from the samples, in their order."""
         every = (self.training, *self.validation.values())
+        # The first word is part of the ids of trainings begun earlier, which can still be resumed.
         return content_id("lesson", *([str(Path(*file.parts[-2:])) for file in files.files] for files in every))
 
 
@@ -48,7 +50,7 @@ class Point:
 
 
 def training_set(made: Sequence[Made], left_out: Sequence[Made]) -> TrainingSet:
-    """Train on what was made, validate on what was held out, never on samples of one source with training.
+    """The training and the validation samples; no source is in both.
 
     Raises SettingError where a source is in both, or nothing is left.
     """
@@ -73,7 +75,7 @@ def training_set(made: Sequence[Made], left_out: Sequence[Made]) -> TrainingSet:
 
 
 def train_on(training_set: TrainingSet, settings: "TrainingSettings", folder: Path) -> Iterator[list[Point]]:
-    """Train, or go on with the training that the folder holds; yields the points of the curve as they come.
+    """Train, or resume the training of the folder; yields the points of the curve as they come.
 
     After each the folder holds the checkpoint and the curve, at the end the weights. Points from before an
     interruption come first. Raises SettingError as `train` does, and where PSMNet's packages are missing.

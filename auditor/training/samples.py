@@ -1,4 +1,4 @@
-"""Training samples: from recordings and streets, made once, whole or not at all, then read in any order."""
+"""Training samples of recordings and streets: files that are made once, and are whole or absent."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -27,15 +27,12 @@ from auditor.recordings import open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
-
-
 Disparities = NDArray[np.float32]
-
-
 _STREET_FRAMES = 60
-
-
 _STREET_CAMERAS = 4
+_SUFFIX = ".npz"
+_UNITS = 64.0  # disparities are kept as whole multiples of 1/64 px, 0 where unknown
+_REPORT_EVERY = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class Recorded:
             rig = rigs_of(surveyed, self.rig)[0]
             if rig.lidar is None:
                 raise RecordingError(
-                    "it has no LiDAR that would know disparities", where=self.path, remedy="train on --synthetic scenes"
+                    "it has no LiDAR to give disparities", where=self.path, remedy="train on --synthetic scenes"
                 )
             numbered = (
                 (frame.number, sample)
@@ -83,7 +80,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Street:
-    """A synthetic drive, `frames` of it spread over its length; `seed` decides everything about it."""
+    """A synthetic drive, `frames` of it spread over its length; `seed` determines all of it."""
 
     seed: int
     frames: int
@@ -105,7 +102,7 @@ SampleSource = Recorded | Street
 
 
 def pair_of(number: int, rig: Rig) -> Pair:
-    """The pair (i, k) that a frame gives a sample of: all that a scan matches, by turns."""
+    """The pair (i, k) of a frame's sample: the pairs that a scan matches, in turn."""
     return rig.pairs[number % len(rig.pairs)]
 
 
@@ -128,7 +125,7 @@ def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
 
 
 def dense_sample(drive: SyntheticDrive, number: int) -> Sample:
-    """The sample of a synthetic frame, its disparities worked out from the depths that the reference camera saw."""
+    """The sample of a synthetic frame, its disparities computed from the true depths of the reference camera."""
     rig = drive.rig
     i, k = pair_of(number, rig)
     reference, source = rig.camera(k), rig.camera(i)
@@ -140,19 +137,10 @@ def dense_sample(drive: SyntheticDrive, number: int) -> Sample:
 
 
 def _inside(disparity: Disparities, source: Camera) -> Disparities:
-    """Without those whose match lies outside the witness's image, or behind it."""
+    """Disparities without those whose match lies outside the source camera's image, or behind it."""
     match = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     there = (disparity > 0) & (match >= 0) & (match < source.width_px)
     return np.where(there, disparity, np.float32(np.nan))
-
-
-_SUFFIX = ".npz"
-
-
-_UNITS = 64.0  # disparities are kept as whole numbers of this share of a pixel, 0 where unknown
-
-
-_REPORT_EVERY = 5
 
 
 @dataclass(frozen=True)
@@ -178,7 +166,7 @@ class Made:
 
 
 def make_samples(task: SampleTask, progress: Callable[[str, int], None]) -> Made:
-    """Write the samples of a source into a folder of their own; those that are there already are not made again.
+    """Write the samples of a source into a folder of their own; existing ones are not made again.
 
     Raises RecordingError, RigError, and SettingError where they cannot be written.
     """
@@ -218,7 +206,7 @@ def _write(numbered: Iterator[tuple[int, Sample]], folder: Path, at_most: int, p
 
 @dataclass(frozen=True)
 class SampleFiles(Sequence[Sample]):
-    """Samples in files, read when they are asked for."""
+    """Samples in files, each read when it is used."""
 
     files: tuple[Path, ...]
 
@@ -231,7 +219,7 @@ class SampleFiles(Sequence[Sample]):
     @overload
     def __getitem__(self, place: slice) -> Sequence[Sample]: ...
     def __getitem__(self, place: int | slice) -> Sample | Sequence[Sample]:
-        """One of them, or some. Raises SettingError where a file is no longer there, or not whole."""
+        """One of them, or some. Raises SettingError where a file is missing or not whole."""
         return SampleFiles(self.files[place]) if isinstance(place, slice) else _unpacked(self.files[place])
 
 
@@ -246,5 +234,7 @@ def _unpacked(file: Path) -> Sample:
         with np.load(file, allow_pickle=False) as arrays:
             left, right, units = (arrays[name] for name in ("left", "right", "disparity"))
     except (OSError, ValueError, KeyError, BadZipFile) as error:
-        raise SettingError("no readable sample", where=file, remedy="remove its folder: it is made again") from error
+        raise SettingError(
+            "it is not a readable sample", where=file, remedy="remove its folder: it is made again"
+        ) from error
     return left, right, np.where(units > 0, units / np.float32(_UNITS), np.float32(np.nan))

@@ -29,7 +29,7 @@ MATCHER = find_matcher("sgbm")
 
 @dataclass(frozen=True)
 class Sample:
-    """The local ratios of a frame under a facula of some strength on one camera, None where it is clean."""
+    """The windowed ratios of a frame under a facula of some strength on one camera, None where it is clean."""
 
     strength: str | None
     camera: int

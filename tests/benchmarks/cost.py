@@ -1,4 +1,4 @@
-"""What a scan costs: `python -m tests.benchmarks.cost`.
+"""The cost of a scan: `python -m tests.benchmarks.cost`.
 
 CPU time per frame (LiDAR and three cameras, from an MCAP file to the finished tables, one process) as a ratio to
 two bare SGBM calls on the same frames, rounds interleaved; and with --memory the peak memory of `auditor scan` over a

@@ -1,6 +1,6 @@
 """A drive cut at each of fifty places, scanned: `python -m tests.benchmarks.cuts [--frames 40] [--places 50]`.
 
-For every container and cut: frames measured of those before the cut, pieces of damage told, whether the mass balance
+For every container and cut: frames measured of those before the cut, damage reported, whether the mass balance
 adds up.
 """
 

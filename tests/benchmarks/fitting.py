@@ -1,4 +1,4 @@
-"""What the calibration check says of real drives as they are, and with their geometry broken on purpose.
+"""The warnings of the calibration check on real drives, and on the same drives with changed geometry.
 
 AUDITOR_TEST_DATA=... python -m tests.benchmarks.fitting
 """
@@ -88,7 +88,7 @@ CASES: dict[str, Case] = {
 
 
 def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
-    """What is said of a rig and a few frames."""
+    """The warnings for a rig and a few frames."""
     fitting = CalibrationCheck()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())

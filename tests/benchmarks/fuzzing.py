@@ -15,11 +15,11 @@ import tempfile
 import traceback
 from collections import Counter
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter, process_time
 
 import cv2
-import pytest
 
 from auditor.model.frames import Message
 from auditor.recordings import open_recording
@@ -28,6 +28,7 @@ from auditor.recordings.recording import Definition
 from tests.making.forms import CONTAINERS
 from tests.making.reading_all import decode_all, read_all
 from tests.making.recorded_drives import make_frames, make_rig
+from tests.making.videos import VIDEO, encoded, moving_picture, video_messages
 
 INTERESTING = (
     b"\x00",
@@ -102,11 +103,10 @@ class Seeds:
 
     def add_videos(self) -> None:
         """Key pictures and others, where the extra `video` is installed."""
-        try:
-            from tests.recordings.test_video import PACKETS, VIDEO, messages  # noqa: PLC0415
-        except (ImportError, pytest.skip.Exception):
+        if find_spec("av") is None:
             return
-        for number, message in enumerate(messages(PACKETS[:2])):
+        packets = encoded([moving_picture(number) for number in range(2)])
+        for number, message in enumerate(video_messages(packets)):
             self.payloads[f"{VIDEO} {number}"] = (message, None, Decoders(lambda _: None))
 
     def _messages(self, container: str, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What measuring and judging give, kept so that a later version can be compared with it byte for byte.
+"""The results of measuring and judging, kept so that a later version can be compared with it byte for byte.
 
     python -m tests.benchmarks.golden_store make FOLDER
     python -m tests.benchmarks.golden_store compare FOLDER
@@ -45,11 +45,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("verb", choices=("make", "compare"))
     parser.add_argument("folder", type=Path)
-    asked = parser.parse_args()
-    if asked.verb == "make":
-        keep(audit_all(), asked.folder)
+    options = parser.parse_args()
+    if options.verb == "make":
+        keep(audit_all(), options.folder)
         return 0
-    kept, now = read(asked.folder), audit_all()
+    kept, now = read(options.folder), audit_all()
     found = list(compare(kept, now))
     print("\n".join(found) or f"{len(now)} files, {sum(map(len, now.values()))} bytes: all equal")
     return int(bool(found))

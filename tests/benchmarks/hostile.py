@@ -1,7 +1,7 @@
 """The table of hostile files: `python -m tests.benchmarks.hostile [--scan]`.
 
-For each: messages recovered, CPU seconds, peak memory above the idle process, and what was said. With --scan all of
-them, and a good recording among them, go through one `auditor scan`: what it says of each, and how it ends.
+For each: messages recovered, CPU seconds, peak memory above the idle process, and the damage reported. With --scan all
+of them, and a good recording among them, go through one `auditor scan`: its line for each, and how it ends.
 """
 
 import argparse
@@ -11,9 +11,10 @@ import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
 
+from tests.making.hostile_packed import ALL
+from tests.making.memory import forget_peak, memory_mb
 from tests.making.reading_all import read_all
 from tests.making.small_drives import write_drive
-from tests.recordings.test_hostile import ALL, FORGET_PEAK, memory_mb
 
 
 def read_each() -> None:
@@ -22,18 +23,18 @@ def read_each() -> None:
     for hostile in ALL:
         with tempfile.TemporaryDirectory() as folder:
             path = hostile.make(Path(folder))
-            FORGET_PEAK.write_text("5")
+            forget_peak()
             idle_mb, started = memory_mb("VmRSS"), process_time()
             outcome = read_all(path)
             seconds, peak_mb = process_time() - started, memory_mb("VmHWM") - idle_mb
         worst_s, worst_mb = max(worst_s, seconds), max(worst_mb, peak_mb)
-        told = outcome.told.replace(folder, "")[:90]
-        print(f"{hostile.name:55} {outcome.messages:8} {seconds:5.2f} s {peak_mb:4.0f} MB  {told}")
+        damage = outcome.text.replace(folder, "")[:90]
+        print(f"{hostile.name:55} {outcome.messages:8} {seconds:5.2f} s {peak_mb:4.0f} MB  {damage}")
     print(f"{len(ALL)} files, at most {worst_s:.2f} s and {worst_mb:.0f} MB")
 
 
 def scan_all() -> None:
-    """Scan all files by one command, and print what it said of each."""
+    """Scan all files by one command, and print its line for each."""
     with tempfile.TemporaryDirectory() as above:
         folder = Path(above)
         paths = {}
@@ -50,14 +51,14 @@ def scan_all() -> None:
         lines = done.stderr.splitlines()
         silent = 0
         for path, name in paths.items():
-            said = [line for line in lines if str(path) in line]
-            silent += not said
-            print(f"{name:55} {len(said)} line: {(said or ['nothing'])[0].replace(above, '')[:120]}")
+            found = [line for line in lines if str(path) in line]
+            silent += not found
+            print(f"{name:55} {len(found)} line: {(found or ['none'])[0].replace(above, '')[:120]}")
         seconds = perf_counter() - started
         ending = next(line for line in lines if str(good) in line).rpartition(":")[2].strip()
         traces = done.stderr.count("Traceback")
         print(
-            f"{len(paths)} files, {silent} without a word, {traces} tracebacks, exit {done.returncode}, {seconds:.0f} s"
+            f"{len(paths)} files, {silent} without a line, {traces} tracebacks, exit {done.returncode}, {seconds:.0f} s"
         )
         print(f"the good recording among them: {ending}")
 

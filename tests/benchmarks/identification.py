@@ -3,7 +3,7 @@
 Drives 0009 (and with --both 0001) of the folder AUDITOR_TEST_DATA; rig of LiDAR, cam1, cam3 and the reference cam2;
 gated E at r = 0. Every frame is attacked three times on each sensor: a facula on each camera (R uniform in 187 to 375
 px, centre uniform over the image), a wall of 1.5 m x 2.5 m on the LiDAR (6 to 10 m away, lateral -3 to 3 m, standing
-within 0.6 m of the road). In sample, thresholds are the maxima over all clean frames; held out, over those of the
+within 0.6 m of the road). In sample, thresholds are the maxima over all clean frames; left out, over those of the
 other blocks of ten.
 """
 
@@ -83,7 +83,7 @@ def main() -> None:
                 for sensor in rig.sensors:
                     changed = attacked(frame, rig, sensor, options.strength, rng)
                     cases[key].append((sensor, disparity_errors(changed, rig)))
-    for mode in ("in sample", "held out"):
+    for mode in ("in sample", "left out"):
         hits, false_alarms = defaultdict(list), 0
         for key, attacks in cases.items():
             theta = maxima([E for other, E in clean.items() if mode == "in sample" or other[0] != key[0]])

@@ -1,4 +1,4 @@
-"""How sure a rate is."""
+"""The confidence interval of a rate."""
 
 from auditor.identification.cross_validation import wilson
 

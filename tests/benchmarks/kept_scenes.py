@@ -14,7 +14,7 @@ from auditor.measurement import use_one_thread
 
 
 class Named(Protocol):
-    """What decides a scene; its name tells it from all others, and is that of its file."""
+    """The parameters of a scene; its name is unique, and is that of its file."""
 
     @property
     def name(self) -> str: ...

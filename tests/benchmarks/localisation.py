@@ -68,7 +68,7 @@ def attacked(frame: Frame, rig: Rig, sensor: int, attack: Facula | BogusWall) ->
 
 
 def ratios_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Region, ...], object]:
-    """Local ratios, NaN where not measured, the regions, and the evidence."""
+    """Windowed ratios, NaN where not measured, the regions, and the evidence."""
     pair_checks = rig_pair_checks(rig)
     measurement, evidence = measure(frame, rig, MATCHER)
     found = windowed_ratios(pair_checks, measurement.cells, measurement.shares)
@@ -164,15 +164,17 @@ def main() -> None:
 def streets(scenes: range) -> None:
     """These scenes of each style, each style judged by the others' thresholds."""
     quiet: dict[str, list[tuple[float, ...]]] = defaultdict(list)
-    told: dict[str, list[Found]] = defaultdict(list)
+    found_by_style: dict[str, list[Found]] = defaultdict(list)
     for s, style in enumerate(STYLES):
         for scene in scenes:
             number = 1000 * (s + 1) + scene
             drive = make_drive(number, FRAMES_A_SCENE, style=style, vehicle=number)
             for frame in drive.frames():
                 quiet[style].append(ratios_of(frame, drive.rig)[0])
-                told[style].extend(measured([frame], drive.rig, scene))
-    parts = [([r for other in STYLES if other != style for r in quiet[other]], told[style]) for style in STYLES]
+                found_by_style[style].extend(measured([frame], drive.rig, scene))
+    parts = [
+        ([r for other in STYLES if other != style for r in quiet[other]], found_by_style[style]) for style in STYLES
+    ]
     report("synthetic streets, thresholds of the other styles", drive.rig, parts)
 
 

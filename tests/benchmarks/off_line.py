@@ -1,9 +1,9 @@
 """Cameras that do not stand on one line: `python -m tests.benchmarks.off_line`.
 
 The same synthetic streets (1242 x 375, LiDAR and three cameras like KITTI's, unrectified) through cameras on the line
-and beside it: who is named for strong faculas and walls of the paper's sizes, frames one by one, thresholds at r = 1 %
-learnt on four other streets with vehicles of their own, causes that are not attacks and frozen sensors left out; and
-the CPU time of measuring a frame, rounds interleaved.
+and beside it: the sensors named for strong faculas and walls of the paper's sizes, frames one by one, thresholds at r =
+1 % learnt on four other streets with vehicles of their own, causes that are not attacks and frozen sensors left out;
+and the CPU time of measuring a frame, rounds interleaved.
 """
 
 from collections import Counter
@@ -41,20 +41,20 @@ def street(seed: int, offsets_m: tuple[tuple[float, float, float], ...]) -> Synt
 
 
 def named(drives: Sequence[SyntheticDrive], learnt_on: Sequence[SyntheticDrive]) -> Counter[tuple[str, str]]:
-    """How often what was attacked (or nothing) was called what."""
+    """How often each set of attacked sensors got each verdict."""
     rig, matcher, rng = drives[0].rig, SgbmMatcher(), np.random.default_rng(5)
     clean = [AttackedFrame(frame, d.rig, matcher).ratios({}) for d in learnt_on for frame in list(d.frames())[::2]]
     cases = [{}] + [{s: draw_facula(rng, 1242, 375, "strong")} for s in (1, 2, 3) for _ in range(DRAWS)]
     cases += [{LIDAR: draw_wall(rng)} for _ in range(DRAWS)]
-    told, ratios = [], []
+    attacked, ratios = [], []
     for frame in (frame for d in drives for frame in list(d.frames())[::EVERY]):
         attacked_frame = AttackedFrame(frame, rig, matcher)
-        told += cases
+        attacked += cases
         ratios += [attacked_frame.ratios(case) for case in cases]
     verdicts = judge_alone(rig, clean, ratios)
-    said = ("clean" if v.kind is VerdictKind.CLEAN else f"attacked {v.attacked}" for v in verdicts)
+    called = ("clean" if v.kind is VerdictKind.CLEAN else f"attacked {v.attacked}" for v in verdicts)
     return Counter(
-        (f"attacked {tuple(case)}" if case else "clean", what) for case, what in zip(told, said, strict=True)
+        (f"attacked {tuple(case)}" if case else "clean", what) for case, what in zip(attacked, called, strict=True)
     )
 
 
@@ -78,8 +78,8 @@ def main() -> None:
         first, here = costs["on the line"][1:], costs[name][1:]  # views are made in the first round
         ratios = [b / a for a, b in zip(first, here, strict=True)]
         print(f"{name}: {median(ratios):.2f} times the CPU time a frame ({min(ratios):.2f} to {max(ratios):.2f})")
-        for (attacked, said), count in sorted(counts.items()):
-            print(f"  {attacked}: {said} {count}")
+        for (attacked, verdict), count in sorted(counts.items()):
+            print(f"  {attacked}: {verdict} {count}")
 
 
 if __name__ == "__main__":

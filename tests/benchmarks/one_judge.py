@@ -1,9 +1,9 @@
-"""Whether an evaluation says what a scan says: `python -m tests.benchmarks.one_judge [--frames 25] [--every 12]`.
+"""Does an evaluation give the verdicts of a scan? `python -m tests.benchmarks.one_judge [--frames 25] [--every 12]`.
 
 The first frames of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, reference cam2), by thresholds of
-drive 0001 at r = 1 %. Everything that `auditor evaluate` tries of each so many-th frame, and of the first interval, is
+drive 0001 at r = 1 %. All cases of `auditor evaluate` for each so many-th frame, and of the first interval, is
 compared with `auditor scan` of copies that are attacked alike: the kind of verdict, the sensors it names, causes,
-and what the half second around says. Experiments that measure a single triple (sensitivity) no scan can repeat.
+and the finding of the temporal window. A scan cannot repeat experiments that measure a single triple (sensitivity).
 """
 
 import argparse
@@ -36,12 +36,12 @@ def main() -> None:
         for one in compare(folder, *paths, experiments_of(patterns), every=options.every, patterns=patterns):
             agree = same(one.evaluated, one.scanned)
             counts.update([f"{one.experiment}, {one.attack}", "all"])
-            counts.update([f"verdict {one.scanned.kind}", f"half second {one.scanned.finding or 'no finding'}"])
+            counts.update([f"verdict {one.scanned.kind}", f"temporal window {one.scanned.finding or 'no finding'}"])
             counts["differ"] += not agree
             if not agree:
                 print(one)
-    for what, count in counts.items():
-        print(f"{what:40} {count:5}")
+    for name, count in counts.items():
+        print(f"{name:40} {count:5}")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""What PSMNet costs: `python -m tests.benchmarks.psmnet [--weights FILE --align-corners] [--device cuda]`.
+"""The cost of PSMNet: `python -m tests.benchmarks.psmnet [--weights FILE --align-corners] [--device cuda]`.
 
 On the CPU: seconds and peak memory of one pair at 1248 x 384 with 192 disparities, here and in the naive form (the
-published network as it is written down, called once a pair), and what `frame_cost` foretold. With --device cuda: frames
-a second with three cameras (two pairs), naive and here, for each precision and number of frames at once, compiled or
-not, and how far each precision's disparities are from fp32's; then a whole recording: decoded, matched and compared,
-frame by frame with the naive form and as a scan does it (--recording: that alone, a short one on the CPU). Without
---weights the weights are drawn by a rule from their names: times stay the same, but what a precision does to
-disparities should be judged with trained ones.
-With AUDITOR_TEST_DATA set the images are real. With --train: a toy network learns two planes of known disparity.
+published network as it is written down, called once a pair), and the prediction of `frame_cost`. With --device cuda:
+frames a second with three cameras (two pairs), naive and here, for each precision and number of frames at once,
+compiled or not, and how far each precision's disparities are from fp32's; then a whole recording: decoded, matched and
+compared, frame by frame with the naive form and as a scan does it (--recording: that alone, a short one on the CPU).
+Without --weights the weights are drawn by a rule from their names: times stay the same, but what a precision does to
+disparities should be judged with trained ones. With AUDITOR_TEST_DATA set the images are real. With --train: a toy
+network learns two planes of known disparity.
 """
 
 import argparse
@@ -48,7 +48,7 @@ from tests.making.psmnet_networks import noise, ruled_state
 
 HEIGHT, WIDTH, RANGE_PX = 375, 1242, 192
 WHOLE_FRAMES = 60
-CAMERAS = (2, 3, 1)  # left to right: the reference, then its witnesses
+CAMERAS = (2, 3, 1)  # left to right: the reference, then its source cameras
 PAIRS = [(0, 1), (0, 2)]
 FRAMES_AT_ONCE = (1, 2, 4, 8)
 ROUNDS = 5
@@ -101,7 +101,7 @@ def on_cpu(weights: Weights, align_corners: bool, form: str) -> None:
     torch.set_num_threads(1)
     left, right = images()[:2]
     matcher = PsmnetMatcher(weights, align_corners=align_corners, max_disparity=RANGE_PX)
-    told = frame_cost(matcher, (HEIGHT, WIDTH)).frame_s(images=2, pairs=1) if form == "here" else None
+    predicted_s = frame_cost(matcher, (HEIGHT, WIDTH)).frame_s(images=2, pairs=1) if form == "here" else None
     match = matcher.match if form == "here" else Naive(weights, align_corners, "cpu").match
     before = resource.getrusage(resource.RUSAGE_SELF)
     started = perf_counter()
@@ -109,8 +109,8 @@ def on_cpu(weights: Weights, align_corners: bool, form: str) -> None:
     wall = perf_counter() - started
     after = resource.getrusage(resource.RUSAGE_SELF)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    foretold = f", foretold {told:.1f} s" if told else ""
-    print(f"{form:6} {cpu:6.1f} s CPU, {wall:6.1f} s wall{foretold}, peak {after.ru_maxrss / PIXELS_MB:.2f} GB")
+    prediction = f", predicted {predicted_s:.1f} s" if predicted_s else ""
+    print(f"{form:6} {cpu:6.1f} s CPU, {wall:6.1f} s wall{prediction}, peak {after.ru_maxrss / PIXELS_MB:.2f} GB")
 
 
 def on_gpu(weights: Weights, align_corners: bool, device: str) -> None:
@@ -205,8 +205,8 @@ def training() -> None:
     started = perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         for row in train([planes(seed) for seed in range(64)], unseen, settings, Path(folder)):
-            told = row.validation["planes"]
-            print(f"step {row.step:4} loss {row.loss:6.3f} {told} after {perf_counter() - started:.0f} s")
+            scores = row.validation["planes"]
+            print(f"step {row.step:4} loss {row.loss:6.3f} {scores} after {perf_counter() - started:.0f} s")
     print(f"sgbm-full {score(SgbmMatcher(step=1), unseen['planes'])}")
 
 

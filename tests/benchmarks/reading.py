@@ -1,4 +1,4 @@
-"""What reading costs: `python -m tests.benchmarks.reading`.
+"""The cost of reading: `python -m tests.benchmarks.reading`.
 
 CPU seconds over a zstd MCAP file of ROS 2 images and clouds (real frames where AUDITOR_TEST_DATA is set, else noise and
 ramps), rounds interleaved, medians of the ratios within each round. With --memory the peak memory above an idle process

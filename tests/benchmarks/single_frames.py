@@ -17,9 +17,9 @@ Ratios = Sequence[Sequence[float | None]]
 
 
 def judge_alone(rig: Rig, clean: Ratios, tested: Ratios) -> list[Verdict]:
-    """The verdicts of the robust method by thresholds from clean local ratios, each on one frame by itself.
+    """The verdicts of the robust method by thresholds from clean windowed ratios, each on one frame by itself.
 
-    Left out is what takes frames one after the other: causes that are not attacks, and frozen sensors.
+    Rules over successive frames are left out: causes that are not attacks, and frozen sensors.
     """
     system, F = system_of(rig), len(tested)
     thresholds = thresholds_from(np.array(clean, dtype=np.float64), {}, system.pair_checks, R)

@@ -84,5 +84,5 @@ def test_vehicle_date_and_drive_come_from_the_path_from_options_and_from_the_rec
     told = [(row["vehicle"], row["date"], row["drive"]) for row in rows(known, store, capfd)]
     assert told == [("birch", "2026-01-31", "0009")] * 2, "what is not given anew stays"
     assert run([*scan, "--path-pattern", "{date}/alder/*/*.mcap"]) == 2
-    assert "is no date" in capfd.readouterr().err
+    assert "is not a date" in capfd.readouterr().err
     assert run([*scan, "--path-pattern", "{colour}/*.mcap"]) == 2

@@ -63,13 +63,13 @@ def scanned(frames, rig, number):
 
 
 def kept(features):
-    told = features.fault_features
+    taken = features.fault_features
     return (
         features.present,
         features.fingerprint,
         features.level,
         features.saturated_share,
-        [np.nan if x is None else x for x in told],
+        [np.nan if x is None else x for x in taken],
     )
 
 

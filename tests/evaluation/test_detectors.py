@@ -32,7 +32,7 @@ def test_boxes_agree_by_intersection_over_union() -> None:
     assert overlaps([], [a]).shape == (0, 1)
 
 
-def test_a_witness_sees_an_object_further_to_the_left_by_no_more_than_the_largest_disparity() -> None:
+def test_a_source_camera_sees_an_object_further_to_the_left_by_no_more_than_the_largest_disparity() -> None:
     reference, source = ImageBox(50, 0, 60, 10), ImageBox(20, 0, 30, 10)
     assert overlaps([reference], [source], 40.0) == 1.0
     assert overlaps([reference], [source], 25.0) == pytest.approx(5 / 15)
@@ -69,7 +69,7 @@ def view_of(boxes: list[tuple[float, float, float]]) -> ViewPoints:
     return ViewPoints(u[known], v[known], depth[known])
 
 
-def test_what_stands_above_the_ground_is_an_object_and_the_ground_is_none() -> None:
+def test_points_above_the_ground_are_objects_and_the_ground_is_not() -> None:
     seen_by = plane_rig().camera(3)
     assert find_objects(view_of([]), seen_by) == ()
     found = sorted(
@@ -169,7 +169,7 @@ def test_a_grid_seen_from_above_holds_a_one_where_there_is_a_point_and_boxes_may
     assert found.score == pytest.approx(1 - 1 / 8)
 
 
-def test_settings_tell_one_model_from_another(tmp_path: Path) -> None:
+def test_settings_identify_a_model(tmp_path: Path) -> None:
     first = find_detectors([f"onnx:{write_camera_detector(tmp_path / 'a.onnx', [[0, 0, 9, 9]], [0.9])}"])
     second = find_detectors([f"onnx:{write_camera_detector(tmp_path / 'b.onnx', [[0, 0, 8, 9]], [0.9])}", "geometric"])
     assert first.settings != second.settings
@@ -178,15 +178,15 @@ def test_settings_tell_one_model_from_another(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "said"),
+    ("names", "problem"),
     [
-        (["yolo"], "no detector is called 'yolo'; use geometric or onnx:FILE"),
-        (["onnx:"], "no detector is called 'onnx:'"),
+        (["yolo"], "there is no detector 'yolo'; use geometric or onnx:FILE"),
+        (["onnx:"], "there is no detector 'onnx:'"),
         (["onnx:none.onnx"], "no description beside the model"),
     ],
 )
-def test_a_name_that_is_no_detector_is_refused(names: list[str], said: str) -> None:
-    with pytest.raises(SettingError, match=said):
+def test_an_unknown_detector_is_refused(names: list[str], problem: str) -> None:
+    with pytest.raises(SettingError, match=problem):
         find_detectors(names)
 
 
@@ -197,7 +197,7 @@ def test_two_detectors_of_one_kind_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("toml", "said"),
+    ("toml", "problem"),
     [
         ("", "sensor is missing"),
         ('sensor = "radar"', "sensor is missing or unknown"),
@@ -215,13 +215,13 @@ def test_two_detectors_of_one_kind_are_refused(tmp_path: Path) -> None:
         ('sensor = "camera"\nnames = ["Car"]\n[input]\nname = "input"', "outputs are boxes, scores.*labels"),
     ],
 )
-def test_a_description_that_makes_no_sense_is_refused(tmp_path: Path, toml: str, said: str) -> None:
+def test_an_ill_formed_description_is_refused(tmp_path: Path, toml: str, problem: str) -> None:
     path = write_detector(tmp_path / "m.onnx", toml, [[0, 0, 9, 9]], [0.9], [1, 3, "H", "W"])
-    with pytest.raises(SettingError, match=said):
+    with pytest.raises(SettingError, match=problem):
         find_detectors([f"onnx:{path}"])
 
 
-def test_a_model_of_one_size_says_which(tmp_path: Path) -> None:
+def test_a_model_of_one_size_names_it(tmp_path: Path) -> None:
     toml = 'sensor = "camera"\nnames = ["Car"]\n[input]\nname = "input"\n[output]\nlabels = ""'
     path = write_detector(tmp_path / "m.onnx", toml, [[0, 0, 9, 9]], [0.9], [1, 3, 32, 64])
     with pytest.raises(SettingError, match=r"write size = \[32, 64\] under \[input\]"):
@@ -239,7 +239,7 @@ def test_outputs_of_another_shape_than_described_are_an_error_of_the_description
             camera(path).detect(BLACK)
 
 
-def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_model_is_refused(tmp_path: Path) -> None:
     path = write_camera_detector(tmp_path / "m.onnx", [[0, 0, 9, 9]], [0.9])
     path.write_bytes(b"no model")
     with pytest.raises(SettingError, match="no ONNX model that can be run"):
@@ -247,7 +247,7 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["a file", "memory", "operators"])
-def test_a_model_that_reaches_for_what_is_not_its_own_is_an_error(tmp_path: Path, what: str) -> None:
+def test_a_model_that_needs_other_files_or_operators_is_an_error(tmp_path: Path, what: str) -> None:
     path = write_camera_detector(tmp_path / "m.onnx", [[0, 0, 9, 9]], [0.9])
     path.write_bytes(hostile_models()[what].SerializeToString())
     with pytest.raises(SettingError, match=r"no ONNX model that can be run|the model fails"):

@@ -35,21 +35,21 @@ RIG = plane_rig(FOUR_CAMERAS)
 FACULAS = {s: Facula(2000.0, 20.0 + 5 * s, 60.0 * s, 50.0) for s in (1, 2, 3, 4)}
 ATTACKS = {LIDAR: BogusWall(range_m=6.0, lateral_m=0.2, seed=3), **FACULAS}
 FRAMES = 5
-STRETCH = 2
+CHUNK = 2
 
 
 class CountingMatcher:
-    """SGBM that counts how often it is asked."""
+    """SGBM that counts its calls."""
 
     def __init__(self):
-        self.asked = 0
+        self.calls = 0
         self._sgbm = find_matcher("sgbm")
 
     def __getattr__(self, name):
         return getattr(self._sgbm, name)
 
     def match(self, left, right):
-        self.asked += 1
+        self.calls += 1
         return self._sgbm.match(left, right)
 
 
@@ -58,7 +58,7 @@ def under_attacks(frame, attacks):
     return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
 
 
-def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
+def test_an_attacked_frame_gives_the_counts_and_windowed_ratios_of_measuring_it():
     frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
     attacked_frame = AttackedFrame(frame, RIG, matcher)
     found = []
@@ -69,33 +69,33 @@ def test_a_bench_gives_the_counts_and_local_ratios_of_the_attacked_frame():
             assert attacked_frame.counts(attacks) == measured.counts
             found.append(attacked_frame.ratios(attacks))
             assert found[-1] == windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
-    assert len(set(found)) >= len(found) - 2  # where cameras are blinded nobody can deny the LiDAR
+    assert len(set(found)) >= len(found) - 2  # where all cameras are blinded none can check the LiDAR
 
 
 def test_only_what_an_attack_changes_is_matched_again():
     matcher = CountingMatcher()
     attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
-    asked = []
+    calls = []
     for attacked in ((), (0,), (1,), (0, 1), (4,), (1, 4), (0, 1, 4)):
         attacked_frame.counts({s: ATTACKS[s] for s in attacked})
-        asked.append(matcher.asked)
-    # 5 pairs: (1,4) (2,4) (3,4) (1,3) (2,3). A witness is in two of them, S_4 in three, both of them in one.
-    assert [b - a for a, b in pairwise([0, *asked])] == [5, 0, 2, 0, 3, 1, 0]
+        calls.append(matcher.calls)
+    # 5 pairs: (1,4) (2,4) (3,4) (1,3) (2,3). A source camera is in two of them, S_4 in three, both of them in one.
+    assert [b - a for a, b in pairwise([0, *calls])] == [5, 0, 2, 0, 3, 1, 0]
     attacked_frame.forget_attacks()
     attacked_frame.counts({})
-    assert matcher.asked == asked[-1]
+    assert matcher.calls == calls[-1]
     attacked_frame.counts({1: ATTACKS[1]})
-    assert matcher.asked == asked[-1] + 2
+    assert matcher.calls == calls[-1] + 2
 
 
 def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice():
-    asked = []
+    matched = []
 
     class Pairing(CountingMatcher):
         pairs_at_once = 1
 
         def match_pairs(self, images, pairs):
-            asked.append(len(pairs))
+            matched.append(len(pairs))
             return [self.match(images[left], images[right]) for left, right in pairs]
 
     frame, matcher = plane_frame(RIG, depth_m=7.0), Pairing()
@@ -103,21 +103,21 @@ def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice(
     cases = [{}, {1: ATTACKS[1]}, {0: ATTACKS[0], 1: ATTACKS[1]}, {1: ATTACKS[1], 4: ATTACKS[4]}]
     attacked_frame.match_together(cases)
     # 5 pairs; S_1 in two of them, S_4 in three, both in one.
-    assert (asked, matcher.asked) == ([5 + 2 + 3], 10)
+    assert (matched, matcher.calls) == ([5 + 2 + 3], 10)
     plain = AttackedFrame(frame, RIG, find_matcher("sgbm"))
     assert [attacked_frame.counts(case) for case in cases] == [plain.counts(case) for case in cases]
     attacked_frame.match_together(cases)
-    assert (sum(asked), matcher.asked) == (10, 10)
+    assert (sum(matched), matcher.calls) == (10, 10)
 
 
-def test_a_triple_that_was_not_asked_for_or_lacks_a_sensor_has_no_counts():
+def test_a_triple_that_was_not_requested_or_lacks_a_sensor_has_no_counts():
     attacked_frame = AttackedFrame(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
     assert attacked_frame.sensors == (0, 1, 3, 4)
     counts = dict(zip(RIG.triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
 
 
-def test_local_ratios_are_those_of_the_triples_asked_for_as_far_as_their_sensors_are_there():
+def test_windowed_ratios_are_those_of_the_requested_triples_whose_sensors_are_there():
     matcher = find_matcher("sgbm")
     attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
     asked = {
@@ -154,7 +154,7 @@ def test_one_sensors_attack_is_the_same_in_every_combination_and_place_and_size_
     assert list(experiment.cases(RIG, SeededDraws(0, 1, 2, 4), ()))[1].attacks != cases[1].attacks
 
 
-def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_witness():
+def test_sensitivity_varies_walls_and_the_faculas_of_reference_and_source_camera():
     experiment = next(e for e in EXPERIMENTS if e.name == "sensitivity")
     cases = list(experiment.cases(RIG, SeededDraws(0, 1, 2, 0), ()))
     assert [c.size for c in cases if c.attacked == (0,)] == [0.5, 1.0, 1.5, 2.0, 2.5]
@@ -187,29 +187,29 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def evaluated(drive, tmp_path_factory):
-    """A store with all cases of all frames, only to be read, and what evaluating said."""
+    """A store with all cases of all frames, only to be read, and the result of evaluating."""
     store = tmp_path_factory.mktemp("evaluated")
     return store, run(drive, store)
 
 
 @pytest.fixture
-def short_stretches(monkeypatch):
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", STRETCH)
+def short_chunks(monkeypatch):
+    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
 
 
 @pytest.fixture
 def short_intervals(monkeypatch):
-    """Intervals end with short stretches, as long ones do with long stretches."""
-    monkeypatch.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=STRETCH))
+    """Intervals end with short chunks, as long ones do with long chunks."""
+    monkeypatch.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
 
 
 @pytest.fixture(scope="module")
-def in_stretches(drive, tmp_path_factory):
-    """A store with the cases of every other frame, in short stretches, and what evaluating said."""
-    store = tmp_path_factory.mktemp("stretches")
+def in_chunks(drive, tmp_path_factory):
+    """A store with the cases of every other frame, in short chunks, and the result of evaluating."""
+    store = tmp_path_factory.mktemp("chunks")
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(chunks, "CHUNK_FRAMES", STRETCH)
-        patched.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=STRETCH))
+        patched.setattr(chunks, "CHUNK_FRAMES", CHUNK)
+        patched.setattr(runner, "INTERVALS", replace(runner.INTERVALS, together=CHUNK))
         return store, run(drive, store, attack_every=2)
 
 
@@ -220,11 +220,11 @@ def test_every_case_of_every_frame_is_measured_and_none_again(drive, evaluated):
     assert not run(drive, store).fresh
 
 
-@pytest.mark.usefixtures("short_stretches", "short_intervals")
+@pytest.mark.usefixtures("short_chunks", "short_intervals")
 def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
-    drive, in_stretches, tmp_path, monkeypatch
+    drive, in_chunks, tmp_path, monkeypatch
 ):
-    store, whole = in_stretches
+    store, whole = in_chunks
     killed_at = 3
     measured = []
 
@@ -240,15 +240,15 @@ def test_an_evaluation_that_was_killed_goes_on_where_it_was_and_counts_the_same(
             run(drive, tmp_path / "killed", attack_every=2)
     assert 0 < len(content(tmp_path / "killed")) < whole.cases
     again = run(drive, tmp_path / "killed", attack_every=2)
-    assert again.frames == FRAMES - STRETCH
+    assert again.frames == FRAMES - CHUNK
     assert content(tmp_path / "killed") == content(store)
 
 
-@pytest.mark.usefixtures("short_stretches", "short_intervals")
-def test_shares_of_a_recording_make_the_whole(drive, in_stretches, tmp_path):
+@pytest.mark.usefixtures("short_chunks", "short_intervals")
+def test_shares_of_a_recording_make_the_whole(drive, in_chunks, tmp_path):
     done = [run(drive, tmp_path / "shared", attack_every=2, share=share, of=2) for share in (0, 1)]
-    assert [one.frames for one in done] == [STRETCH + 1, STRETCH]
-    assert content(tmp_path / "shared") == content(in_stretches[0])
+    assert [one.frames for one in done] == [CHUNK + 1, CHUNK]
+    assert content(tmp_path / "shared") == content(in_chunks[0])
     assert not run(drive, tmp_path / "shared", attack_every=2, share=1, of=3).fresh
 
 
@@ -270,7 +270,7 @@ def nothing_measured(monkeypatch):
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
 
 
-@pytest.mark.usefixtures("short_stretches", "nothing_measured")
+@pytest.mark.usefixtures("short_chunks", "nothing_measured")
 def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alone(drive, tmp_path):
     def cases(store):
         columns = "frame, experiment, draw, attacked, attack, strength, size, parameters"
@@ -286,7 +286,7 @@ def test_every_frame_is_measured_clean_and_each_nth_attacked_as_it_would_be_alon
     assert cases(tmp_path / "some") == everything  # and nothing twice
 
 
-def test_what_decides_the_attacks_decides_the_id_of_a_part():
+def test_the_id_of_a_part_follows_from_all_that_determines_its_attacks():
     first = EvaluationPart(
         recording_id="a" * 64,
         name="a",
@@ -338,27 +338,27 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
     assert json.loads(second.stdout) == rows
 
 
-def test_the_command_says_what_it_needs():
+def test_the_command_needs_recordings_or_streets():
     refused = CliRunner().invoke(auditor, ["evaluate"], standalone_mode=False)
     assert "name clean recordings, or give --synthetic" in str(refused.exception)
 
 
-def test_a_delayed_sensor_shows_earlier_frames_across_stretches_and_after_a_kill(evaluated):
+def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(evaluated):
     sql = "SELECT frame, size FROM cases WHERE attack = 'delay' AND attacked = [0] ORDER BY ALL"
     rows = [tuple(row.values()) for row in run_sql(Store.open(evaluated[0]), sql).to_pylist()]
     assert rows == [(f, float(d)) for f in range(FRAMES) for d in (1, 3) if d <= f]
 
 
-def test_what_is_not_left_to_chance_is_tried_once_however_often_the_rest_is_drawn():
+def test_cases_that_are_not_random_come_with_the_first_draw_only():
     experiment = next(e for e in experiments_of(()) if e.name == "further")
     first, second = (list(experiment.cases(RIG, SeededDraws(0, 1, 2, draw), ())) for draw in (0, 1))
-    memoise = {"turned LiDAR", "shifted camera"}
-    assert {case.attack for case in first} - {case.attack for case in second} == memoise
-    assert len(second) == len([case for case in first if case.attack not in memoise])
+    certain = {"turned LiDAR", "shifted camera"}
+    assert {case.attack for case in first} - {case.attack for case in second} == certain
+    assert len(second) == len([case for case in first if case.attack not in certain])
     assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
 
 
-def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_stretch():
+def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_chunk():
     assert CHUNK_FRAMES % INTERVAL_FRAMES == 0
     experiment = next(e for e in experiments_of(()) if e.name == "intervals")
     first, next_one, later = (list(experiment.cases(RIG, SeededDraws(0, 1, f, 0), ())) for f in (0, 1, INTERVAL_FRAMES))
@@ -386,7 +386,7 @@ def test_laser_patterns_are_laid_over_every_camera_and_measured_once(drive, eval
     assert all(row["detected"] == row["cases"] == FRAMES for row in patterns)
 
 
-def test_what_is_no_picture_is_no_pattern(tmp_path):
+def test_a_file_that_is_not_a_picture_is_refused_as_a_pattern(tmp_path):
     (tmp_path / "laser.png").write_bytes(b"no picture")
-    with pytest.raises(SettingError, match="no readable picture"):
+    with pytest.raises(SettingError, match="not a readable picture"):
         experiments_of([tmp_path / "laser.png"])

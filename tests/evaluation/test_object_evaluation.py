@@ -34,14 +34,14 @@ from tests.making.small_drives import write_drive
 
 pytest.importorskip("onnxruntime")
 
-FRAMES, STRETCH = 5, 2
+FRAMES, CHUNK = 5, 2
 CASES = FRAMES * (1 + 3 * (7 + 7 - 3))  # the two scenarios share three of their sets
 LABEL = "{kind} 0.0 {occluded} 0.0 {box} 1.5 2.0 4.0 {x} 1.6 {z} 0.0"
 
 
 def run(drive: Path, store: Path, *detectors: str, **task: object):
-    asked = ObjectTask(Recorded(drive), store, detectors=detectors or ("geometric",), **task)
-    return evaluate_objects(asked, lambda *_: None)
+    wanted = ObjectTask(Recorded(drive), store, detectors=detectors or ("geometric",), **task)
+    return evaluate_objects(wanted, lambda *_: None)
 
 
 def content(store: Path) -> list[dict[str, object]]:
@@ -68,23 +68,23 @@ def test_a_bogus_wall_is_an_object_that_no_camera_sees(street) -> None:
     assert sum(value < 0.5 for value in attacked) > sum(value < 0.5 for value in clean)
 
 
-def test_objects_are_looked_for_again_only_where_the_data_changed(street) -> None:
+def test_objects_are_detected_again_only_where_the_data_changed(street) -> None:
     rig, frame = street
 
-    class Asked:
-        labels, name, settings, asked = frozenset({"Car"}), "a", "{}", 0
+    class Counting:
+        labels, name, settings, calls = frozenset({"Car"}), "a", "{}", 0
 
         def detect(self, pixels):
-            self.asked += 1
+            self.calls += 1
             return (Detection(ImageBox(10, 10, 60, 60), 0.9, "Car"),)
 
-    detector = Asked()
+    detector = Counting()
     objects = AttackedObjects(AttackedFrame(frame, rig, find_matcher("sgbm")), Detectors(camera=detector))
     facula = Facula(255.0, 20.0, 60.0, 50.0)
     for attacks in ({}, {}, {1: facula}, {1: facula, 0: BogusWall(8.0, 0.0, seed=1)}):
         assert objects.agreement(Triple(1, 2, 3), attacks) == (1.0,) * 4  # both pairs, both ways
         objects.agreement(Triple(0, 1, 3), attacks)
-    assert detector.asked == 3 + 1
+    assert detector.calls == 3 + 1
 
 
 def test_a_cloud_detectors_boxes_are_compared_in_every_image(street) -> None:
@@ -100,7 +100,7 @@ def test_a_cloud_detectors_boxes_are_compared_in_every_image(street) -> None:
         labels, name, settings, at = frozenset({"Car"}), "a", "{}", 0
 
         def detect(self, pixels):
-            self.at += 1  # asked for S_1 first, then for S_3
+            self.at += 1  # called for S_1 first, then for S_3
             box = in_view(SolidBox(0.5, 1.6, 12.0, 4.0, 2.0, 1.5, 1.5), rig.camera((1, 3)[self.at - 1]))
             return (Detection(box, 0.9, "Car"),)
 
@@ -116,15 +116,15 @@ def test_the_papers_two_systems_are_compared() -> None:
 
 
 def test_the_baseline_goes_on_where_it_was_killed_and_in_shares(drive, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(chunks, "CHUNK_FRAMES", STRETCH)
+    monkeypatch.setattr(chunks, "CHUNK_FRAMES", CHUNK)
     whole = run(drive, tmp_path / "whole")
     assert (whole.frames, whole.cases) == (FRAMES, CASES)
     assert not run(drive, tmp_path / "whole").fresh
-    asked = []
+    compared = []
 
     def agreement(objects, *arguments, really=AttackedObjects.agreement):
-        asked.append(1)
-        if len(asked) > 150:  # of 220: in the second stretch
+        compared.append(1)
+        if len(compared) > 150:  # of 220: in the second chunk
             raise KeyboardInterrupt
         return really(objects, *arguments)
 
@@ -197,7 +197,7 @@ def test_an_object_is_found_once_and_the_surest_finds_it() -> None:
     assert scored([found(0.5, 0, 0, 100, 34)], [CAR]) == (1, [(0.5, False)])  # 0.68 of a car's 0.7
 
 
-def test_what_kitti_does_not_count_is_neither_right_nor_wrong() -> None:
+def test_objects_that_kitti_does_not_count_are_neither_hits_nor_false() -> None:
     here = [found(0.9, 0, 0, 100, 50)]
     assert scored(here, [label("Van", 0, 0, 100, 50)]) == (0, [])
     assert scored(here, [label("Car", 0, 0, 100, 50, occluded=2)]) == (0, [])
@@ -227,20 +227,20 @@ def test_labels_of_both_benchmarks_are_read(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "problem"),
     [
-        ("Car 0 0", "line 1 is no label of KITTI's.*3 fields"),
-        ("Car " + "x " * 14, "no label"),
+        ("Car 0 0", "line 1 is not a label of KITTI's.*3 fields"),
+        ("Car " + "x " * 14, "not a label"),
         ("Car" + " nan" * 14, "finite"),
     ],
 )
-def test_what_is_no_label_is_an_error_with_its_line(tmp_path, text: str, said: str) -> None:
+def test_an_ill_formed_label_is_an_error_with_its_line(tmp_path, text: str, problem: str) -> None:
     (tmp_path / "000000.txt").write_text(text)
-    with pytest.raises(SettingError, match=said):
+    with pytest.raises(SettingError, match=problem):
         read_object_labels(tmp_path, "drive")
 
 
-def test_labels_that_are_not_there_or_score_nobody_are_refused(tmp_path) -> None:
+def test_labels_that_are_not_there_or_score_no_detector_are_refused(tmp_path) -> None:
     with pytest.raises(SettingError, match=r"no labels of 'drive'.*drive\.txt"):
         read_object_labels(tmp_path, "drive.mcap")
     with pytest.raises(SettingError, match="labels need a detector"):
@@ -253,8 +253,8 @@ def test_the_command_compares_objects_too_and_the_query_answers(tmp_path) -> Non
     done = CliRunner().invoke(auditor, arguments)
     assert done.exit_code == 0, done.stderr
     assert f"short.mcap, objects: 1 frames, {CASES // FRAMES} cases measured" in done.stderr
-    asked = CliRunner().invoke(auditor, ["query", "evaluation_objects", "--store", store, "--format", "json"])
-    rows = json.loads(asked.stdout)
+    queried = CliRunner().invoke(auditor, ["query", "evaluation_objects", "--store", store, "--format", "json"])
+    rows = json.loads(queried.stdout)
     assert {row["iou"] for row in rows} == {0.5, 0.7}
     assert all(row["cases"] in (1, 7) and row["frames"] == 1 for row in rows)
 

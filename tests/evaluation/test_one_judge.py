@@ -1,4 +1,4 @@
-"""An evaluation says of each attack what a scan says of a recording that is attacked like it."""
+"""An evaluation gives each attack the verdict that a scan gives a recording that is attacked alike."""
 
 import os
 from dataclasses import replace

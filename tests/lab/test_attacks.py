@@ -125,7 +125,7 @@ def test_an_unknown_strength_is_refused_with_the_known_ones() -> None:
         draw_facula(np.random.default_rng(0), 1242, 375, "blinding")
 
 
-def test_a_plan_is_on_for_its_interval_and_its_label_says_when() -> None:
+def test_a_plan_is_on_for_its_interval_and_its_label_gives_the_interval() -> None:
     attacker = Attacker(AttackPlan(sensor=1, from_ns=100, to_ns=300), rig())
     images = {stamp: attacker.change_image(replace(image(0), stamp_ns=stamp)) for stamp in (0, 100, 200, 300, 400)}
     assert {stamp for stamp, changed in images.items() if changed.pixels.any()} == {100, 200, 300}
@@ -154,7 +154,7 @@ def test_a_sensor_that_the_rig_lacks_is_refused() -> None:
         Attacker(AttackPlan(sensor=4), rig())
 
 
-def test_a_plan_of_another_kind_does_it_and_says_so() -> None:
+def test_a_plan_of_another_kind_does_it_and_names_it() -> None:
     dimmed = Attacker(AttackPlan(sensor=1, kind="dimmed", size=0.5), rig())
     assert np.array_equal(dimmed.change_image(image(100)).pixels, image(50).pixels)
     label = dimmed.label
@@ -191,7 +191,7 @@ def test_a_frozen_camera_shows_what_it_saw_when_it_froze() -> None:
 
 
 def test_a_plan_of_a_kind_that_a_sensor_cannot_suffer_is_refused() -> None:
-    with pytest.raises(SettingError, match="hidden is nothing to do to a camera; use facula"):
+    with pytest.raises(SettingError, match="hidden cannot be done to a camera; use facula"):
         Attacker(AttackPlan(1, kind="hidden"), rig())
     with pytest.raises(SettingError, match="name it with --pattern"):
         Attacker(AttackPlan(1, kind="pattern"), rig())

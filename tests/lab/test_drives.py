@@ -30,7 +30,7 @@ def city() -> SyntheticDrive:
     return small()
 
 
-def test_the_same_seed_makes_the_same_drive_whatever_frame_is_asked_for_first(city: SyntheticDrive) -> None:
+def test_the_same_seed_makes_the_same_drive_whatever_frame_is_made_first(city: SyntheticDrive) -> None:
     again = small()
     again.frame(1)
     first, second = city.frame(3), again.frame(3)
@@ -126,7 +126,7 @@ def test_true_disparities_of_two_cameras_agree(city: SyntheticDrive) -> None:
     assert share.mean() > 0.85  # the rest is hidden from the right camera
 
 
-def test_cameras_stand_like_kittis_or_evenly_or_where_they_are_told() -> None:
+def test_cameras_stand_like_kittis_or_evenly_or_where_they_are_placed() -> None:
     rig = make_drive(1, 1, **SMALL).rig
     assert [rig.baseline_m(i, 3) for i in (1, 2)] == pytest.approx([0.60, 0.53])
     full = make_drive(1, 1).rig
@@ -135,8 +135,8 @@ def test_cameras_stand_like_kittis_or_evenly_or_where_they_are_told() -> None:
     assert four.baseline_m(3, 4) == pytest.approx(0.06)
     six = make_drive(1, 1, n_cameras=6, **SMALL).rig
     assert [six.baseline_m(i, i + 1) for i in range(1, 6)] == pytest.approx([0.3] * 5)
-    told = make_drive(1, 1, positions_m=(1.0, 0.4, 0.1), **SMALL).rig
-    assert told.baseline_m(1, 3) == pytest.approx(0.9)
+    given = make_drive(1, 1, positions_m=(1.0, 0.4, 0.1), **SMALL).rig
+    assert given.baseline_m(1, 3) == pytest.approx(0.9)
 
 
 def test_a_drive_without_a_lidar_has_no_cloud() -> None:
@@ -148,7 +148,7 @@ def test_a_drive_without_a_lidar_has_no_cloud() -> None:
         drive.cloud(0)
 
 
-def test_what_makes_no_sense_is_refused() -> None:
+def test_impossible_settings_are_refused() -> None:
     with pytest.raises(SettingError, match="city"):
         make_drive(1, 1, style="moon")
     with pytest.raises(SettingError, match="2 positions for 3 cameras"):

@@ -58,18 +58,18 @@ def test_points_keep_their_order_and_their_directions():
     assert np.allclose(before, after, atol=1e-5)
 
 
-def test_what_is_far_is_lost_more_often_the_harder_it_rains():
+def test_far_points_are_lost_more_often_in_heavier_rain():
     far = [1 - len(Rain(rate, seed=1).apply(cloud(85), RIG).xyz_m) / BEAMS for rate in (2, 25, 100)]
     assert far == sorted(far)
     assert far[0] < far[-1] / 2
     assert len(Rain(100, seed=1).apply(cloud(10), RIG).xyz_m) == BEAMS
 
 
-def test_nothing_lies_before_what_is_nearer_than_any_drop_can_be():
+def test_points_nearer_than_any_drop_stay():
     assert ranges_m(Rain(100, seed=1).apply(cloud(1.4), RIG)) == pytest.approx(1.4, abs=0.1)
 
 
-def test_no_rain_and_no_points_change_nothing():
+def test_without_rain_or_without_points_nothing_changes():
     assert np.array_equal(Rain(0, seed=1).apply(cloud(30), RIG).xyz_m, cloud(30).xyz_m)
     empty = PointCloud(7, np.zeros((0, 3), np.float32))
     assert Rain(10, seed=1).apply(empty, RIG).xyz_m.shape == (0, 3)

@@ -47,7 +47,7 @@ def test_a_wall_keeps_the_beams_and_their_order_and_leaves_nothing_behind_it(dri
     assert (np.abs(kept[moved, 2] - 7) < 0.1).all()
 
 
-def test_where_nothing_came_back_the_wall_is_as_dense_as_the_cloud(drive: SyntheticDrive) -> None:
+def test_where_no_pulse_returned_the_wall_is_as_dense_as_the_cloud(drive: SyntheticDrive) -> None:
     cloud = drive.cloud(0)
     wall = BogusWall(range_m=7, lateral_m=0.0, bottom_m=0.2)
     points = axes(drive, cloud.xyz_m)

@@ -1,4 +1,4 @@
-"""What `auditor evaluate` says of its cases beside what `auditor scan` says of copies that are attacked like them."""
+"""The verdicts of `auditor evaluate` on its cases beside those of `auditor scan` on copies that are attacked alike."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -7,7 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.evaluation import EvaluateTask, Recorded, evaluate_source, judge_cases
-from auditor.evaluation.attacked_frame import Attacks
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
@@ -22,8 +22,8 @@ APART = 12
 
 
 @dataclass(frozen=True)
-class Said:
-    """What is said of a frame under some attacks."""
+class Judged:
+    """The verdict on a frame under some attacks."""
 
     kind: str
     attacked: tuple[int, ...]
@@ -34,14 +34,14 @@ class Said:
 
 @dataclass(frozen=True)
 class Compared:
-    """One attacked frame: what was done to it, and what both say."""
+    """One attacked frame: the attacks, and both verdicts."""
 
     experiment: str
     frame: int
     attacked: tuple[int, ...]
     attack: str
-    evaluated: Said
-    scanned: Said
+    evaluated: Judged
+    scanned: Judged
 
 
 @dataclass(frozen=True)
@@ -72,28 +72,28 @@ def compare(
     judge_cases(Store.open(store))
     with Recorded(clean).open(colour=False) as drive:
         rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
-        told = _evaluated(Store.open(store), drive.recording_id, rig)
+        evaluated = _evaluated(Store.open(store), drive.recording_id, rig)
         seed = int(drive.recording_id[:8], 16)
     scans = folder / "scanned"
     known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
     calibration = calibrate([(Store.open(scans), known)])
     for number, everything in enumerate(_copies(frames, rig, seed, experiments, every)):
-        copy = [case for case in everything if case.key in told]
+        copy = [case for case in everything if case.key in evaluated]
         if not copy:
             continue
         path = folder / f"copy {number}.mcap"
         write_mcap(path, rig, _attacked(frames, rig, copy), image="raw")
         measured = measure_recording(MeasureTask(path, scans), lambda *_: None).measurement_ids[0]
-        said = _scanned(Store.open(scans), measured, calibration)
+        scanned = _scanned(Store.open(scans), measured, calibration)
         path.unlink()
         for case in copy:
             names = " and ".join(sorted({attack.name for attack in case.attacks.values()}))
             attacked = tuple(sorted(case.attacks))
-            yield Compared(case.experiment.name, case.frame, attacked, names, told[case.key], said[case.frame])
+            yield Compared(case.experiment.name, case.frame, attacked, names, evaluated[case.key], scanned[case.frame])
 
 
-def same(one: Said, other: Said) -> bool:
-    """Whether both say the same; scores of causes are summed up in another order."""
+def same(one: Judged, other: Judged) -> bool:
+    """True for equal verdicts; scores of causes are summed up in another order."""
     pairs = zip(one.causes, other.causes, strict=False)
     close = all(a[:2] == b[:2] and abs(a[2] - b[2]) < 1e-9 for a, b in pairs)
     return close and len(one.causes) == len(other.causes) and replace(one, causes=()) == replace(other, causes=())
@@ -102,7 +102,7 @@ def same(one: Said, other: Said) -> bool:
 def _copies(
     frames: Sequence[Frame], rig: Rig, seed: int, experiments: Sequence[Experiment], every: int
 ) -> Iterator[list[_Case]]:
-    """The cases in as few copies as there can be: each frame, or each interval, is attacked once in a copy."""
+    """The cases in the fewest possible copies: each frame, or each interval, is attacked once in a copy."""
     for experiment in experiments:
         if not experiment.attacks or set(experiment.triples(rig)) != set(rig.triples):
             continue
@@ -123,7 +123,7 @@ def _attacked(frames: Sequence[Frame], rig: Rig, copy: Sequence[_Case]) -> Itera
     for frame in frames:
         attacks = attacks_on.get(frame.number, {})
         images = {s: attacks[s].apply(image) if s in attacks else image for s, image in frame.images.items()}
-        # What is late keeps the stamp of its frame: an attack changes data, not when it arrives.
+        # Delayed data keep the stamp of their frame: an attack changes data, not their time.
         images = {s: replace(image, stamp_ns=frame.images[s].stamp_ns) for s, image in images.items()}
         cloud = frame.cloud
         if LIDAR in attacks and cloud is not None:
@@ -131,11 +131,11 @@ def _attacked(frames: Sequence[Frame], rig: Rig, copy: Sequence[_Case]) -> Itera
         yield replace(frame, images=images, cloud=cloud)
 
 
-def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, ...], Said]:
+def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, ...], Judged]:
     sql = f"SELECT * FROM case_verdicts WHERE left_out = 'recording' AND recording_id = '{recording_id}'"
     rows = [row for row in run_sql(store, sql).to_pylist() if tuple(row["system"]) == rig.sensors]
     return {
-        tuple(tuple(row[name]) if name == "attacked" else row[name] for name in _KEY): _said(
+        tuple(tuple(row[name]) if name == "attacked" else row[name] for name in _KEY): _judged(
             row["verdict"], row["identified"], row["causes"], row["window_kind"], row["window_named"]
         )
         for row in rows
@@ -146,20 +146,20 @@ def _evaluated(store: Store, recording_id: str, rig: Rig) -> dict[tuple[object, 
 _KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
 
 
-def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Said]:
+def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Judged]:
     kept = judge_measurement(store, measurement, calibration, Criteria(R))
     columns = "frame, kind, attacked, causes, finding, finding_attacked"
     sql = f"SELECT {columns} FROM verdicts WHERE judgement_id = '{kept.judgement_id}'"
     rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())
-    return {frame: _said(*said) for frame, *said in rows}
+    return {frame: _judged(*row) for frame, *row in rows}
 
 
-def _said(
+def _judged(
     kind: str,
     attacked: Sequence[int],
     causes: Sequence[dict[str, object]],
     finding: str | None,
     finding_attacked: Sequence[int] | None,
-) -> Said:
-    told = tuple((one["cause"], one["sensor"], one["score"]) for one in causes)
-    return Said(kind, tuple(attacked), told, finding, tuple(finding_attacked or ()))
+) -> Judged:
+    found = tuple((one["cause"], one["sensor"], one["score"]) for one in causes)
+    return Judged(kind, tuple(attacked), found, finding, tuple(finding_attacked or ()))

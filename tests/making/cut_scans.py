@@ -19,7 +19,7 @@ IN_ONE_CHUNK = 3
 
 
 class Cut(NamedTuple):
-    """One cut recording: what share of the bytes it has, and what the scan said."""
+    """One cut recording: the share of its bytes, and the output of the scan."""
 
     name: str
     share: float
@@ -36,7 +36,7 @@ class CutScan(NamedTuple):
 
 
 def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable[[], str]) -> CutScan:
-    """Scan a drive of so many frames, cut at so many places; `shown` gives what was printed since it was last asked."""
+    """Scan a drive of so many frames, cut at so many places; `shown` gives the output since its last call."""
     rig = plane_rig((0.6, 0.3, 0.0))
     drive = list(drive_frames(rig, frames, seed=1))
     if kind == "mcap":

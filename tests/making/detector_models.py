@@ -71,7 +71,7 @@ def write_cloud_detector(path: Path, boxes: object, scores: object, *, taken: st
 
 
 def hostile_models() -> dict[str, onnx.ModelProto]:
-    """Models that reach for a file, for memory that nobody has, or for operators of somebody's own."""
+    """Models that need another file, more memory than there is, or custom operators."""
     make, proto = onnx.helper, onnx.TensorProto
     taken = [make.make_tensor_value_info("input", proto.FLOAT, [1, 3, "H", "W"])]
     given = [make.make_tensor_value_info(name, proto.FLOAT, None) for name in ("boxes", "scores")]
@@ -82,9 +82,9 @@ def hostile_models() -> dict[str, onnx.ModelProto]:
     nodes = {
         "a file": ([make.make_node("Identity", ["file"], ["boxes"]), *tail], [outside]),
         "memory": ([make.make_node("ConstantOfShape", ["shape"], ["boxes"]), *tail], [huge]),
-        "operators": ([make.make_node("Shell", ["input"], ["boxes"], domain="somebody"), *tail], []),
+        "operators": ([make.make_node("Shell", ["input"], ["boxes"], domain="custom"), *tail], []),
     }
-    opsets = [make.make_opsetid("", 18), make.make_opsetid("somebody", 1)]
+    opsets = [make.make_opsetid("", 18), make.make_opsetid("custom", 1)]
     return {
         name: make.make_model(make.make_graph(of_it, name, taken, given, tensors), opset_imports=opsets, ir_version=9)
         for name, (of_it, tensors) in nodes.items()

@@ -16,7 +16,7 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.recordings import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.messages import Form, MessageMaker
-from tests.making.foxglove_messages import said, write_json, write_protobuf
+from tests.making.foxglove_messages import messages_of, write_json, write_protobuf
 from tests.making.idl import idl_definition
 from tests.making.recorded_drives import rechunk
 
@@ -149,14 +149,14 @@ def _unclosed_db3(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Pa
 
 def _protobuf(compression: str) -> Write:
     def write(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Path:
-        write_protobuf(folder / "a.mcap", said(rig, frames, form), compression)
+        write_protobuf(folder / "a.mcap", messages_of(rig, frames, form), compression)
         return folder / "a.mcap"
 
     return write
 
 
 def _json(folder: Path, rig: Rig, frames: list[Frame], form: Form) -> Path:
-    write_json(folder / "a.mcap", said(rig, frames, form))
+    write_json(folder / "a.mcap", messages_of(rig, frames, form))
     return folder / "a.mcap"
 
 

@@ -17,7 +17,7 @@ from auditor.model.rig import Rig
 from auditor.recordings.decoding.pictures import encode_picture
 
 
-class Said(NamedTuple):
+class FoxgloveMessage(NamedTuple):
     """One message before it is serialised: bytes and (sec, nsec) as in Python."""
 
     topic: str
@@ -57,16 +57,18 @@ def cloud_fields(points: np.ndarray, time_ns: int, frame_id: str, **other: Any) 
     }
 
 
-def said(rig: Rig, frames: list[Frame], form: str = "raw", *, one_transform_a_message: bool = False) -> Iterator[Said]:
+def messages_of(
+    rig: Rig, frames: list[Frame], form: str = "raw", *, one_transform_a_message: bool = False
+) -> Iterator[FoxgloveMessage]:
     first = frames[0].stamp_ns
     placed = {f"cam{c.number}": motion(np.eye(3), c.centre_m) for c in rig.cameras}
     if rig.lidar:
         placed["top"] = rig.lidar.rig_SE3_lidar
     transforms = [transform("rig", child, matrix, first) for child, matrix in placed.items()]
     if one_transform_a_message:
-        yield from (Said("/tf_static", "foxglove.FrameTransform", first, one) for one in transforms)
+        yield from (FoxgloveMessage("/tf_static", "foxglove.FrameTransform", first, one) for one in transforms)
     else:
-        yield Said("/tf_static", "foxglove.FrameTransforms", first, {"transforms": transforms})
+        yield FoxgloveMessage("/tf_static", "foxglove.FrameTransforms", first, {"transforms": transforms})
     for frame in frames:
         for number, image in sorted(frame.images.items()):
             camera, at = rig.camera(number), image.stamp_ns
@@ -78,7 +80,7 @@ def said(rig: Rig, frames: list[Frame], form: str = "raw", *, one_transform_a_me
                 "P": camera.projection.ravel().tolist(),
             }
             calibration = {**head, **size, "distortion_model": "plumb_bob", "D": [], **matrices}
-            yield Said(f"/cam{number}/camera_info", "foxglove.CameraCalibration", at, calibration)
+            yield FoxgloveMessage(f"/cam{number}/camera_info", "foxglove.CameraCalibration", at, calibration)
             pixels = np.ascontiguousarray(image.pixels)
             if form == "raw":
                 raw = {
@@ -86,20 +88,20 @@ def said(rig: Rig, frames: list[Frame], form: str = "raw", *, one_transform_a_me
                     "step": pixels.strides[0],
                     "data": pixels.tobytes(),
                 }
-                yield Said(camera.topic, "foxglove.RawImage", at, {**head, **size, **raw})
+                yield FoxgloveMessage(camera.topic, "foxglove.RawImage", at, {**head, **size, **raw})
             else:
                 picture = {**head, "format": form, "data": encode_picture(pixels, form)}
-                yield Said(camera.topic, "foxglove.CompressedImage", at, picture)
+                yield FoxgloveMessage(camera.topic, "foxglove.CompressedImage", at, picture)
         if frame.cloud and rig.lidar:
             fields = cloud_fields(frame.cloud.xyz_m, frame.cloud.stamp_ns, "top")
-            yield Said(rig.lidar.topic, "foxglove.PointCloud", frame.cloud.stamp_ns, fields)
+            yield FoxgloveMessage(rig.lidar.topic, "foxglove.PointCloud", frame.cloud.stamp_ns, fields)
 
 
-def nuscenes(folder: Path) -> Iterator[Said]:
+def nuscenes(folder: Path) -> Iterator[FoxgloveMessage]:
     """The frame of six cameras and a LiDAR in a folder, as nuScenes' own converter lays it out."""
-    told = json.loads((folder / "calibration.json").read_text())
-    at = round(told["timestamp"] * 1e9)
-    for name, camera in told["images"].items():
+    calibration_file = json.loads((folder / "calibration.json").read_text())
+    at = round(calibration_file["timestamp"] * 1e9)
+    for name, camera in calibration_file["images"].items():
         topic, frame = f"/{name.lower()}", {"frame_id": name, "timestamp": stamp(round(camera["timestamp"] * 1e9))}
         K = np.array(camera["cam2img"])[:3, :3]
         P = np.hstack([K, np.zeros((3, 1))])
@@ -107,13 +109,13 @@ def nuscenes(folder: Path) -> Iterator[Said]:
         placed = transform("top", name, invert(np.array(camera["lidar2cam"])), at)
         picture = {"data": (folder / camera["img_path"]).read_bytes(), "format": "jpeg"}
         calibration = {"width": 1600, "height": 900, "D": [], "distortion_model": "", **matrices}
-        yield Said("/tf", "foxglove.FrameTransform", at, placed)
-        yield Said(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **calibration})
-        yield Said(f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture})
+        yield FoxgloveMessage("/tf", "foxglove.FrameTransform", at, placed)
+        yield FoxgloveMessage(f"{topic}/camera_info", "foxglove.CameraCalibration", at, {**frame, **calibration})
+        yield FoxgloveMessage(f"{topic}/image_rect_compressed", "foxglove.CompressedImage", at, {**frame, **picture})
     points = np.fromfile(next(folder.glob("*.pcd.bin")), np.float32).reshape(-1, 5)
     fields = [{"name": name, "offset": 4 * n, "type": 7} for n, name in enumerate(("x", "y", "z", "intensity", "ring"))]
     cloud = cloud_fields(points[:, :3], at, "top", data=points.tobytes(), point_stride=20, fields=fields)
-    yield Said("/lidar_top", "foxglove.PointCloud", at, cloud)
+    yield FoxgloveMessage("/lidar_top", "foxglove.PointCloud", at, cloud)
 
 
 def protobuf_message(schema: str, fields: dict[str, Any]) -> Any:
@@ -138,7 +140,7 @@ def _fill(message: Any, fields: dict[str, Any]) -> Any:
     return message
 
 
-def write_protobuf(path: Path, messages: Iterator[Said], compression: str = "ZSTD") -> None:
+def write_protobuf(path: Path, messages: Iterator[FoxgloveMessage], compression: str = "ZSTD") -> None:
     with path.open("wb") as out, ProtobufWriter(out, compression=CompressionType[compression]) as writer:
         for one in messages:
             message = protobuf_message(one.schema, one.fields)
@@ -149,7 +151,7 @@ def json_text(fields: dict[str, Any]) -> bytes:
     return json.dumps(fields, default=lambda data: b64encode(data).decode()).encode()
 
 
-def write_json(path: Path, messages: Iterator[Said]) -> None:
+def write_json(path: Path, messages: Iterator[FoxgloveMessage]) -> None:
     with path.open("wb") as out:
         writer = Writer(out)
         writer.start("")

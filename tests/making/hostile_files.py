@@ -1,4 +1,4 @@
-"""Recordings made to hurt: each with how many messages a reader must still get from it, and what it must say."""
+"""Hostile and broken recordings, each with the number of messages to be recovered and the damage to be reported."""
 
 import bz2
 import sqlite3
@@ -30,12 +30,12 @@ MEGA = 2**20
 
 
 class Hostile(NamedTuple):
-    """`make` writes it into a folder; at least `messages` must come out, and `said` (a pattern) must be told."""
+    """`make` writes it into a folder; at least `messages` must come out, and the report must match `damage`."""
 
     name: str
     make: Callable[[Path], Path]
     messages: int
-    said: str
+    damage: str
 
 
 def text(value: bytes) -> bytes:
@@ -83,9 +83,9 @@ def one(
     name: str, data: bytes, definition: bytes | None = None, encoding: str = "cdr", form: str = "ros2msg"
 ) -> Callable[[Path], Path]:
     """A file with one message of a schema."""
-    told = MAKER.definition(name).encode() if definition is None else definition
+    values = MAKER.definition(name).encode() if definition is None else definition
     return mcap(
-        schema(1, name.encode(), told, form.encode()),
+        schema(1, name.encode(), values, form.encode()),
         channel(1, b"/a", 1, encoding.encode()),
         message(1, data),
         message(1, data),
@@ -93,14 +93,14 @@ def one(
 
 
 def image(**fields: object) -> bytes:
-    told = {"header": MAKER.header(5, "c"), "height": 4, "width": 4, "encoding": "mono8", "is_bigendian": 0, "step": 4}
-    made = MAKER.store.types[schemas.IMAGE](**{**told, "data": np.zeros(16, np.uint8), **fields})
+    head = {"header": MAKER.header(5, "c"), "height": 4, "width": 4, "encoding": "mono8", "is_bigendian": 0, "step": 4}
+    made = MAKER.store.types[schemas.IMAGE](**{**head, "data": np.zeros(16, np.uint8), **fields})
     return MAKER.serialise(schemas.IMAGE, made)
 
 
 def cloud(**fields: object) -> bytes:
     points = MAKER.store.types["sensor_msgs/msg/PointField"]
-    told = {
+    values = {
         "header": MAKER.header(5, "c"),
         "height": 1,
         "width": 4,
@@ -110,7 +110,7 @@ def cloud(**fields: object) -> bytes:
         "row_step": 48,
         "is_dense": True,
     }
-    made = MAKER.store.types[schemas.POINT_CLOUD](**{**told, "data": np.zeros(48, np.uint8), **fields})
+    made = MAKER.store.types[schemas.POINT_CLOUD](**{**values, "data": np.zeros(48, np.uint8), **fields})
     return MAKER.serialise(schemas.POINT_CLOUD, made)
 
 
@@ -265,7 +265,7 @@ def db3(change: Callable[[bytearray], bytes | bytearray]) -> Callable[[Path], Pa
 
 
 def _root_of_messages(content: bytearray) -> int:
-    """The first page of the table `messages`: the row of the catalogue says so, just before its SQL."""
+    """The first page of the table `messages`: the row of the catalogue has its number just before its SQL."""
     at = content.index(b"messagesmessages")
     return content[at + 16]
 
@@ -320,7 +320,7 @@ def yaml_bomb(folder: Path) -> Path:
 HOSTILE = (
     Hostile("mcap: empty", lambda f: _file(f, "a.mcap", b""), 0, "empty"),
     Hostile("mcap: only its first bytes", lambda f: _file(f, "a.mcap", MAGIC), 0, "cut"),
-    Hostile("mcap: something else", lambda f: _file(f, "a.mcap", b"text" * 99), 0, "no MCAP"),
+    Hostile("mcap: something else", lambda f: _file(f, "a.mcap", b"text" * 99), 0, "not an MCAP"),
     Hostile("mcap: zstd declares 4 GiB", mcap(GOOD, chunk(zeros(2**10)[:5] + b"\xff" * 8, 2**32)), 1, "at most"),
     Hostile(
         "mcap: frame and chunk disagree on 4 GiB",
@@ -337,13 +337,13 @@ HOSTILE = (
         1,
         "longer than declared",
     ),
-    Hostile("mcap: a chunk longer than it says", mcap(GOOD, chunk(zeros(50 * MEGA), 10)), 1, "another size"),
+    Hostile("mcap: a chunk longer than it declares", mcap(GOOD, chunk(zeros(50 * MEGA), 10)), 1, "another size"),
     Hostile("mcap: length of 2^60", mcap(GOOD, struct.pack("<BQ", 6, 2**60), end=b""), 1, "cut"),
     Hostile("mcap: length of 2^64 - 1", mcap(GOOD, struct.pack("<BQ", 5, 2**64 - 1), end=b""), 1, "cut"),
     Hostile("mcap: a tail of zeros", mcap(GOOD, bytes(10 * MEGA), end=b""), 1, "not read"),
     Hostile("mcap: 4 GiB of nothing", sparse, 1, "not read"),
     Hostile("mcap: 2,000 indexes of one chunk", indexes_to_one_chunk, 1001, ""),
-    Hostile("mcap: a log time beyond int64", mcap(NAMED, message(1, time_ns=2**64 - 1)), 1, "cannot be"),
+    Hostile("mcap: a log time beyond int64", mcap(NAMED, message(1, time_ns=2**64 - 1)), 1, "out of range"),
     Hostile("mcap: an unknown channel", mcap(GOOD, message(9) * 1000), 1, "belong to no channel"),
     Hostile(
         "mcap: 65,536 unknown channels", mcap(GOOD, *(message(n) for n in range(2, 2**16))), 1, "more damaged places"
@@ -380,7 +380,7 @@ HOSTILE = (
         "mcap: four million records of nothing",
         mcap(GOOD, chunk(zstandard.compress(record(0x80, b"") * 3_500_000, 1), 31_500_000)),
         1,
-        "absurdly many",
+        "too many records",
     ),
     Hostile("mcap: a channel of a million metadata", mcap(GOOD, channel_with_map()), 1, ""),
     Hostile("mcap: metadata of a million entries", mcap(GOOD, record(0x0C, text(b"auditor") + many_entries())), 1, ""),
@@ -418,7 +418,7 @@ HOSTILE = (
         2,
         "declares",
     ),
-    Hostile("mcap: an encoding of 1 MB", one(schemas.IMAGE, image(encoding="x" * MEGA)), 2, "not understood"),
+    Hostile("mcap: an encoding of 1 MB", one(schemas.IMAGE, image(encoding="x" * MEGA)), 2, "not supported"),
     Hostile(
         "mcap: a PNG of 64,000,000 pixels",
         one(schemas.COMPRESSED_IMAGE, picture(png(8000, 8000, 6))),
@@ -466,9 +466,7 @@ HOSTILE = (
         "otherwise",
     ),
     Hostile("mcap: a definition of 10 MB", one(schemas.IMAGE, image(), b"uint8 a\n" * 1_250_000), 2, "not accepted"),
-    Hostile(
-        "mcap: IDL that is none", one(schemas.IMAGE, image(), b"module " * 10_000, form="ros2idl"), 2, "definition"
-    ),
+    Hostile("mcap: ill-formed IDL", one(schemas.IMAGE, image(), b"module " * 10_000, form="ros2idl"), 2, "definition"),
     Hostile(
         "mcap: IDL of a thousand brackets",
         one(schemas.IMAGE, image(), b"module a { " * 2_000, form="ros2idl"),
@@ -499,7 +497,7 @@ HOSTILE = (
         2,
         "too many",
     ),
-    Hostile("mcap: JSON nested deep", one("foxglove.RawImage", b"[" * 90_000, b"", "json", ""), 2, "no JSON"),
+    Hostile("mcap: JSON nested deep", one("foxglove.RawImage", b"[" * 90_000, b"", "json", ""), 2, "not JSON"),
     Hostile(
         "mcap: JSON of one 40 MB text",
         one("foxglove.RawImage", b'{"data": "' + b"A" * 40 * MEGA + b'"}', b"", "json", ""),
@@ -530,12 +528,12 @@ HOSTILE = (
         2,
         "units|video",
     ),
-    Hostile("bag: something else", lambda f: _file(f, "a.bag", b"#ROSBAG V1.2\n" * 99), 0, "no ROS 1 bag"),
+    Hostile("bag: something else", lambda f: _file(f, "a.bag", b"#ROSBAG V1.2\n" * 99), 0, "not a ROS 1 bag"),
     Hostile("bag: a header of 4 GiB", bag(_bag_with(b"\xff" * 400)), 0, "no records"),
     Hostile("bag: index of 2^32 chunks", bag(_bag_field(b"chunk_count", b"\xff" * 4)), WHOLE + 1, ""),
     Hostile("bag: index behind the end", bag(_bag_field(b"index_pos", b"\xff" * 8)), WHOLE + 1, "before its index"),
     Hostile("bag: index at its own start", bag(_bag_field(b"index_pos", struct.pack("<Q", 13))), WHOLE + 1, ""),
-    Hostile("bag: a chunk that says 4 GiB", bag(_bag_field(b"size", b"\xff" * 4, 2)), WHOLE - 8, "at most"),
+    Hostile("bag: a chunk that declares 4 GiB", bag(_bag_field(b"size", b"\xff" * 4, 2)), WHOLE - 8, "at most"),
     Hostile(
         "bag: bz2 that unpacks to 100 MiB",
         bag(_bag_with(bag_chunk(bz2.compress(bytes(60 * MEGA)), MEGA, b"bz2"))),
@@ -555,7 +553,7 @@ HOSTILE = (
         0,
         "left out",
     ),
-    Hostile("db3: something else", lambda f: _file(f, "a.db3", b"text" * 9999), 0, "no SQLite"),
+    Hostile("db3: something else", lambda f: _file(f, "a.db3", b"text" * 9999), 0, "not a SQLite"),
     Hostile("db3: a table that is its own child", db3(_loop), 0, "cannot be read"),
     Hostile("db3: rows that never end", overflow_loop, 0, "cut or too large"),
     Hostile("db3: a first page of noise", db3(lambda c: b"\xff" * 4096 + c[4096:]), WHOLE + 1, "first page"),
@@ -573,7 +571,7 @@ HOSTILE = (
         "",
     ),
     Hostile(
-        "db3: endless views for tables", db3_sql(TOPICS, TOPIC, f"CREATE VIEW messages AS {ENDLESS}"), 0, "no ROS 2"
+        "db3: endless views for tables", db3_sql(TOPICS, TOPIC, f"CREATE VIEW messages AS {ENDLESS}"), 0, "not a ROS 2"
     ),
     Hostile("rosbag2 folder: metadata.yaml of a billion laughs", yaml_bomb, WHOLE + 1, ""),
 )

@@ -1,4 +1,4 @@
-"""Packed files and messages, and write-ahead logs, made to hurt: see hostile."""
+"""Packed files and messages, and write-ahead logs, that are hostile or broken; and all hostile files together."""
 
 import shutil
 import struct
@@ -9,7 +9,7 @@ import zstandard
 
 from auditor.recordings import write_db3
 from auditor.recordings.formats.rosbag2.sqlite_wal import _sums
-from tests.making.hostile_files import FRAMES, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
+from tests.making.hostile_files import FRAMES, HOSTILE, MEGA, RIG, TOPIC, TOPICS, WHOLE, Hostile, db3_sql
 
 TABLE = "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
 
@@ -61,7 +61,7 @@ def with_log(content: Callable[[bytes], bytes]) -> Callable[[Path], Path]:
 PACKED = (
     Hostile("db3.zstd: 3 GB of zeros", packed("a.db3.zstd", lambda: zeros(3 * 1024 * MEGA)), 0, "unpack to more than"),
     Hostile("mcap.zstd: no zstd", packed("a.mcap.zstd", lambda: b"text" * 99), 0, "zstd"),
-    Hostile("mcap.zstd: empty inside", packed("a.mcap.zstd", lambda: zstandard.compress(b"")), 0, "no MCAP"),
+    Hostile("mcap.zstd: empty inside", packed("a.mcap.zstd", lambda: zstandard.compress(b"")), 0, "not an MCAP"),
     Hostile(
         "db3.zstd: a window of 2 GiB", packed("a.db3.zstd", lambda: b"\x28\xb5\x2f\xfd\x00\xa8" + bytes(999)), 0, "zstd"
     ),
@@ -77,3 +77,6 @@ PACKED = (
         "",
     ),
 )
+
+ALL = (*HOSTILE, *PACKED)
+"""All hostile files."""

@@ -37,11 +37,11 @@ def _collect(schema: str, store: Typestore, found: dict[str, str]) -> None:
     package, _, name = schema.split("/")
     lines, before = [], []
     for place, (field, kind) in enumerate(store.fielddefs[schema][1]):
-        told, dimension = _type(kind, store, found)
+        spelt, dimension = _type(kind, store, found)
         if dimension:
-            before.append(f"typedef {told} {name}__{field}_{place}[{dimension}];")
-            told = f"{name}__{field}_{place}"
-        lines.append(f"{told} {field};")
+            before.append(f"typedef {spelt} {name}__{field}_{place}[{dimension}];")
+            spelt = f"{name}__{field}_{place}"
+        lines.append(f"{spelt} {field};")
     members = "\n        ".join(lines)
     typedefs = "\n      ".join(before)
     found[schema] = (

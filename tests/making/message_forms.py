@@ -1,4 +1,4 @@
-"""The same drive in every message form that is understood, by the real writers."""
+"""The same drive in every supported message form, by the real writers."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers import frames as frames_writer
 from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
-from tests.making.foxglove_messages import Said, said, transform, write_json, write_protobuf
+from tests.making.foxglove_messages import FoxgloveMessage, messages_of, transform, write_json, write_protobuf
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud
 from tests.making.videos import encoded
 
@@ -173,7 +173,7 @@ def ros(
     picture: tuple[str, str] | None = None,
     layout: Layout | None = None,
 ) -> Write:
-    """An MCAP file of ROS messages; `picture` is what a compressed image holds, and what its format says."""
+    """An MCAP file of ROS messages; `picture` is what a compressed image holds, and what its format declares."""
 
     def write(folder: Path, rig: Rig, frames: list[Frame]) -> Path:
         maker = MessageMaker("ros1" if encoding == "ros1" else "cdr")
@@ -205,9 +205,9 @@ def _ros_image(
     maker: MessageMaker, bgr: Pixels, stamp_ns: int, frame_id: str, raw: Raw | None, picture: tuple[str, str] | None
 ) -> tuple[str, bytes]:
     if picture:
-        form, said_format = picture
+        form, declared_format = picture
         return schemas.COMPRESSED_IMAGE, maker.compressed_image(
-            encode_picture(bgr, form), said_format, stamp_ns, frame_id
+            encode_picture(bgr, form), declared_format, stamp_ns, frame_id
         )
     assert raw
     rows = np.ascontiguousarray(raw.rows(bgr))
@@ -249,19 +249,23 @@ def _ros_cloud(maker: MessageMaker, points: NDArray[np.void], stamp_ns: int, lay
     return maker.serialise(schemas.POINT_CLOUD, cloud)
 
 
-def foxglove(encoding: str, change: Callable[[Rig, list[Frame], Iterator[Said]], Iterator[Said]], **how: Any) -> Write:
+def foxglove(
+    encoding: str,
+    change: Callable[[Rig, list[Frame], Iterator[FoxgloveMessage]], Iterator[FoxgloveMessage]],
+    **how: Any,
+) -> Write:
     """An MCAP file of foxglove messages, in protobuf or json."""
 
     def write(folder: Path, rig: Rig, frames: list[Frame]) -> Path:
-        messages = change(rig, frames, said(rig, frames, **how))
+        messages = change(rig, frames, messages_of(rig, frames, **how))
         (write_json if encoding == "json" else write_protobuf)(folder / "a.mcap", messages)
         return folder / "a.mcap"
 
     return write
 
 
-def as_raw(raw: Raw) -> Callable[[Rig, list[Frame], Iterator[Said]], Iterator[Said]]:
-    def change(rig: Rig, frames: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
+def as_raw(raw: Raw) -> Callable[[Rig, list[Frame], Iterator[FoxgloveMessage]], Iterator[FoxgloveMessage]]:
+    def change(rig: Rig, frames: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
         images = {(rig.topic(n), i.stamp_ns): i.pixels for f in frames for n, i in f.images.items()}
         for one in messages:
             if one.schema == "foxglove.RawImage":
@@ -279,19 +283,19 @@ def _tracks(rig: Rig, frames: list[Frame]) -> dict[str, Iterator[bytes]]:
     return {rig.topic(n): iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, rig.n + 1)}
 
 
-def as_video(rig: Rig, frames: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
+def as_video(rig: Rig, frames: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
     tracks = _tracks(rig, frames)
     for one in messages:
         if one.schema == "foxglove.RawImage":
             head = {name: one.fields[name] for name in ("timestamp", "frame_id")}
             fields = {**head, "data": next(tracks[one.topic]), "format": "h264"}
-            yield Said(one.topic, "foxglove.CompressedVideo", one.time_ns, fields)
+            yield FoxgloveMessage(one.topic, "foxglove.CompressedVideo", one.time_ns, fields)
         else:
             yield one
 
 
-def with_layout(layout: Layout) -> Callable[[Rig, list[Frame], Iterator[Said]], Iterator[Said]]:
-    def change(_: Rig, frames: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
+def with_layout(layout: Layout) -> Callable[[Rig, list[Frame], Iterator[FoxgloveMessage]], Iterator[FoxgloveMessage]]:
+    def change(_: Rig, frames: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
         clouds = {f.cloud.stamp_ns: f.cloud.xyz_m for f in frames if f.cloud}
         for one in messages:
             if one.schema == "foxglove.PointCloud":
@@ -310,7 +314,7 @@ def with_layout(layout: Layout) -> Callable[[Rig, list[Frame], Iterator[Said]], 
     return change
 
 
-def posed(_: Rig, __: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
+def posed(_: Rig, __: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
     """Points 8 m further to the front than they are, in a frame that a pose brings back: exact in binary numbers."""
     for one in messages:
         if one.schema == "foxglove.PointCloud":
@@ -322,7 +326,7 @@ def posed(_: Rig, __: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
             yield one
 
 
-def same(_: Rig, __: list[Frame], messages: Iterator[Said]) -> Iterator[Said]:
+def same(_: Rig, __: list[Frame], messages: Iterator[FoxgloveMessage]) -> Iterator[FoxgloveMessage]:
     return messages
 
 
@@ -331,7 +335,7 @@ def through_container(write: Callable[..., Path]) -> Write:
 
 
 def greyed(write: Write) -> Write:
-    """Grey pictures: what said() then calls mono8."""
+    """Grey pictures: what messages_of() then calls mono8."""
 
     def grey_first(folder: Path, rig: Rig, frames: list[Frame]) -> Path:
         made = [replace(f, images={n: replace(i, pixels=grey(i.pixels)) for n, i in f.images.items()}) for f in frames]

@@ -1,4 +1,4 @@
-"""Rigs whose cameras nobody rectified."""
+"""Rigs whose cameras are not rectified."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from auditor.model.rig import Camera, Rig
 
 
 def perturbed(rig: Rig, lenses: tuple[Lens, ...], seed: int, turn_deg: float = 2.0) -> Rig:
-    """The same cameras at the same places before anybody rectified them.
+    """The same cameras at the same places before rectification.
 
     Each is turned about every axis by up to `turn_deg` and looks through a lens of its own, as many as cameras. To see
     what the rectified one saw, their pictures are wider and higher by a fifth, at the same focal length.

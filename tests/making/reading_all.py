@@ -1,4 +1,4 @@
-"""Whatever can be asked of a recording and of a message, with what was answered."""
+"""Reads all that a recording and a message offer, and collects the errors and the damage."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,13 +14,14 @@ MAX_DECODED = 20
 
 @dataclass
 class Outcome:
-    """How many messages came, and everything that was said about what did not."""
+    """The number of messages read, and the reasons of all errors and damage."""
 
     messages: int = 0
     reasons: list[str] = field(default_factory=list)
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
+        """All reasons as one text."""
         return "; ".join(self.reasons)
 
 
@@ -36,8 +37,8 @@ def read_all(path: Path) -> Outcome:
                     outcome.reasons += decode_all(message, decoders)
             outcome.reasons += map(str, recording.damage)
             assert sum(recording.counts.values()) >= outcome.messages
-            _ask(lambda: (recording.clock, recording.metadata()), outcome.reasons)
-            _ask(recording.labels, outcome.reasons)
+            _try(lambda: (recording.clock, recording.metadata()), outcome.reasons)
+            _try(recording.labels, outcome.reasons)
             known = survey(recording)
             outcome.reasons += known.problems
             for rig in find_rigs(known):
@@ -51,27 +52,27 @@ def read_all(path: Path) -> Outcome:
 
 
 def decode_all(message: Message, decoders: Decoders) -> list[str]:
-    """Decode all that a message may hold; what was refused and why."""
+    """Decode all that a message may hold; returns the reasons of what was refused."""
     reasons: list[str] = []
     decoder = decoders.of(message.schema, message.encoding)
     if decoder is None:
         return reasons
     if decoder.kind != "transforms":
-        _ask(lambda: decoder.header(message), reasons)
+        _try(lambda: decoder.header(message), reasons)
     if decoder.kind == "image":
-        _ask(lambda: decoder.size_px(message), reasons)
-        _ask(lambda: decoder.pixels(message, colour=True), reasons)
+        _try(lambda: decoder.size_px(message), reasons)
+        _try(lambda: decoder.pixels(message, colour=True), reasons)
     elif decoder.kind == "cloud":
-        _ask(lambda: decoder.xyz_m(message), reasons)
+        _try(lambda: decoder.xyz_m(message), reasons)
     elif decoder.kind == "camera_info":
-        _ask(lambda: decoder.camera_info(message), reasons)
+        _try(lambda: decoder.camera_info(message), reasons)
     else:
-        _ask(lambda: decoder.transforms(message), reasons)
+        _try(lambda: decoder.transforms(message), reasons)
     return reasons
 
 
-def _ask(question: Callable[[], object], reasons: list[str]) -> None:
+def _try(read: Callable[[], object], reasons: list[str]) -> None:
     try:
-        question()
+        read()
     except AuditorError as error:
         reasons.append(str(error))

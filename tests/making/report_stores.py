@@ -136,7 +136,7 @@ def _measurement(rig, frame, *, attacks, missing, unmeasured):
 
 
 def _ratios(rig, frame, attacks, measured):
-    """Every witness of an attacked sensor says so, all others nothing much."""
+    """Every check of an attacked sensor fires; all others stay low."""
     attacked = {s for sensors, first, last in attacks if first <= frame <= last for s in sensors}
     return [
         (0.9 if attacked & set(pair_check.nameable) else 0.01 * (frame % 20))

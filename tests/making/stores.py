@@ -39,7 +39,7 @@ def make_rig(n=3, *, lidar=True, name="cam", focal_px=700.0):
 def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_ns=None):
     """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that.
 
-    `ratios` are those of the rig's first elements; sensors there have fingerprints of their own in each frame.
+    `ratios` are those of the rig's first pair checks; sensors there have fingerprints of their own in each frame.
     """
     errors = [10] * len(rig.triples) if errors is None else errors
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
@@ -75,7 +75,7 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, syn
 
 
 def make_features(rig, frame, *, late=(), missing=()):
-    """What tells faults in a case: nothing, but for cameras whose pairs would be on their rows a frame earlier."""
+    """The fault features of a case: none, except for cameras whose pairs would be on their rows a frame earlier."""
     names, pairs = [*Rows._fields], matched_pairs(rig)
     columns = len(COLUMNS)
     features = [None] * (columns * len(pairs))
@@ -116,7 +116,7 @@ def add_frames(store, rig, recording_id, frames, **record):
             if isinstance(frame, Skipped):
                 writer.skip(frame)
             else:
-                # Tests give ratios as shares, whatever the witness.
+                # Tests give ratios as shares, whatever the check.
                 writer.add(frame, [frame.shares.get(pair_check) for pair_check in rig_pair_checks(rig)])
         writer.commit(measurement)
     return measurement.measurement_id

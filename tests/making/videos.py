@@ -1,9 +1,15 @@
-"""H.264 as foxglove.CompressedVideo wants it: one picture a message, parameters with every key picture."""
+"""Messages of foxglove.CompressedVideo: one H.264 picture a message, parameters with every key picture."""
+
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.model.frames import Message
+from tests.making.foxglove_messages import protobuf_message, stamp
+
+VIDEO = "foxglove.CompressedVideo"
 KEY_EVERY = 8
 
 
@@ -27,3 +33,20 @@ def encoded(pictures: list[NDArray[np.uint8]], quality: int = 12) -> list[bytes]
         frame.pts = number
         packets += codec.encode(frame)
     return [bytes(packet) for packet in (*packets, *codec.encode(None))]
+
+
+def moving_picture(number: int, width: int = 64, height: int = 48) -> NDArray[np.uint8]:
+    """A smooth picture that moves to the left."""
+    x, y = np.meshgrid(np.arange(width) + 2 * number, np.arange(height))
+    return (128 + 60 * np.sin(x / 7) + 50 * np.cos(y / 5 + x / 31)).astype(np.uint8)
+
+
+def video_fields(data: bytes, **other: Any) -> dict[str, Any]:
+    return {"timestamp": stamp(5), "frame_id": "cam", "data": data, "format": "h264", **other}
+
+
+def video_messages(packets: list[bytes], **other: Any) -> list[Message]:
+    return [
+        Message("/a", VIDEO, "protobuf", 5, protobuf_message(VIDEO, video_fields(data, **other)).SerializeToString())
+        for data in packets
+    ]

@@ -14,9 +14,9 @@ from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause, Verdict, VerdictKind
-from tests.benchmarks.robust_causes import judged, learn
-from tests.benchmarks.robust_faults import on, taken
-from tests.benchmarks.robust_watching import measured
+from tests.benchmarks.causes import judged, learn
+from tests.benchmarks.lasting_faults import on, taken
+from tests.benchmarks.measured_series import measured
 
 FRAMES = 4
 LEARNT_ON, TILTED = 1001, 1003  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration

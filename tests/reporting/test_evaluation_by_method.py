@@ -12,8 +12,8 @@ from auditor.identification.scores import scales_of, scores
 from auditor.model.checks import rig_pair_checks
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
+from tests.making.evaluation_cases import RIG, case_of, make_evaluation, part, write
 from tests.making.stores import new_store
-from tests.store.test_evaluation_queries import RIG, case_of, make_evaluation, part, write
 
 R = Decimal("0.01")
 BLOCK = 10

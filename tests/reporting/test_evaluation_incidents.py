@@ -17,9 +17,9 @@ from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.queries import run_query, run_sql
+from tests.making.evaluation_cases import BLOCK as PAPER_BLOCK
+from tests.making.evaluation_cases import FRAMES, RIG, case_of, errors, folds, judged, part, state, write
 from tests.making.stores import PERIOD_NS, new_store
-from tests.store.test_evaluation_queries import BLOCK as PAPER_BLOCK
-from tests.store.test_evaluation_queries import FRAMES, RIG, case_of, errors, folds, part, said, state, write
 
 R = Decimal("0.05")
 ROBUST_R, ROBUST_BLOCK = Decimal("0.01"), 10
@@ -64,7 +64,7 @@ def by_paper(cases, left_out, recording, line):
     for case in line:
         theta, _ = theta_of[left_out, recording, case.frame // PAPER_BLOCK, R]
         pairs = zip(errors(case, Statistic.GATED), theta, strict=True)
-        kind, named, _ = said("".join(state(*pair) for pair in pairs))
+        kind, named, _ = judged("".join(state(*pair) for pair in pairs))
         yield kind, named if kind == "attacked" else ()
 
 

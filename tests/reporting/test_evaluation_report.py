@@ -1,67 +1,19 @@
 """The evaluation page: whole, escaped, and saying what the queries say."""
 
-from datetime import UTC, datetime
-
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import StoreError
-from auditor.evaluation import judge_cases
-from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS, SeededDraws
-from auditor.model.checks import rig_pair_checks
-from auditor.model.measurement import Counts
+from auditor.evaluation.experiments import EXPERIMENTS, INTERVALS
 from auditor.reporting.evaluation.loading import _how_seldom, load_evaluation
 from auditor.reporting.evaluation.page import Grid, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, Axes, Point, histogram_panel
 from auditor.reporting.evaluation.render import percent, render_evaluation, render_evaluation_report
-from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
 from auditor.store.queries import run_query
-from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
-from tests.reporting.test_report import HOSTILE, Page
-from tests.reporting.test_report_browser import BROWSER, browse
-
-
-def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, experiments=EXPERIMENTS):
-    """A store in which an attack raises the E of its triples, in a share of its cases."""
-    store = new_store(folder)
-    store.write_rig(rig)
-    rng = np.random.default_rng(5)
-    for number, name in enumerate(names):
-        for experiment in experiments:
-            drawn = 1 if experiment.drawn else None
-            part = EvaluationPart(**part_columns(rig, f"{number}", experiment.name, drawn=drawn, name=name))
-            with part_writer(store, part) as writer:
-                for frame in range(frames):
-                    for case in experiment.cases(rig, SeededDraws(0, number, frame, 0), ()):
-                        writer.add(measured(rig, frame, case, rng, seen))
-                writer.commit(
-                    frames=frames,
-                    skipped=1,
-                    last=True,
-                    seconds=2.0,
-                    versions={},
-                    evaluated_at=datetime(2026, 1, 1, tzinfo=UTC),
-                )
-    judge_cases(store)
-    return store
-
-
-def measured(rig, frame, case, rng, seen):
-    counts = []
-    for triple in rig.triples:
-        raised = set(case.attacked) & set(triple) and rng.random() < seen
-        E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
-        counts.append(Counts(2000, E, 1000, E, 0))
-    said = case.attacked, case.attack, case.strength, case.size, case.visible_share
-    ratios = [
-        rng.uniform(0.6, 1)
-        if set(case.attacked) & set(pair_check.nameable) and rng.random() < seen
-        else rng.uniform(0, 0.2)
-        for pair_check in rig_pair_checks(rig)
-    ]
-    return MeasuredCase(frame, frame * PERIOD_NS, 0, *said, {}, counts, ratios, make_features(rig, frame))
+from tests.making.evaluated_stores import evaluated
+from tests.making.pages import BROWSER, HOSTILE, Page, browse
+from tests.making.stores import make_rig, new_store
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +34,8 @@ def test_the_page_is_well_nested_whole_and_escaped(page):
     shown = Page(render_evaluation(page))
     assert "Identification (Table II)" in shown.text
     assert "What the audit cannot see on this rig" in shown.text
-    assert not [tag for tag, _ in shown.pair_checks if tag == "script"]
-    assert not [attributes for _, attributes in shown.pair_checks if {"src", "href", "onload"} & attributes.keys()]
+    assert not [tag for tag, _ in shown.elements if tag == "script"]
+    assert not [attributes for _, attributes in shown.elements if {"src", "href", "onload"} & attributes.keys()]
 
 
 def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):

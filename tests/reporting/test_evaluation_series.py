@@ -13,8 +13,8 @@ from auditor.model.verdict import FINDINGS
 from auditor.reporting.evaluation.loading import load_evaluation
 from auditor.store.evaluation_tables import CaseFeatures, EvaluationPart, MeasuredCase
 from auditor.store.queries import list_queries, run_query, run_sql
+from tests.making.evaluation_cases import write
 from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
-from tests.store.test_evaluation_queries import write
 
 RIG, OTHER = make_rig(3), make_rig(3, focal_px=705.0)
 R = {"r": "0.1"}

@@ -11,10 +11,10 @@ from auditor.reporting.evaluation.plots import BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP
 from auditor.reporting.evaluation.render import render_evaluation
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart
 from auditor.store.queries import run_query
+from tests.making.evaluated_stores import evaluated
+from tests.making.evaluation_cases import write
+from tests.making.pages import HOSTILE, Page
 from tests.making.stores import make_rig, part_columns
-from tests.reporting.test_evaluation_report import evaluated
-from tests.reporting.test_report import HOSTILE, Page
-from tests.store.test_object_queries import write
 
 RIG = make_rig(3)
 SETS = ((0,), (1,), (3,), (0, 1), (0, 3), (1, 3), (0, 1, 3), (2,), (1, 2), (2, 3), (1, 2, 3))
@@ -104,7 +104,7 @@ def test_each_combination_has_its_row_and_names_from_outside_are_escaped(page):
     assert [len(table.rows) for table in tables] == [7] * 4
     html = Page(render_evaluation(page))
     assert "The object-level baseline (Table I)" in html.text
-    assert not [tag for tag, _ in html.pair_checks if tag == "script"]
+    assert not [tag for tag, _ in html.elements if tag == "script"]
 
 
 def test_average_precision_is_drawn_by_size_with_clean_frames_for_comparison(scored):

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import cv2
 import numpy as np
@@ -14,40 +13,8 @@ from auditor.store.calibrations import OutdatedCalibrationError, make_calibratio
 from auditor.store.tables import read_rows, write_rows
 from tests.making import stores as making
 from tests.making.clean_frames import clean_frames
+from tests.making.pages import HOSTILE, Page
 from tests.making.report_stores import PERIOD_NS, START_NS, add_recording, make_rig, new_store
-
-HOSTILE = "<script>alert(1)</script>\"' onload=x {{ 7 * 7 }} \u202e"
-VOID = {"meta", "img", "br"}
-
-
-class Page(HTMLParser):
-    """The elements, attributes and text of a page, which it checks to be well nested."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.pair_checks, self.open, self.text = [], [], ""
-        self.feed(text)
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.text += " " if tag in {"td", "th", "dt", "dd", "small", "p"} else ""
-        self.pair_checks.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.pair_checks.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open[-1:] != ["style"]:
-            self.text += data
-
-    @property
-    def words(self):
-        return " ".join(self.text.split())
 
 
 @pytest.fixture
@@ -68,8 +35,8 @@ def test_the_headline_says_who_when_how_long_and_in_how_many_frames(store, tmp_p
 def test_the_page_is_one_file_that_refers_to_nothing_outside(store, tmp_path):
     add_recording(store, attacks=[((1,), 10, 19)], pictured=[12])
     page = page_of(store, tmp_path)
-    assert {tag for tag, _ in page.pair_checks}.isdisjoint({"script", "link", "iframe", "object", "base", "form"})
-    for tag, attributes in page.pair_checks:
+    assert {tag for tag, _ in page.elements}.isdisjoint({"script", "link", "iframe", "object", "base", "form"})
+    for tag, attributes in page.elements:
         for name in ("src", "href", "xlink:href", "srcset", "action"):
             assert attributes.get(name, "data:").startswith("data:"), (tag, name)
         assert not any(name.startswith("on") for name in attributes)
@@ -83,7 +50,7 @@ def test_hostile_text_of_a_recording_is_shown_and_never_markup(store, tmp_path):
     html = render_incident_report(store, out=tmp_path / "page.html").read_text("utf-8")
     page = Page(html)
     assert "<script" not in html
-    assert not any(name.startswith("on") for _, attributes in page.pair_checks for name in attributes)
+    assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
     assert page.text.count("<script>alert(1)</script>\"' onload=x {{ 7 * 7 }}") > 8
 
 
@@ -212,7 +179,7 @@ def test_a_recording_without_labels_has_no_ground_truth(store, tmp_path):
 def test_the_strongest_pictured_frame_of_an_incident_is_shown_with_its_mask(store, tmp_path):
     add_recording(store, attacks=[((1,), 10, 19)], pictured=[3, 12, 17])
     page = page_of(store, tmp_path)
-    images = [attributes for tag, attributes in page.pair_checks if tag == "img"]
+    images = [attributes for tag, attributes in page.elements if tag == "img"]
     assert [image["src"].partition(";")[0] for image in images] == [
         "data:image/jpeg",
         "data:image/png",
@@ -229,12 +196,12 @@ def test_the_damaged_portion_is_drawn_where_it_lies_and_told(store, tmp_path):
     attacks = [((1,), 10, 19), ((0,), 30, 35)]
     add_recording(store, attacks=attacks, pictured=[17, 33], regions=(light, other, wall))
     page = page_of(store, tmp_path)
-    boxes = [attributes for tag, attributes in page.pair_checks if attributes.get("class") == "box"]
+    boxes = [attributes for tag, attributes in page.elements if attributes.get("class") == "box"]
     assert [tuple(box[side] for side in ("x", "y", "width", "height")) for box in boxes] == [
         ("8", "16", "392", "224"),
         ("8", "16", "72", "48"),
     ]
-    assert [attributes["id"] for tag, attributes in page.pair_checks if tag == "mask"] == [
+    assert [attributes["id"] for tag, attributes in page.elements if tag == "mask"] == [
         "portion-17-1-1",
         "portion-33-3-0",
     ]
@@ -244,7 +211,7 @@ def test_the_damaged_portion_is_drawn_where_it_lies_and_told(store, tmp_path):
 
 def test_without_pictures_there_is_none(store, tmp_path):
     add_recording(store, attacks=[((1,), 10, 19)])
-    assert not [tag for tag, _ in page_of(store, tmp_path).pair_checks if tag == "img"]
+    assert not [tag for tag, _ in page_of(store, tmp_path).elements if tag == "img"]
 
 
 def test_sensors_are_listed_with_their_states_and_medians(store):

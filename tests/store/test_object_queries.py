@@ -1,7 +1,6 @@
 """The SQL tables of the object-level baseline equal the same tables computed in Python from the stored rows."""
 
 from collections import defaultdict
-from datetime import UTC, datetime
 from decimal import Decimal
 from functools import reduce
 from itertools import combinations
@@ -14,6 +13,7 @@ from auditor.identification.thresholds import resolvable, threshold
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import ObjectCase, ObjectPart, finished_part, part_writer
 from auditor.store.queries import run_query
+from tests.making.evaluation_cases import write
 from tests.making.stores import PERIOD_NS, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.1", "0.3", "1")]
@@ -32,15 +32,6 @@ def part(recording, experiment, detector="geometric", chunk=0):
         detector_settings=DETECTORS[detector],
         labels=None,
     )
-
-
-def write(store, which, cases):
-    with part_writer(store, which) as writer:
-        for case in cases:
-            writer.add(case)
-        writer.commit(
-            frames=1, skipped=0, last=True, seconds=1.0, versions={}, evaluated_at=datetime(2026, 1, 1, tzinfo=UTC)
-        )
 
 
 def drawn_overlaps(rng, attacked):

@@ -81,13 +81,13 @@ def test_other_seeds_and_other_samples_train_another_network(tmp_path: Path) -> 
     assert len(losses) == 3
 
 
-def test_training_lowers_the_loss_on_what_it_sees(tmp_path: Path) -> None:
+def test_training_lowers_the_loss_on_its_samples(tmp_path: Path) -> None:
     settings = dataclasses.replace(TOY, steps=40, validate_every=10, learning_rate=2e-2, width=4)
     rows = list(train(SAMPLES[:2], UNSEEN, settings, tmp_path))
     assert rows[-1].loss < 0.6 * rows[0].loss
 
 
-def test_a_checkpoint_is_weights_that_say_what_they_need(tmp_path: Path) -> None:
+def test_a_checkpoint_holds_weights_with_their_settings(tmp_path: Path) -> None:
     list(train(SAMPLES, UNSEEN, dataclasses.replace(TOY, steps=1), tmp_path))
     matcher = find_matcher("psmnet", MatcherOptions(weights=tmp_path / CHECKPOINT))
     assert matcher.range_px == 16
@@ -145,7 +145,7 @@ def test_a_folder_is_neither_overwritten_nor_resumed_by_mistake(tmp_path: Path) 
         list(train(SAMPLES, UNSEEN, dataclasses.replace(short, width=3, seed=6), tmp_path, resume=True))
 
 
-def test_samples_that_are_not_there_or_end_are_said(tmp_path: Path) -> None:
+def test_missing_or_exhausted_samples_are_an_error(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="no samples to train on"):
         list(train([], UNSEEN, TOY, tmp_path))
 
@@ -181,7 +181,7 @@ def test_both_images_of_a_crop_change_their_light_and_not_alike() -> None:
     assert max(abs(left - right) for left, right in means) < 60
 
 
-def test_a_network_for_half_resolution_says_so_and_its_range_is_that_of_the_image(tmp_path: Path) -> None:
+def test_a_network_for_half_resolution_is_marked_and_its_range_is_that_of_the_image(tmp_path: Path) -> None:
     settings = dataclasses.replace(TOY, steps=1, step=2, max_disparity=32, crop=(16, 32))
     list(train(SAMPLES, UNSEEN, settings, tmp_path))
     matcher = find_matcher("psmnet", MatcherOptions(weights=tmp_path / CHECKPOINT))
@@ -191,7 +191,7 @@ def test_a_network_for_half_resolution_says_so_and_its_range_is_that_of_the_imag
     assert 0 <= disparity.min() < disparity.max() < 32
 
 
-def test_the_learning_rate_rises_then_falls_to_nothing() -> None:
+def test_the_learning_rate_rises_then_falls_to_zero() -> None:
     rates = [_rate(done, 100) for done in range(100)]
     assert rates[0] == pytest.approx(0.2)
     assert rates[4] == max(rates) == pytest.approx(1.0, abs=0.01)

@@ -34,7 +34,7 @@ THREE = (0.6, 0.3, 0.0)
 TINY = ["--width", "2", "--max-disparity", "64", "--crop", "32", "64", "--batch", "2", "--jobs", "1", "--frames", "3"]
 
 
-def heard(what: str, done: int) -> None:
+def progress(what: str, done: int) -> None:
     pass
 
 
@@ -83,11 +83,11 @@ def test_a_street_knows_the_disparity_of_every_pixel_and_its_lidar_agrees() -> N
 
 
 def test_samples_are_made_once_and_spread_over_the_recording(drives: tuple[Path, Path], tmp_path: Path) -> None:
-    made = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), heard)
+    made = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), progress)
     assert made.fresh
     assert len(made.files) == 9
-    assert not make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), heard).fresh
-    few = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 3), heard)
+    assert not make_samples(SampleTask(Recorded(drives[0]), tmp_path, 100), progress).fresh
+    few = make_samples(SampleTask(Recorded(drives[0]), tmp_path, 3), progress)
     numbers = [int(file.stem) for file in few.files]
     assert 2 <= len(numbers) <= 3
     assert len({b - a for a, b in pairwise(numbers)}) == 1
@@ -99,22 +99,22 @@ def test_samples_are_made_once_and_spread_over_the_recording(drives: tuple[Path,
         _, exact = next(source.numbered)
     assert np.nanmax(np.abs(exact[2] - disparity)) <= 1 / 128 + 1e-6
     made.files[0].write_bytes(b"torn")
-    with pytest.raises(SettingError, match="no readable sample"):
+    with pytest.raises(SettingError, match="not a readable sample"):
         samples[0]
 
 
-def test_attacked_recordings_and_those_without_a_lidar_teach_nothing(tmp_path: Path) -> None:
+def test_attacked_recordings_and_those_without_a_lidar_are_refused(tmp_path: Path) -> None:
     rig = plane_rig(THREE)
     attacked, blind = tmp_path / "attacked.mcap", tmp_path / "blind.mcap"
     write_mcap(attacked, rig, drive_frames(rig, 4), [AttackLabel(rig.topic(1), "facula", 0, 2**60, {})])
     write_drive(blind, 4, positions_m=THREE, lidar=False)
     for path, message in ((attacked, "labels of attacks"), (blind, "no LiDAR")):
         with pytest.raises(RecordingError, match=message):
-            make_samples(SampleTask(Recorded(path), tmp_path / "samples", 10), heard)
+            make_samples(SampleTask(Recorded(path), tmp_path / "samples", 10), progress)
 
 
-def test_what_is_tried_on_is_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
-    made = [make_samples(SampleTask(source, tmp_path, 4), heard) for source in (Recorded(drives[0]), Street(1, 1))]
+def test_validation_sources_are_not_trained_on(drives: tuple[Path, Path], tmp_path: Path) -> None:
+    made = [make_samples(SampleTask(source, tmp_path, 4), progress) for source in (Recorded(drives[0]), Street(1, 1))]
     with pytest.raises(SettingError, match="the same recording"):
         training_set(made, made[:1])
     both = training_set(made[:1], made[1:])
@@ -122,7 +122,7 @@ def test_what_is_tried_on_is_not_trained_on(drives: tuple[Path, Path], tmp_path:
     assert both.known != training_set(made[1:], made[:1]).known
 
 
-def test_a_killed_training_goes_on_and_ends_in_weights_that_say_everything(
+def test_a_killed_training_goes_on_and_ends_in_weights_with_all_their_settings(
     drives: tuple[Path, Path], tmp_path: Path
 ) -> None:
     arguments = ["train-matcher", str(drives[0]), "--validate", str(drives[1]), "--out", str(tmp_path / "net"), *TINY]
@@ -133,12 +133,11 @@ def test_a_killed_training_goes_on_and_ends_in_weights_that_say_everything(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    while not curve.exists() and killed.poll() is None:
+    while killed.poll() is None and (not curve.exists() or curve.read_text().count("\n") < 2):
         time.sleep(0.02)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
-    before = len(curve.read_text().splitlines()) - 1
-    assert before >= 1
+    assert curve.exists()
 
     done = CliRunner().invoke(auditor, arguments)
     assert done.exit_code == 0, done.stderr
@@ -158,11 +157,14 @@ def test_a_killed_training_goes_on_and_ends_in_weights_that_say_everything(
     assert "seed 0 instead of 3" in str(other.exception)
 
 
-def test_the_command_says_what_it_needs_before_any_work(drives: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_command_refuses_missing_inputs_before_any_work(drives: tuple[Path, Path], tmp_path: Path) -> None:
     for arguments, message in (
         ([], "name recordings, or give --synthetic"),
         ([str(drives[0])], "give --validate"),
-        ([str(drives[0]), "--synthetic", "1", "--steps", "-5", "--out", str(tmp_path / "net")], "--steps: no training"),
+        (
+            [str(drives[0]), "--synthetic", "1", "--steps", "-5", "--out", str(tmp_path / "net")],
+            "--steps: training is not possible",
+        ),
     ):
         refused = CliRunner().invoke(auditor, ["train-matcher", *arguments], standalone_mode=False)
         assert message in str(refused.exception)

@@ -1,4 +1,4 @@
-"""The paper's object-level baseline: objects that each sensor sees by itself, and where they do not match."""
+"""The paper's object-level baseline: the objects that each sensor sees by itself are compared."""
 
 from auditor.evaluation.object_baseline.runner import ObjectTask, check_detectors, evaluate_objects
 

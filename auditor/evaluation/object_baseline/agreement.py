@@ -1,11 +1,12 @@
-"""What the sensors of a frame see as objects, and how well they agree on them: the paper's object-level baseline."""
+"""The objects that the sensors of a frame see, and their agreement: the paper's object-level baseline."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from auditor.evaluation.attacked_frame import AttackedFrame, Attacks
+from auditor.evaluation.attacked_frame import AttackedFrame
+from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.object_baseline.detectors import Detection, Detectors, ImageBox, SolidBox, SolidDetection
 from auditor.evaluation.object_baseline.detectors.geometric import NEAREST_M, find_objects, lidar_points, stereo_points
 from auditor.evaluation.object_baseline.detectors.overlap import best_partners
@@ -26,7 +27,7 @@ class _Pair:
 
 
 class AttackedObjects:
-    """Finds objects in a frame under one set of attacks after the other; what did not change is not looked at again.
+    """Finds objects in a frame under one set of attacks after the other; unchanged data are not processed again.
 
     With a camera detector the objects in images are compared, else the clusters of stereo points; with a cloud
     detector its boxes, else the clusters of LiDAR points.
@@ -52,7 +53,7 @@ class AttackedObjects:
         )
 
     def in_image(self, camera: int, attacks: Attacks) -> tuple[Detection, ...]:
-        """What the camera detector finds; nothing where there is none."""
+        """The objects of the camera detector; none without a detector."""
         detector = self._detectors.camera
         if detector is None:
             return ()
@@ -65,7 +66,7 @@ class AttackedObjects:
         )
 
     def in_cloud(self, attacks: Attacks) -> tuple[SolidDetection, ...]:
-        """What the cloud detector finds; nothing where there is none."""
+        """The objects of the cloud detector; none without a detector."""
         detector, lidar = self._detectors.cloud, self._rig.lidar
         if detector is None or lidar is None:
             return ()
@@ -80,9 +81,9 @@ class AttackedObjects:
     def _pairs(self, triple: Triple, attacks: Attacks) -> Iterator[_Pair]:
         """The two sides that are compared.
 
-        With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each witness against
-        the reference, or the one witness's stereo points against the other's. Objects in images are sought on the same
-        rows, which cameras that do not stand on one line do not share: these are not compared.
+        With the LiDAR: it against each camera, or against both cameras' stereo points. Of cameras: each source camera
+        against the reference, or the stereo points of one source camera against the other's. Objects in images are
+        sought on the same rows. Cameras that do not stand on one line do not share rows and are not compared.
         """
         i, j, k = triple
         camera, cloud = self._detectors.camera, self._detectors.cloud

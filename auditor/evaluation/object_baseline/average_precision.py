@@ -1,8 +1,8 @@
-"""A detector's objects against KITTI's labels: which are right, which wrong, and which are not counted.
+"""A detector's objects against KITTI's labels: which count as hits, which as false, and which do not count.
 
 As in KITTI's object benchmark at its moderate difficulty: an object has to be found where it is at least 25 px high, at
-most partly occluded and truncated by 30 % at most. What matches another object of its kind, or one that is easily
-mistaken for it, is neither right nor wrong, and neither is what lies in a region marked DontCare or is too small.
+most partly occluded and truncated by 30 % at most. A detection does not count where it matches another object of its
+kind or one that is easily mistaken for it, where it lies in a region marked DontCare, and where it is too small.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,9 +24,9 @@ _ANYTHING = "dontcare"
 
 @dataclass(frozen=True)
 class Scored:
-    """The objects of one kind in one frame: how many are to be found, and of what was found scores and hits.
+    """The objects of one kind in one frame: how many are to be found, and the scores and hits of those found.
 
-    `sensor` is the one whose data was looked at; `iou` what a hit has to reach.
+    `sensor` is the one whose data was used; `iou` is the least overlap of a hit.
     """
 
     sensor: int
@@ -53,7 +53,7 @@ def score_on_ground(
     kinds: frozenset[str],
     seen: Callable[[SolidBox], ImageBox | None],
 ) -> list[Scored]:
-    """Boxes in space against the labelled ones, seen from above; those that the labelled image does not show go."""
+    """Boxes in space against the labelled ones, seen from above; boxes outside the labelled image are left out."""
     boxes = [(one, box) for one in found if (box := seen(one.box)) is not None]
     agreement = overlaps_on_ground([one.box for one, _ in boxes], [_solid(label) for label in labels])
     shown = [(one.score, one.label, box) for one, box in boxes]
@@ -80,7 +80,7 @@ def _score(
         partner = _best(agreement[row], [at for at in passed if at not in taken], least) if partner is None else partner
         if partner is not None:
             taken.add(partner)
-        counted = partner in wanted if partner is not None else not _beside_the_point(box, regions, least)
+        counted = partner in wanted if partner is not None else not _is_ignored(box, regions, least)
         if counted:
             scores.append(score)
             hits.append(partner is not None)
@@ -98,7 +98,7 @@ def _is_to_be_found(label: ObjectLabel) -> bool:
     return easy and height >= _LEAST_HEIGHT_PX
 
 
-def _beside_the_point(box: ImageBox, regions: Sequence[ImageBox], least: float) -> bool:
+def _is_ignored(box: ImageBox, regions: Sequence[ImageBox], least: float) -> bool:
     """True for an object that is too small to be counted, or lies in a region that was not labelled."""
     if box.bottom - box.top < _LEAST_HEIGHT_PX:
         return True

@@ -1,4 +1,4 @@
-"""KITTI's object labels: what is there to be found in a frame, as its object and its tracking benchmark write it."""
+"""KITTI's object labels, in the formats of its object and its tracking benchmark."""
 
 import hashlib
 import math
@@ -105,7 +105,7 @@ def _read(path: Path) -> str:
             raise SettingError("it is too large for a file of labels", where=path)
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise SettingError(f"no readable file of labels ({error})", where=path) from error
+        raise SettingError(f"it is not a readable file of labels ({error})", where=path) from error
 
 
 def _hash(texts: Iterator[str] | Sequence[str]) -> str:
@@ -118,5 +118,5 @@ def _hash(texts: Iterator[str] | Sequence[str]) -> str:
 
 def _unreadable(path: Path, line: int, why: object) -> SettingError:
     return SettingError(
-        f"line {line} is no label of KITTI's ({why})", where=path, remedy="give label_2 or label_02 files"
+        f"line {line} is not a label of KITTI's ({why})", where=path, remedy="give label_2 or label_02 files"
     )

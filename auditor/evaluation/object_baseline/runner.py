@@ -35,7 +35,7 @@ class ObjectTask(Task):
 
 
 def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
-    """Raises SettingError where a detector cannot be used, or labels have nobody whom they could score."""
+    """Raises SettingError where a detector cannot be used, or labels have no detector that they could score."""
     found = find_detectors(detectors)
     if labels is not None and found.camera is None and found.cloud is None:
         raise SettingError(
@@ -44,7 +44,7 @@ def check_detectors(detectors: Sequence[str], labels: Path | None) -> None:
 
 
 def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
-    """Compare the sensors' objects in every case; what is finished already is not looked at again.
+    """Compare the sensors' objects in every case; finished chunks are not compared again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
@@ -83,7 +83,7 @@ class _Run(Run):
     def versions(self) -> Mapping[str, str]:
         return {**super().versions(), **self._detectors.libraries}
 
-    def look(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
+    def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[ObjectCase]:
         attacked_frame = now.attacked_frame
         frame, objects = attacked_frame.frame, AttackedObjects(attacked_frame, self._detectors)
         if self._detectors.camera is None and experiment.name != _SENSITIVITY:
@@ -100,7 +100,7 @@ class _Run(Run):
     def _overlaps(
         self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case, experiment: Experiment
     ) -> list[tuple[float, ...] | None]:
-        """By triple; None for those that are not compared."""
+        """The overlaps by triple; None for triples that are not compared."""
         compared = self._triples(attacked_frame, case, experiment)
         return [
             objects.agreement(triple, case.attacks) if triple in compared else None
@@ -109,12 +109,12 @@ class _Run(Run):
 
     @staticmethod
     def _triples(attacked_frame: AttackedFrame, case: Case, experiment: Experiment) -> list[Triple]:
-        """Those whose sensors are all there, and hold all that are attacked."""
-        asked = scenarios(attacked_frame.rig) if experiment.name != _SENSITIVITY else ()
-        return [triple for triple in asked if set(attacked_frame.sensors) >= set(triple) >= set(case.attacked)]
+        """The triples whose sensors are all present, and that contain all attacked sensors."""
+        compared = scenarios(attacked_frame.rig) if experiment.name != _SENSITIVITY else ()
+        return [triple for triple in compared if set(attacked_frame.sensors) >= set(triple) >= set(case.attacked)]
 
     def _scored(self, objects: AttackedObjects, attacked_frame: AttackedFrame, case: Case) -> list[Scored]:
-        """What the detectors found against the labels: of clean data, and of what a sensitivity case varies."""
+        """The detectors' objects against the labels: of clean data, and of data that a sensitivity case varies."""
         labels = self._labels.frames.get(attacked_frame.frame.number) if self._labels else None
         if labels is None or (case.attacked and case.size is None):
             return []
@@ -129,10 +129,10 @@ def _score(
     detectors: Detectors,
 ) -> Iterator[Scored]:
     rig: Rig = attacked_frame.view_rig
-    looked_at = set(case.attacked or rig.sensors) & set(attacked_frame.sensors)
-    if detectors.camera is not None and rig.n in looked_at:
+    changed = set(case.attacked or rig.sensors) & set(attacked_frame.sensors)
+    if detectors.camera is not None and rig.n in changed:
         yield from score_in_image(rig.n, objects.in_image(rig.n, case.attacks), labels, detectors.camera.labels)
-    if detectors.cloud is not None and LIDAR in looked_at:
+    if detectors.cloud is not None and LIDAR in changed:
         found = objects.in_cloud(case.attacks)
         yield from score_on_ground(
             LIDAR, found, labels, detectors.cloud.labels, lambda box: in_view(box, rig.camera(rig.n))

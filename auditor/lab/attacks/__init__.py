@@ -1,1 +1,1 @@
-"""Attacks and faults with their ground truth."""
+"""Attacks and faults on frames of cameras and LiDAR, with their ground truth."""

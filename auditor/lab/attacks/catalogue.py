@@ -1,4 +1,4 @@
-"""The kinds of attacks and faults that can be put on a sensor, each with the one size that matters most."""
+"""The kinds of attacks and faults that can be put on a sensor, each with its main size."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -29,22 +29,25 @@ _PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
 _AZIMUTHS_DEG = (-25.0, 25.0)
 
+PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
+"""Kinds that need further input: a picture file, the data of some frames ago, the data at the attack's start."""
+
 
 @dataclass(frozen=True)
 class Drawing:
-    """What an attack is drawn with: chance, a facula's strength, and the kind's size."""
+    """The inputs of a drawn attack: a random generator, a facula's strength, and the kind's size."""
 
     rng: np.random.Generator
     strength: str
     size: float | None
 
     def sized(self, usual: float) -> float:
-        """The size asked for, or the usual one."""
+        """The requested size, or the usual one."""
         return usual if self.size is None else self.size
 
     @property
     def seed(self) -> int:
-        """A seed for attacks that draw for themselves."""
+        """A seed for attacks that make draws of their own."""
         return int(self.rng.integers(1 << 31))
 
 
@@ -76,8 +79,6 @@ ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
 }
 """By name: width in m, degrees, points, degrees of yaw, mm/h."""
 
-PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
-"""Kinds that need more than chance: a picture file, the data of some frames ago, the data when it began."""
 
 KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)
 
@@ -88,11 +89,11 @@ def check_kind(kind: str, *, lidar: bool) -> None:
         return
     known = [*(ON_LIDAR if lidar else (*ON_CAMERA, PATTERN)), DELAYED, FROZEN]
     sensor = "the LiDAR" if lidar else "a camera"
-    raise SettingError(f"{kind} is nothing to do to {sensor}", where="--kind", remedy=f"use {', '.join(known)}")
+    raise SettingError(f"{kind} cannot be done to {sensor}", where="--kind", remedy=f"use {', '.join(known)}")
 
 
 class Memory:
-    """The past of one sensor, for what shows it again: `frames` ago, or for good since it began (None)."""
+    """The past data of one sensor, for attacks that replay it: of `frames` ago, or of the attack's start (None)."""
 
     def __init__(self, frames: int | None) -> None:
         self._frames = frames
@@ -106,7 +107,7 @@ class Memory:
             self._past = [data]
 
     def attack(self) -> DelayedCamera | DelayedLidar | None:
-        """What shows the past now; None where there is not enough of it yet."""
+        """The attack that replays the past; None where there is not enough of it yet."""
         if len(self._past) < (self._frames or 0) + 1:
             return None
         earlier = self._past[0]

@@ -1,4 +1,4 @@
-"""A sensor that hides, invents, lags or has moved: attacks on the LiDAR beyond the paper's wall, and plain faults."""
+"""Attacks on the LiDAR beyond the paper's wall, and faults: sensors that hide, invent, delay or have moved."""
 
 from dataclasses import dataclass, field
 
@@ -101,7 +101,7 @@ class ShiftedCamera(Described):
 
 @dataclass(frozen=True)
 class DimmedCamera(Described):
-    """The camera gets a share `light` of what it got: dusk, a tunnel, a closed aperture. Not an attack by itself."""
+    """The camera gets a share `light` of its light: dusk, a tunnel, a closed aperture. Not an attack by itself."""
 
     light: float
 
@@ -139,7 +139,7 @@ class SoiledLens(Described):
 
 @dataclass(frozen=True, eq=False)
 class DelayedCamera:
-    """The camera shows what it saw `frames` ago: a replay, or a camera that has been frozen for so long."""
+    """The camera shows what it saw `frames` ago: a replay, or a camera that has been frozen since then."""
 
     frames: int
     earlier: CameraImage = field(repr=False)
@@ -148,7 +148,7 @@ class DelayedCamera:
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
+        """All that determines its effect."""
         return {"frames": self.frames}
 
     def apply(self, image: CameraImage) -> CameraImage:
@@ -167,7 +167,7 @@ class DelayedLidar:
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect."""
+        """All that determines its effect."""
         return {"frames": self.frames}
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:  # noqa: ARG002 - as every attack on a LiDAR

@@ -13,8 +13,8 @@ from auditor.model.frames import CameraImage
 class LaserPattern:
     """A pattern that a real laser left on a real camera, laid over an image: I' = clip(I + pattern), Koehler et al.
 
-    `pixels` is (h, w, 3) BGR uint8 of any size; it is stretched over the image. A grey image gets the brightest
-    channel: so a camera without colour filters records a laser's one wavelength.
+    `pixels` is (h, w, 3) BGR uint8 of any size; it is resized to the image. A grey image gets the brightest
+    channel, as a camera without colour filters records the single wavelength of a laser.
     """
 
     title: str
@@ -24,7 +24,7 @@ class LaserPattern:
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect but the pixels."""
+        """All that determines its effect, except the pixels."""
         return {"title": self.title}
 
     def apply(self, image: CameraImage) -> CameraImage:

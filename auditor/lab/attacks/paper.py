@@ -1,6 +1,6 @@
 """The paper's two attacks: a Gaussian facula on a camera, a bogus wall in a point cloud.
 
-Both are frozen descriptions that change a copy of the data they are given. What decides their effect is in
+Both are frozen descriptions that change a copy of the data they are given. All that determines their effect is in
 `parameters`: the ground truth that goes with the changed recording.
 """
 
@@ -14,7 +14,7 @@ from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Rig
 
 STRENGTHS = {"mild": 255.0, "strong": 510.0, "opaque": 2000.0}
-"""Amplitude A of a facula in grey levels. The paper does not give its own, and A decides the rates."""
+"""Amplitude A of a facula in grey levels. The paper does not give its value, and the rates depend on it."""
 
 _NOMINAL_WIDTH_PX = 1242
 _RADII_PX = (187.0, 375.0)  # at the nominal width
@@ -25,24 +25,22 @@ _RANGE_NOISE_M = 0.02
 _LIDAR_HEIGHT_M = 1.73  # of the vehicle that KITTI was recorded with; used where a cloud shows no road
 _ROAD_BELOW_M = (0.5, 4.0)
 _ROAD_BIN_M = 0.05
-_FAINTEST = 0.5  # grey levels: what adds less cannot change a pixel
+_FAINTEST = 0.5  # grey levels: a smaller addition cannot change a pixel
 _FEW_POINTS = 50
 _NEAREST_M = 0.1
 _DENSITY_CELL = 0.02  # radians: an HDL-64 has about 15 directions in a cell
 _DENSITY_CELLS = 40
 _USUAL_STEPS = (0.003, 0.008)  # radians, where a cloud is too small to tell
-
-
 Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Described:
-    """An attack or fault whose fields are everything that decides its effect."""
+    """An attack or fault whose fields are all that determines its effect."""
 
     @property
     def parameters(self) -> dict[str, object]:
-        """Everything that decides its effect: the ground truth that goes with changed data."""
+        """All that determines its effect: the ground truth that goes with changed data."""
         return asdict(self)
 
 
@@ -83,7 +81,7 @@ class BogusWall(Described):
     """Relayed pulses that show a wall facing the LiDAR and hide what is behind it.
 
     `range_m` ahead of the LiDAR along the cameras' viewing direction, its middle `lateral_m` to the right, its lower
-    edge `bottom_m` above the road. `seed` decides the noise of its ranges.
+    edge `bottom_m` above the road. `seed` determines the noise of its ranges.
     """
 
     range_m: float
@@ -99,7 +97,7 @@ class BogusWall(Described):
         """The cloud with the wall in it; its points keep their order, added ones come last.
 
         Beams that would have passed through the wall's outline return from it instead, so that it has the LiDAR's own
-        pattern; what is nearer than the wall is still seen. Where nothing had returned, pulses are added at the cloud's
+        pattern; points nearer than the wall stay. Where no pulse had returned, points are added at the cloud's
         own density. Raises SettingError for a rig without a LiDAR.
         """
         if rig.lidar is None:
@@ -133,7 +131,7 @@ class BogusWall(Described):
         column = np.minimum(((seen[:, 0] - left_m) / step_right).astype(np.intp), columns - 1)
         row = np.minimum(((seen[:, 1] - upper_m) / step_down).astype(np.intp), rows - 1)
         taken = np.zeros((rows + 2, columns + 2), dtype=bool)
-        # A beam's neighbours are not on the grid's own lines, so that a cell beside a taken one is no gap.
+        # A beam's neighbours are not on the grid's own lines, so that a cell beside a taken one is not a gap.
         for down, right in np.ndindex(3, 3):
             taken[row + down, column + right] = True
         row, column = np.nonzero(~taken[1:-1, 1:-1])
@@ -144,7 +142,7 @@ class BogusWall(Described):
 def draw_facula(rng: np.random.Generator, width_px: int, height_px: int, strength: str) -> Facula:
     """A facula of the paper's size, its centre anywhere in the image. Raises SettingError for an unknown strength."""
     if strength not in STRENGTHS:
-        raise SettingError(f"{strength!r} is no strength", where="facula", remedy=f"use {', '.join(STRENGTHS)}")
+        raise SettingError(f"{strength!r} is not a strength", where="facula", remedy=f"use {', '.join(STRENGTHS)}")
     radius = rng.uniform(*_RADII_PX) * width_px / _NOMINAL_WIDTH_PX
     return Facula(STRENGTHS[strength], radius, rng.uniform(0, width_px), rng.uniform(0, height_px))
 
@@ -183,7 +181,7 @@ def road_below_m(points: Points) -> float:
 def angular_steps(points: Points) -> tuple[float, float]:
     """Steps between neighbouring directions of a cloud, right and down, in radians; `points` as in `road_below_m`.
 
-    The nearest neighbour of a direction is the next one of the same beam; how many directions there are to a cell
+    The nearest neighbour of a direction is the next one of the same beam; the number of directions in a cell
     then gives the step between beams.
     """
     ahead = points[(points[:, 2] > _NEAREST_M) & (np.abs(points[:, 0]) < points[:, 2])]

@@ -1,4 +1,4 @@
-"""Which sensor is attacked, with what, and when."""
+"""Plans of attacks: the sensor, the kind and size of the attack, and its time."""
 
 from dataclasses import dataclass, field
 from typing import cast
@@ -30,9 +30,9 @@ _DELAY_FRAMES = 1
 class AttackPlan:
     """One sensor under attack or at fault: a facula on a camera, a bogus wall in the LiDAR's cloud, or another `kind`.
 
-    `size` is what `lab.kinds` says of the kind; `pattern` what is laid over a camera's images. The attack holds still,
-    or is drawn anew for every frame (`moving`). It is on from `from_ns` to `to_ns`, both included, in stamps of the
-    sensor; None is the recording's own end.
+    `size` is in the unit of the kind, see `catalogue`; `pattern` is laid over a camera's images. The attack holds
+    still, or is drawn anew for every frame (`moving`). It is on from `from_ns` to `to_ns`, both included, in stamps of
+    the sensor; None is the recording's own end.
     """
 
     sensor: int
@@ -52,7 +52,7 @@ class AttackPlan:
     def attack_at(self, stamp_ns: int, rig: Rig) -> OnCamera | OnLidar:
         """The attack at one moment, drawn from the seed (and the stamp where it is moving).
 
-        Not for kinds that show a sensor's past: what they do depends on it.
+        It does not apply to kinds that replay a sensor's past: their effect depends on earlier data.
         """
         rng = np.random.default_rng([self.seed, self.sensor, stamp_ns if self.moving else 0])
         drawing = Drawing(rng, self.strength, self.size)
@@ -63,9 +63,9 @@ class AttackPlan:
 
 @dataclass
 class Attacker:
-    """Carries a plan out on one sensor's data as it comes by, and remembers what it did.
+    """Carries out a plan on the data of one sensor in order of time, and records the ground truth.
 
-    Raises SettingError where the rig lacks the sensor or the plan's kind is nothing to do to it.
+    Raises SettingError where the rig lacks the sensor or the plan's kind does not apply to it.
     """
 
     plan: AttackPlan
@@ -90,18 +90,18 @@ class Attacker:
             self._memory = Memory(round(plan.size or _DELAY_FRAMES) if plan.kind == DELAYED else None)
 
     def change_image(self, image: CameraImage) -> CameraImage:
-        """The image, attacked while the plan says so."""
+        """The image, attacked within the plan's time."""
         attack = cast("OnCamera | None", self._attack_on(image))
         return image if attack is None else attack.apply(image)
 
     def change_cloud(self, cloud: PointCloud) -> PointCloud:
-        """The cloud, attacked while the plan says so."""
+        """The cloud, attacked within the plan's time."""
         attack = cast("OnLidar | None", self._attack_on(cloud))
         return cloud if attack is None else attack.apply(cloud, self.rig)
 
     @property
     def label(self) -> AttackLabel | None:
-        """The ground truth of what was done; None where nothing was."""
+        """The ground truth of the attack; None where no data was changed."""
         if self._first_ns is None or self._last_ns is None:
             return None
         plan = self.plan
@@ -111,11 +111,11 @@ class Attacker:
 
     @property
     def newest_ns(self) -> int | None:
-        """The newest stamp of the sensor that came by, attacked or not; None where no data of it did."""
+        """The newest stamp of the sensor's data, attacked or not; None where there was no data."""
         return self._newest_ns
 
     def _attack_on(self, data: CameraImage | PointCloud) -> OnCamera | OnLidar | None:
-        """What is done to the sensor's next data; None while nothing is."""
+        """The attack on the sensor's next data; None outside the plan's time."""
         on = self.plan.covers(data.stamp_ns)
         self._newest_ns = data.stamp_ns if self._newest_ns is None else max(self._newest_ns, data.stamp_ns)
         if self._memory:

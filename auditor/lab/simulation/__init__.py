@@ -1,1 +1,1 @@
-"""Synthetic drives."""
+"""Synthetic drives: streets, vehicles and the data of their sensors."""

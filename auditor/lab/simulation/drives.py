@@ -1,4 +1,4 @@
-"""Synthetic drives along a street: frames of cameras and LiDAR with the depths that they truly saw."""
+"""Synthetic drives along a street: frames of cameras and LiDAR with the true depths."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ _STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4}
 
 @dataclass(frozen=True, eq=False)
 class SyntheticDrive:
-    """A drive of `frame_count` frames at 10 Hz. Every frame is made when it is asked for, and always the same."""
+    """A drive of `frame_count` frames at 10 Hz. A frame is made when it is requested, and is always the same."""
 
     seed: int
     trip: int
@@ -44,7 +44,7 @@ class SyntheticDrive:
 
     @property
     def rig(self) -> Rig:
-        """The rig as the vehicle believes it to be."""
+        """The rig by the vehicle's calibration."""
         return self.vehicle.rig
 
     def frames(self) -> Iterator[Frame]:
@@ -60,7 +60,7 @@ class SyntheticDrive:
         return Frame(number, stamp_ns, dict.fromkeys(self.rig.sensors, present), cloud, images)
 
     def image(self, number: int, camera: int) -> CameraImage:
-        """What S_camera shows in a frame: (H, W) uint8."""
+        """The image of S_camera in a frame: (H, W) uint8."""
         flaws = self.vehicle.cameras[camera - 1]
         world_SE3_rig, rays, surfaces, hits = self._seen(number, camera)
         light = radiance(rays, hits, surfaces, self.atlas, self.light, world_SE3_rig)
@@ -68,7 +68,7 @@ class SyntheticDrive:
         return CameraImage(camera, self._stamp_ns(number), expose(light, flaws, rng))
 
     def depth_m(self, number: int, camera: int) -> Floats:
-        """The (H, W) depths that S_camera truly saw in a frame; inf where it saw the sky."""
+        """The true (H, W) depths of S_camera's pixels in a frame; inf where it sees the sky."""
         return self._seen(number, camera)[3].distance
 
     def cloud(self, number: int) -> PointCloud:
@@ -101,7 +101,7 @@ class SyntheticDrive:
         return world_SE3_rig, rays, surfaces, cast(rays, surfaces, self.atlas)
 
     def _world_SE3_rig(self, time_s: float) -> Matrix:
-        """Where the vehicle is: it follows its lane, swaying and nodding a little."""
+        """The vehicle's pose: it follows its lane, and rolls and pitches a little."""
         phase = self.seed + 1.7 * self.trip
         pitch = _SWAY[0] * np.sin(2.1 * time_s + phase)
         yaw = _SWAY[1] * np.sin(0.7 * time_s + 2 * phase)
@@ -125,14 +125,14 @@ def make_drive(
 ) -> SyntheticDrive:
     """A drive along a street.
 
-    `seed` decides the street and what is parked there; `trip` the light, the traffic, the speed and the noise: trips of
-    one seed, and of as many frames, go along the same street on different days. `vehicle` decides the calibration and
-    the flaws of the sensors, which drives of one vehicle share; vehicle 0 is built just as it was drawn. `positions_m`
-    are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises SettingError for an unknown style, no
-    frames, or positions that do not fit.
+    `seed` determines the street and the parked vehicles; `trip` the light, the traffic, the speed and the noise: trips
+    of one seed, and of as many frames, go along the same street on different days. `vehicle` determines the calibration
+    and the flaws of the sensors, which drives of one vehicle share; vehicle 0 is built exactly as designed.
+    `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises SettingError for an
+    unknown style, no frames, or positions that do not fit.
     """
     if frames < 1:
-        raise SettingError(f"{frames} frames make no drive", where="synthetic drive", remedy="ask for one at least")
+        raise SettingError(f"{frames} frames are too few", where="synthetic drive", remedy="give at least one")
     look = style_named(style)
     rig = make_rig(n_cameras, lidar=lidar, width_px=width_px, height_px=height_px, positions_m=positions_m)
     still = np.random.default_rng([seed, _STREAMS["scene"]])

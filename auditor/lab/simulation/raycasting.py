@@ -1,4 +1,4 @@
-"""Casting rays at a scene: which piece each ray meets first, where on it, and how far."""
+"""Casts rays at a scene: the first piece that each ray meets, the place on it, and the distance."""
 
 from dataclasses import dataclass, replace
 
@@ -25,7 +25,7 @@ class Rays:
 
     `x`, `y` and `z` are their directions and `origin` the places they start from; each broadcasts to (H, W). `pixel` is
     the angle in radians between neighbours. A grid with `focal_px` is a camera's: z = 1, distances along the rays are
-    depths, and `principal_px` is where it looks straight ahead. Without one it is a LiDAR's: columns are evenly spaced
+    depths, and `principal_px` is the pixel straight ahead. Without one it is a LiDAR's: columns are evenly spaced
     azimuths from `first_azimuth` on. A camera whose rays are bent has x and y for each pixel and no `principal_px`.
     """
 
@@ -42,7 +42,7 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What H x W rays met: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
+    """The hits of H x W rays: the piece (-1: none), its s and t there, and the distance in lengths of the ray (inf)."""
 
     piece: NDArray[np.int32]
     s: Floats
@@ -136,7 +136,7 @@ def _masks(
     met: NDArray[np.bool_],
     place: tuple[Floats, Floats, Floats],
 ) -> tuple[NDArray[np.intp], Floats]:
-    """The (flat) indices of `met` and what a piece's mask says there."""
+    """The (flat) indices of `met` and the values of a piece's mask there."""
     at = np.flatnonzero(met)
     s, t, distance = (values.ravel()[at] for values in place)
     repeats, shift = surfaces.repeats[piece], surfaces.shift[piece]
@@ -155,7 +155,7 @@ def _part(values: Floats, window: tuple[slice, slice]) -> Floats:
 
 
 def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
-    """How near each piece comes, (N,) metres of depth, and where in the grid it may lie.
+    """The nearest depth of each piece, (N,) metres, and the part of the grid in which it may lie.
 
     The latter is (N, 4): first row, one past the last, first column, one past the last.
     """
@@ -164,7 +164,7 @@ def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
     b, c = a + surfaces.across, a + surfaces.up
     corners = np.stack([a, b, b + surfaces.up, c], axis=1)
     following = np.roll(corners, -1, axis=1)
-    # Where an edge passes through the plane just ahead of the sensor, that point bounds what can be seen of the piece.
+    # Where an edge passes through the plane just ahead of the sensor, that point bounds the visible part of the piece.
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (_NEAR_M - corners[:, :, 2]) / (following[:, :, 2] - corners[:, :, 2])
     crosses = (share > 0) & (share < 1)

@@ -1,4 +1,4 @@
-"""What stands in a street, built of pieces. World frame: x right, y down with the road at 0, z along the road."""
+"""The objects of a street, built of pieces. World frame: x right, y down with the road at 0, z along the road."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Look:
-    """Texture of a thing's faces; see Piece."""
+    """The appearance of an object's faces; see Piece."""
 
     tile: Tile
     tile_m: tuple[float, float] = (2.0, 2.0)
@@ -77,7 +77,7 @@ def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0)
         size = (float(np.linalg.norm(across)), float(np.linalg.norm(up)))
         return Piece(corner, across, up, tile, size, speed=speed, cut=tile is Tile.WHEEL, **given)  # type: ignore[arg-type]
 
-    lost = 0.6 if albedo < 0.1 else 0.05  # dark paint mirrors a LiDAR's pulses away
+    lost = 0.6 if albedo < 0.1 else 0.05  # dark paint reflects a LiDAR's pulses away
     yield face((left, -0.01, z_m), (width, 0, 0), (0, 0, length), Tile.ASPHALT, albedo=0.03, ambient=0.3, gloss=0.0)
     yield face((left, -0.25, z_m), (width, 0, 0), (0, -(waist - 0.25), 0.06), Tile.REAR, lost=lost * 0.6)
     yield face((side, -0.25, z_m), (0, 0, length), (0, -(waist - 0.25), 0), Tile.PAINT, lost=lost)
@@ -99,7 +99,7 @@ def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0)
 def crown(
     middle: Vector, radius_m: float, height_m: float, layers: int, rng: np.random.Generator, *, tile: Tile = Tile.LEAVES
 ) -> Iterator[Piece]:
-    """Leaves: ragged discs behind one another, and across each other, with sky between them."""
+    """Leaves: ragged discs, some behind one another and some crossing, with sky between them."""
     x, y, z = middle
     albedo = float(rng.uniform(0.1, 0.3))
     grain = float(rng.uniform(1.2, 2.4))

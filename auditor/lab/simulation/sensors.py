@@ -1,4 +1,4 @@
-"""What sensors make of the world: rays out, pixels and points in, each with its own flaws."""
+"""The data of cameras and LiDARs: pixels and points of cast rays, with the flaws of each sensor."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,9 @@ def _bent_rays(camera: Camera, row_shift_px: float) -> Rays:
     bent = (columns - K[0, 2] - K[0, 1] * down) / K[0, 0]
     x, y = camera.lens.undistort(bent, down)
     if not np.isfinite(x).all():
-        raise SettingError("its lens shows nothing at some of its pixels", where=camera.name, remedy="bend it less")
+        raise SettingError(
+            "its lens has no direction for some of its pixels", where=camera.name, remedy="give it less distortion"
+        )
     directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.rotation  # R^T, applied from the right
     across, downwards = (directions[..., axis] / directions[..., 2] for axis in (0, 1))
     return Rays(
@@ -92,7 +94,7 @@ def lidar_directions() -> Floats:
 
 
 def lidar_rays(lidar: Lidar, directions: Floats, flaws: LidarFlaws, speed_m_s: float) -> Rays:
-    """The beams as they really go: mounted a little off, from a vehicle that moves while they sweep."""
+    """The true beams: of a LiDAR mounted a little off, on a vehicle that moves during the sweep."""
     R = lidar.rig_SE3_lidar[:3, :3]
     turned = directions @ (flaws.tilt @ R).astype(np.float32).T
     start = lidar.rig_SE3_lidar[:3, 3] + flaws.shift_m
@@ -128,7 +130,7 @@ def echoes(
     normal = surfaces.normal
     slant = np.abs(sum(normal[:, k].take(piece) * axis.ravel()[at] for k, axis in enumerate((rays.x, rays.y, rays.z))))
     echo = (0.05 + surfaces.albedo.take(piece)) * slant * (_REFERENCE_M / np.maximum(r, 10)) ** 2
-    heard = echo * rng.uniform(0.5, 1.5, at.size) > _FAINTEST
-    at, r = at[heard], r[heard]
+    detected = echo * rng.uniform(0.5, 1.5, at.size) > _FAINTEST
+    at, r = at[detected], r[detected]
     noisy = r + rng.normal(0, flaws.range_noise_m, at.size).astype(np.float32)
     return np.asarray(directions.reshape(-1, 3)[at] * noisy[:, None], dtype=np.float32)

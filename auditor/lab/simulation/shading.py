@@ -1,4 +1,4 @@
-"""What a camera's ray brings back: light from textured, shaded, shadowed and glossy pieces, or from the sky."""
+"""The radiance along a camera's rays: from textured, shaded, shadowed and glossy pieces, or from the sky."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, Tile, level_of
 from auditor.model.geometry import Matrix
 
-_PART = 1 << 15  # rays at a time: what they need stays in the processor's cache
+_PART = 1 << 15  # rays at a time: their data fit into the processor's cache
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
 _HAZE_M = np.float32(400.0)
 _HAZE = np.float32(0.7)
@@ -104,7 +104,7 @@ class _Scene:
         glossy = np.flatnonzero(gloss > _DULL)
         if glossy.size:
             mirrored = self._mirrored(met.chosen(glossy))
-            # After Schlick: a surface mirrors more the flatter it is looked at.
+            # Schlick's approximation: a surface reflects more at grazing angles.
             share = gloss.take(glossy) + _GRAZING * (1 - slant.take(glossy)) ** 5
             bright[glossy] += share * (mirrored - bright.take(glossy))
         bright += (1 - np.exp(met.depth / -_HAZE_M)) * (_HAZE - bright)

@@ -30,9 +30,9 @@ BEYOND_M = 130.0
 
 @dataclass(frozen=True)
 class Style:
-    """What a street is like; lengths in metres, the others probabilities a stretch or weights.
+    """A style of street; lengths in metres, the others probabilities for each section, or weights.
 
-    `fronts` weighs what lines the road: names of `_FRONTS`.
+    `fronts` gives the weights of the fronts along the road, by names of `_FRONTS`.
     """
 
     road_m: float
@@ -51,7 +51,7 @@ class Style:
 
     @property
     def lane_m(self) -> float:
-        """Where a vehicle drives: a metre and a half beside the parked ones."""
+        """The lane's place: a metre and a half beside the parked vehicles."""
         return self.road_m - 3.5
 
 
@@ -79,12 +79,12 @@ STYLES: Mapping[str, Style] = MappingProxyType(
 def style_named(name: str) -> Style:
     """One of STYLES. Raises SettingError that lists them."""
     if name not in STYLES:
-        raise SettingError(f"no street is {name!r}", where="style", remedy=f"use {', '.join(STYLES)}")
+        raise SettingError(f"there is no street style {name!r}", where="style", remedy=f"use {', '.join(STYLES)}")
     return STYLES[name]
 
 
 def street(style: Style, length_m: float, seed: int) -> list[Piece]:
-    """What stands still along a straight street for a vehicle that drives from z = 0 to `length_m`.
+    """The static pieces of a straight street for a vehicle that drives from z = 0 to `length_m`.
 
     A longer street of the same seed begins like a shorter one.
     """
@@ -98,7 +98,7 @@ def street(style: Style, length_m: float, seed: int) -> list[Piece]:
 
 
 def traffic(style: Style, length_m: float, speed_m_s: float, rng: np.random.Generator) -> Iterator[Piece]:
-    """One vehicle ahead, and some that come the other way."""
+    """One vehicle ahead, and some oncoming ones."""
     yield from car(style.lane_m, rng.uniform(14, 30), rng, speed=speed_m_s * rng.uniform(0.97, 1.1))
     z = rng.uniform(25, 60)
     while z < 2.2 * length_m + BEYOND_M:
@@ -162,7 +162,7 @@ def _beside(style: Style, side: int, end: float, rng: np.random.Generator) -> It
 
 
 def _closed(end: float, rng: np.random.Generator) -> Iterator[Piece]:
-    """What stands across the street's far end."""
+    """The building across the street's far end."""
     look = Look(Tile.WINDOWS, (6.0, 6.0), albedo=0.5)
     yield look.piece((-40, 0, end - 2), (80, 0, 0), (0, -9, 0))
     for x in np.arange(-30, 31, 5.0):

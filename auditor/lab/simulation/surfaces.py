@@ -1,4 +1,4 @@
-"""What a scene is made of: flat pieces with textures, as columns of one table."""
+"""The pieces of a scene: flat and textured, as columns of one table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -11,6 +11,9 @@ from auditor.lab.simulation.textures import Tile
 Floats = NDArray[np.float32]
 Vector = tuple[float, float, float]
 
+_WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
+"""Tiles whose origin is that of their piece."""
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -18,7 +21,7 @@ class Piece:
 
     It spans `corner` + s `across` + t `up`, s and t in 0..1, the two at right angles; at t = 1 it is narrower by
     `taper` of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask
-    that mirrors; with `cut` the mask says instead where the piece is there at all. An `oval` piece ends at its ellipse.
+    that mirrors; with `cut` the mask marks instead where the piece exists. An `oval` piece ends at its ellipse.
     Of a LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed`
     moves the piece along the road, in m/s.
     """
@@ -44,7 +47,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """N pieces as arrays; see Piece. `shift` (N, 2) sets where in its tile each piece begins."""
+    """N pieces as arrays; see Piece. `shift` (N, 2) is the place in its tile at which each piece begins."""
 
     corner: Floats
     across: Floats
@@ -107,10 +110,6 @@ def gather(pieces: Sequence[Piece], rng: np.random.Generator) -> Surfaces:
         speed=column("speed"),
         ambient=column("ambient"),
     )
-
-
-_WHOLE = frozenset({Tile.PAINT, Tile.GLASS, Tile.REAR, Tile.WHEEL, Tile.SIGN, Tile.WINDOWS, Tile.FENCE})
-"""Tiles that begin where their piece begins."""
 
 
 def _shifts(pieces: Sequence[Piece], rng: np.random.Generator) -> Floats:

@@ -16,7 +16,7 @@ Drawn = tuple[NDArray[Any], NDArray[Any]]
 
 
 class Tile(IntEnum):
-    """What a surface shows. The comment says what the mask means: gloss (a mirror's share) or cover (what is there)."""
+    """Tiles by content. The comment gives the mask's meaning: gloss (reflecting share) or cover (where it exists)."""
 
     ASPHALT = 0
     PAVING = 1
@@ -252,7 +252,7 @@ def _shade(rng: np.random.Generator) -> Drawn:
 
 
 def _surroundings(rng: np.random.Generator) -> Drawn:
-    """What glossy surfaces mirror: columns are directions around, rows run from straight down to straight up."""
+    """The surroundings that glossy surfaces reflect: columns are azimuths, rows run from straight down to up."""
     height = np.arange(SIZE)[:, None] / SIZE
     skyline = 0.52 + 0.03 * np.cumsum(rng.standard_normal(SIZE))[None, :] / 16
     skyline += 0.05 * (np.kron(rng.random(32), np.ones(8)) > 0.6)

@@ -1,4 +1,4 @@
-"""The vehicles of a fleet: one rig kind, and each vehicle's own calibration and small imperfections."""
+"""The vehicles of a fleet: one rig kind; each vehicle has its own calibration and small imperfections."""
 
 from dataclasses import dataclass, replace
 
@@ -10,6 +10,7 @@ from auditor.model.rig import Camera, Lidar, Rig
 
 _FOCAL_SHARE = 721.5377 / 1242  # of the width, KITTI's
 _PRINCIPAL = (609.5593 / 1242, 172.854 / 375)
+
 KITTI_POSITIONS_M = {2: (0.47, -0.06), 3: (0.54, 0.47, -0.06), 4: (0.54, 0.47, 0.0, -0.06)}
 """x of S_1, S_2, ... by number of cameras."""
 
@@ -17,8 +18,9 @@ _SPACING_M = 0.3
 _FOCAL_TOLERANCE = 0.008
 _PRINCIPAL_TOLERANCE = 4 / 1242  # of the width
 _PLACE_TOLERANCE_M = 0.0012
+
 _LIDAR_TOLERANCES = 0.005, np.deg2rad(0.3)
-"""How far what is built differs from what was drawn: of one rig kind they all remain."""
+"""The manufacturing tolerances: vehicles within them are of one rig kind."""
 
 _LIDAR_SE3_AXES = ((0, 0, 1), (-1, 0, 0), (0, -1, 0))
 _RIG_AT_LIDAR_M = (-0.004, -0.076, -0.272)
@@ -26,7 +28,7 @@ _RIG_AT_LIDAR_M = (-0.004, -0.076, -0.272)
 
 @dataclass(frozen=True)
 class CameraFlaws:
-    """What one camera does to the light: see `sensing.expose`."""
+    """The flaws of one camera: see `sensors.expose`."""
 
     gain: float
     offset: float
@@ -40,7 +42,7 @@ class CameraFlaws:
 
 @dataclass(frozen=True, eq=False)
 class LidarFlaws:
-    """How one LiDAR errs: its true mounting against the rig's, its ranges, and when it really measured."""
+    """The errors of one LiDAR: of its mounting against the rig's, of its ranges, and of its stamps."""
 
     tilt: Matrix
     shift_m: Matrix
@@ -51,7 +53,7 @@ class LidarFlaws:
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A rig as it is believed to be, and as it is."""
+    """A rig by its calibration, and the true one."""
 
     rig: Rig
     cameras: tuple[CameraFlaws, ...]
@@ -91,7 +93,7 @@ def evenly_spaced_m(n_cameras: int) -> tuple[float, ...]:
 
 
 def as_built(rig: Rig, seed: int) -> Rig:
-    """The rig of one vehicle of a fleet, calibrated for itself; seed 0 is built just as it was drawn.
+    """The rig of one vehicle of a fleet, calibrated for itself; seed 0 is built exactly as designed.
 
     Focal length, principal point and the places of the cameras and the LiDAR differ a little, and are known.
     """

@@ -1,4 +1,4 @@
-"""Messages -> headers, pixels, points and calibration, by schema name."""
+"""Decoders of messages by schema name: headers, pixels, points, calibrations and transforms."""
 
 from collections.abc import Callable
 from functools import cache
@@ -62,19 +62,19 @@ DECODERS: dict[str, tuple[frozenset[str], DecoderFactory]] = {
 }
 """Built-in decoders by schema, with the message encodings they read.
 
-The entry points group `auditor.decoders` adds to them: each is named as its schema and yields such a pair.
+The entry points group `auditor.decoders` adds to them: each has the name of its schema and gives such a pair.
 """
 
 
 @cache
 def decoder_table() -> dict[str, tuple[frozenset[str], DecoderFactory]]:
-    """The built-in table and what other packages offer; built-in schemas cannot be replaced."""
+    """The built-in table and the decoders of other packages; built-in schemas cannot be replaced."""
     offered = {entry.name: entry.load() for entry in entry_points(group="auditor.decoders")}
     return offered | DECODERS
 
 
 class Decoders:
-    """The decoders of one recording, given where its definitions are found."""
+    """The decoders of one recording, given a function that finds its definitions."""
 
     def __init__(self, definition: Callable[[str], Definition | None]) -> None:
         self.types = RosTypes(definition)
@@ -89,11 +89,11 @@ class Decoders:
         return self._made[key]
 
     def image(self, schema: str, encoding: str) -> ImageDecoder | None:
-        """The same, where it decodes images."""
+        """The decoder, if it decodes images; else None."""
         decoder = self.of(schema, encoding)
         return decoder if decoder and decoder.kind == "image" else None
 
     def cloud(self, schema: str, encoding: str) -> CloudDecoder | None:
-        """The same, where it decodes point clouds."""
+        """The decoder, if it decodes point clouds; else None."""
         decoder = self.of(schema, encoding)
         return decoder if decoder and decoder.kind == "cloud" else None

@@ -11,7 +11,7 @@ from auditor.recordings.decoding.interface import Header
 from auditor.recordings.decoding.ros import RosTypes, read_header
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""sensor_msgs/PointField's numbers."""
+"""The datatype numbers of sensor_msgs/PointField."""
 
 MAX_POINTS = 10**7
 MAX_POINT_BYTES = 4096
@@ -26,7 +26,7 @@ class PointCloudDecoder:
         self._types = types
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return read_header(message)
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
@@ -42,7 +42,7 @@ def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is g
     if width * height > MAX_POINTS:
         raise DecodingError(f"a cloud of {width} x {height} points is not accepted")
     row_bytes = width * cloud.point_step
-    # An unorganised cloud need not say how long its only row is.
+    # An unorganised cloud may leave the length of its only row empty.
     row_step = cloud.row_step if height > 1 else max(cloud.row_step, row_bytes)
     if row_step < row_bytes or len(cloud.data) != height * row_step:
         raise DecodingError(
@@ -55,8 +55,8 @@ def points_of(cloud: Any) -> NDArray[np.void]:  # noqa: ANN401  # the class is g
 
 
 def finite(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The points without NaN and infinity: LiDARs write them where nothing came back."""
-    # A sum is finite only where all three are; the other way round overflow would need coordinates of 1e38 m.
+    """The points without NaN and infinity: LiDARs write them where no pulse returned."""
+    # A sum is finite only where all three are; finite values overflow only at coordinates of 1e38 m.
     with np.errstate(invalid="ignore", over="ignore"):
         good = np.isfinite(xyz_m[:, 0] + xyz_m[:, 1] + xyz_m[:, 2])
     return xyz_m if good.all() else xyz_m[good]

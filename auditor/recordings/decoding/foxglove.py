@@ -34,14 +34,14 @@ _ROS_DATATYPES = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}
 
 
 class FoxgloveMessages:
-    """Decodes messages of one recording into dicts; an embedded protobuf schema must not contradict the known one."""
+    """Decodes messages of one recording into dicts; an embedded protobuf schema must agree with the known one."""
 
     def __init__(self, types: RosTypes) -> None:
         self._types = types
         self._checked: set[str] = set()
 
     def decode(self, message: Message, without: Collection[str] = ()) -> dict[str, Any]:
-        """The fields by name; JSON need not decode those left out. Raises DecodingError."""
+        """The fields by name; JSON fields in the set left out are not decoded. Raises DecodingError."""
         try:
             if message.encoding == "json":
                 return decode_json(message.schema, bytes(message.data), without)
@@ -65,7 +65,7 @@ def stamp_ns(values: dict[str, Any]) -> int:
     stamp = values["timestamp"]
     time_ns = stamp["seconds"] * 10**9 + stamp["nanos"] if stamp else 0
     if not 0 <= time_ns <= _MAX_STAMP_NS:
-        raise DecodingError("its timestamp is beyond every calendar")
+        raise DecodingError("its timestamp is out of range")
     return int(time_ns)
 
 
@@ -74,7 +74,7 @@ class _Decoder:
         self._messages = FoxgloveMessages(types)
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return self._messages.header(message)
 
 
@@ -113,7 +113,7 @@ class FoxgloveCompressedImageDecoder(_Decoder):
     kind: ClassVar[Literal["image"]] = "image"
 
     def size_px(self, message: Message) -> SizePx:
-        """What the picture's own header declares."""
+        """The size that the header of the PNG or JPEG file declares."""
         return inspect_picture(self._picture(message)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
@@ -148,7 +148,7 @@ class _Points(NamedTuple):
 
 
 class FoxglovePointCloudDecoder(_Decoder):
-    """foxglove.PointCloud: as many points as its data hold; `pose` takes them into the frame."""
+    """foxglove.PointCloud: as many points as its data hold; `pose` transforms them into the frame."""
 
     kind: ClassVar[Literal["cloud"]] = "cloud"
 
@@ -159,7 +159,7 @@ class FoxglovePointCloudDecoder(_Decoder):
         fields = [_PointField(f["name"], f["offset"], _ROS_DATATYPES.get(f["type"], 0)) for f in values["fields"]]
         cloud = _Points(data.size // max(stride, 1), stride, data.size, fields, data)
         if data.size % max(stride, 1):
-            raise DecodingError(f"the cloud is cut: {data.size} bytes are no whole points", where=message.topic)
+            raise DecodingError(f"the cloud is cut: {data.size} bytes are not whole points", where=message.topic)
         xyz_m = finite(xyz_of(points_of(cloud)))
         frame_SE3_points = _motion(values["pose"] or {}, "orientation", "position", message.topic)
         if np.array_equal(frame_SE3_points, np.eye(4)):
@@ -170,7 +170,7 @@ class FoxglovePointCloudDecoder(_Decoder):
 
 
 class FoxgloveCameraCalibrationDecoder(_Decoder):
-    """foxglove.CameraCalibration; no R means not turned, no P means K without an offset."""
+    """foxglove.CameraCalibration; without R there is no rotation, without P there is K without an offset."""
 
     kind: ClassVar[Literal["camera_info"]] = "camera_info"
 
@@ -194,7 +194,7 @@ class FoxgloveTransformsDecoder:
         self._messages = FoxgloveMessages(types)
 
     def transforms(self, message: Message) -> tuple[Transform, ...]:
-        """All of the message. Raises DecodingError for a rotation that is none."""
+        """All of the message. Raises DecodingError where a rotation matrix or quaternion is ill-formed."""
         values = self._messages.decode(message)
         entries = values["transforms"] if message.schema == FRAME_TRANSFORMS else [values]
         return tuple(
@@ -208,7 +208,7 @@ class FoxgloveTransformsDecoder:
 
 
 def _motion(values: dict[str, Any], rotation: str, translation: str, topic: str) -> Matrix:
-    """The (4, 4) motion of a rotation and a translation, either of which may be absent: not turned, not moved."""
+    """The (4, 4) motion of a rotation and a translation, either of which may be absent: no rotation, no translation."""
     turn = values.get(rotation) or {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     move = values.get(translation) or {"x": 0.0, "y": 0.0, "z": 0.0}
     numbers = (*turn.values(), *move.values())

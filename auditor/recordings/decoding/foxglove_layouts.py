@@ -1,7 +1,7 @@
-"""The fields of the foxglove messages that are understood (source: foxglove's published schemas), by protobuf number.
+"""The fields of the foxglove messages that are supported (source: foxglove's published schemas), by protobuf number.
 
-Numbers and types of published protobuf fields never change: an embedded schema that says otherwise is another message
-under a known name. The JSON form has the same field names; only a timestamp is spelt otherwise in it.
+Numbers and types of published protobuf fields never change: an embedded schema that differs is another message
+under a known name. The JSON form has the same field names, except those of a timestamp.
 """
 
 import json
@@ -12,6 +12,21 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from auditor.errors import DecodingError
+
+TIMESTAMP = "google.protobuf.Timestamp"
+RAW_IMAGE = "foxglove.RawImage"
+COMPRESSED_IMAGE = "foxglove.CompressedImage"
+COMPRESSED_VIDEO = "foxglove.CompressedVideo"
+CAMERA_CALIBRATION = "foxglove.CameraCalibration"
+POINT_CLOUD = "foxglove.PointCloud"
+FRAME_TRANSFORM = "foxglove.FrameTransform"
+FRAME_TRANSFORMS = "foxglove.FrameTransforms"
+MAX_BYTES = 48 * 2**20
+
+MAX_PARTS = 100_000
+"""Parsed lists and objects take 20 times their text: they are counted first. Pixels and points are one text."""
+
+_TIMES = {"seconds": "sec", "nanos": "nsec"}
 
 
 class Kind(IntEnum):
@@ -36,45 +51,11 @@ class Field(NamedTuple):
     repeated: bool = False
 
 
-TIMESTAMP = "google.protobuf.Timestamp"
-
-
-RAW_IMAGE = "foxglove.RawImage"
-
-
-COMPRESSED_IMAGE = "foxglove.CompressedImage"
-
-
-COMPRESSED_VIDEO = "foxglove.CompressedVideo"
-
-
-CAMERA_CALIBRATION = "foxglove.CameraCalibration"
-
-
-POINT_CLOUD = "foxglove.PointCloud"
-
-
-FRAME_TRANSFORM = "foxglove.FrameTransform"
-
-
-FRAME_TRANSFORMS = "foxglove.FrameTransforms"
-
-
 _STAMP = Field("timestamp", Kind.MESSAGE, TIMESTAMP)
-
-
 _FRAME_ID = Field("frame_id", Kind.STRING)
-
-
 _WIDTH = Field("width", Kind.FIXED32)
-
-
 _HEIGHT = Field("height", Kind.FIXED32)
-
-
 _DATA = Field("data", Kind.BYTES)
-
-
 _FORMAT = Field("format", Kind.STRING)
 
 
@@ -151,17 +132,7 @@ DESCRIPTORS: dict[str, dict[int, Field]] = {
         6: Field("type_name", Kind.STRING),
     },
 }
-"""What of google.protobuf's descriptor.proto is needed to compare an embedded schema with LAYOUTS."""
-
-
-MAX_BYTES = 48 * 2**20
-
-
-MAX_PARTS = 100_000
-"""A parsed list or object takes 20 times its text: they are counted first. Pixels and points are one string of text."""
-
-
-_TIMES = {"seconds": "sec", "nanos": "nsec"}
+"""The part of google.protobuf's descriptor.proto that is needed to compare an embedded schema with LAYOUTS."""
 
 
 _NUMBERS = {Kind.INT64, Kind.INT32, Kind.FIXED32, Kind.ENUM}
@@ -177,7 +148,7 @@ def decode_json(name: str, data: bytes, without: Collection[str] = ()) -> dict[s
     try:
         parsed = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise DecodingError("the message is no JSON") from error
+        raise DecodingError("the message is not JSON") from error
     return _message(name, parsed, without)
 
 
@@ -191,7 +162,7 @@ def _message(name: str, parsed: object, without: Collection[str] = ()) -> dict[s
         found = parsed.get(_TIMES[field.name] if name == TIMESTAMP else field.name)
         if field.repeated:
             if not isinstance(found, list | None):
-                raise DecodingError(f"the field {field.name!r} of {name} is no list")
+                raise DecodingError(f"the field {field.name!r} of {name} is not a list")
             values[field.name] = [_value(field, part) for part in found or ()]
         else:
             values[field.name] = _value(field, found)
@@ -203,10 +174,10 @@ def _value(field: Field, found: object) -> Any:  # noqa: ANN401  # what the fiel
         return None if found is None else _message(field.message, found)
     if field.kind in {Kind.STRING, Kind.BYTES}:
         if not isinstance(found, str | None):
-            raise DecodingError(f"the field {field.name!r} is no text")
+            raise DecodingError(f"the field {field.name!r} is not a text")
         return found or "" if field.kind is Kind.STRING else _bytes(found or "")
     if not isinstance(found, int | float | None) or (field.kind in _NUMBERS and not isinstance(found, int | None)):
-        raise DecodingError(f"the field {field.name!r} is no number")
+        raise DecodingError(f"the field {field.name!r} is not a number")
     try:
         number = float(found or 0) if field.kind is Kind.DOUBLE else int(found or 0)
     except OverflowError as error:
@@ -220,4 +191,4 @@ def _bytes(text: str) -> memoryview:
     try:
         return memoryview(a2b_base64(text, strict_mode=True))
     except (Base64Error, ValueError) as error:
-        raise DecodingError("its data are no base64") from error
+        raise DecodingError("its data are not base64") from error

@@ -22,11 +22,11 @@ class CompressedVideoDecoder(Videos):
         self._messages = FoxgloveMessages(types)
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return self._messages.header(message)
 
     def _h264(self, message: Message) -> bytes:
         values = self._messages.decode(message)
         if values["format"] != _FORMAT:
-            raise DecodingError(f"the video format {values['format'][:20]!r} is not understood", where=message.topic)
+            raise DecodingError(f"the video format {values['format'][:20]!r} is not supported", where=message.topic)
         return bytes(values["data"])

@@ -12,7 +12,7 @@ from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
 
 ABSURD = 1e9
-"""No focal length in pixels and no distance in metres is so large; map coordinates reach 1e7."""
+"""An upper limit of focal lengths in pixels and distances in metres; map coordinates reach 1e7."""
 
 
 class RosCameraInfoDecoder:
@@ -24,7 +24,7 @@ class RosCameraInfoDecoder:
         self._types = types
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return read_header(message)
 
     def camera_info(self, message: Message) -> CameraInfo:
@@ -49,7 +49,7 @@ def checked_matrix(values: Sequence[float] | Matrix, columns: int, topic: str) -
     """The (3, columns) matrix of a calibration. Raises DecodingError where it has another size or absurd numbers."""
     matrix = np.array(values, dtype=np.float64)
     if matrix.size != 3 * columns or not np.all(np.abs(matrix) < ABSURD):
-        raise DecodingError("the camera info holds a matrix that is none", where=topic)
+        raise DecodingError("the camera info holds an ill-formed matrix", where=topic)
     return matrix.reshape(3, columns)
 
 
@@ -62,7 +62,7 @@ class RosTransformsDecoder:
         self._types = types
 
     def transforms(self, message: Message) -> tuple[Transform, ...]:
-        """All of the message. Raises DecodingError for a rotation that is none."""
+        """All of the message. Raises DecodingError where a rotation is ill-formed."""
         transforms = []
         for stamped in self._types.decode(message).transforms:
             rotation, translation = stamped.transform.rotation, stamped.transform.translation

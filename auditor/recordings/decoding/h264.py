@@ -1,8 +1,8 @@
-"""What an H.264 access unit says of itself before it is decoded: the size of its pictures, and their number.
+"""The size and the number of the pictures in an H.264 access unit, read from its headers before it is decoded.
 
 Format: ITU-T H.264, annex B (start codes), 7.3.2.1.1 (sequence parameter set), 7.3.3 (slice header), 9.1 (Exp-Golomb).
 
-FFmpeg (the package `av`) would tell the same after it has opened a decoder for the stream. It is not asked because by
+FFmpeg (the package `av`) would give the same after it has opened a decoder for the stream. It is not used because by
 then it has allocated pictures of the size that the stream declares. Here the size is read from a few bits and compared
 with the camera's, before any native code sees the stream; FFmpeg then decodes.
 """
@@ -24,7 +24,7 @@ _MAX_UNITS = 1000
 
 
 class Parameters(NamedTuple):
-    """A sequence parameter set; `number_bits` is how long the number of a picture is."""
+    """A sequence parameter set; `number_bits` is the length of a picture's number in bits."""
 
     size_px: SizePx
     number_bits: int
@@ -37,14 +37,14 @@ def parameter_sets(data: bytes) -> list[Parameters]:
 
 
 def has_key_picture(data: bytes) -> bool:
-    """True where decoding may begin here."""
+    """True where the access unit has a key picture, at which decoding may begin."""
     return any(data[start] & 0x1F == _KEY_PICTURE for start in _units(data))
 
 
 def picture_number(data: bytes, parameters: Parameters) -> int | None:
     """The number of the picture in an access unit (frame_num), None where there is none. Raises DecodingError.
 
-    It is that of the last reference picture, or one more, modulo 2 to the power of number_bits; else one is missing.
+    It equals the last reference picture's number or exceeds it by one, modulo 2^number_bits; else a picture is missing.
     """
     for start in _units(data):
         if data[start] & 0x1F in _PICTURES:
@@ -65,7 +65,7 @@ def _units(data: bytes) -> list[int]:
 
 
 def _payload(data: bytes, start: int, most_bytes: int = _MAX_PARAMETER_SET_BYTES) -> bytes:
-    """A unit without its first byte and without the bytes that keep start codes out of it."""
+    """A unit without its first byte and without its emulation prevention bytes."""
     unit = data[start + 1 : start + most_bytes]
     end = _START.search(unit)
     return (unit[: end.start()] if end else unit).replace(b"\x00\x00\x03", b"\x00\x00")

@@ -14,12 +14,15 @@ from auditor.recordings.decoding.pictures import check_size, decode_picture, ins
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.video import Videos, is_h264
 
+_PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
+"""Encodings, by bytes a pixel, of images without one: OpenCV's order, which cv_bridge passes through."""
+
 
 class Encoding(NamedTuple):
     """How the pixels of a raw image lie in memory.
 
-    `to_grey` and `to_bgr` name OpenCV's colour conversions; None: as it is. `planar` images have their chroma rows
-    below the picture (height * 3 / 2 rows).
+    `to_grey` and `to_bgr` name OpenCV's colour conversions, None for no conversion. `planar` images have their chroma
+    rows below the picture (height * 3 / 2 rows).
     """
 
     channels: int
@@ -31,7 +34,7 @@ class Encoding(NamedTuple):
 
 
 def _bayer(order: str, bytes_a_value: int = 1) -> Encoding:
-    # ROS names the order by the picture's first four pixels, as OpenCV's later names do.
+    # ROS names the order by the image's first four pixels, as the later OpenCV names do.
     return Encoding(1, f"COLOR_Bayer{order}2GRAY", f"COLOR_Bayer{order}2BGR", bytes_a_value)
 
 
@@ -65,10 +68,7 @@ ENCODINGS = {
     "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
 }
-"""Encodings of sensor_msgs/image_encodings.hpp that are understood; 16-bit values keep their upper 8 bits."""
-
-_PASSTHROUGH = {1: "mono8", 3: "bgr8", 4: "bgra8"}
-"""OpenCV's own order by bytes a pixel: what a cv_bridge that was told nothing else passed through."""
+"""Encodings of sensor_msgs/image_encodings.hpp that are supported; 16-bit values keep their upper 8 bits."""
 
 
 class RawImageDecoder:
@@ -80,7 +80,7 @@ class RawImageDecoder:
         self._types = types
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return read_header(message)
 
     def size_px(self, message: Message) -> SizePx:
@@ -107,7 +107,7 @@ def raw_pixels(
         name = _PASSTHROUGH.get(image.step // image.width, name)
     encoding = ENCODINGS.get(name)
     if encoding is None:
-        raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not understood", where=topic)
+        raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not supported", where=topic)
     return _convert(_rows(image, encoding), encoding, colour=colour)
 
 
@@ -142,9 +142,9 @@ def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> 
 
 
 class CompressedImageDecoder:
-    """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, told by its first bytes: `format` is free text.
+    """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, recognised by its first bytes: `format` is free text.
 
-    What a topic's first message holds, all of it holds.
+    All messages of a topic have the form of its first one.
     """
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -155,17 +155,17 @@ class CompressedImageDecoder:
         self._is_video: dict[str, bool] = {}
 
     def header(self, message: Message) -> Header:
-        """The header alone."""
+        """The header, without decoding the rest."""
         return read_header(message)
 
     def follow(self, message: Message) -> None:
         """Note a message, in the order of the recording."""
-        with suppress(DecodingError):  # what cannot be read is told when its pixels are asked for
+        with suppress(DecodingError):  # an unreadable message raises when its pixels are decoded
             if self._of_video(message):
                 self._videos.follow(message)
 
     def size_px(self, message: Message) -> SizePx:
-        """What the picture's own header declares."""
+        """The size that the header of the compressed image declares."""
         if self._of_video(message):
             return self._videos.size_px(message)
         return inspect_picture(self.picture(message)).size_px
@@ -177,7 +177,7 @@ class CompressedImageDecoder:
         return decode_picture(self.picture(message), colour=colour, size_px=size_px)
 
     def picture(self, message: Message) -> memoryview:
-        """The picture file inside the message."""
+        """The PNG or JPEG file inside the message."""
         return memoryview(self._types.decode(message).data)
 
     def _of_video(self, message: Message) -> bool:

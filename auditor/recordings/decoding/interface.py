@@ -1,4 +1,4 @@
-"""What a message can hold, and what a decoder of each kind offers. All raise DecodingError and nothing else."""
+"""The contents of a message, and the interface of each kind of decoder. All raise DecodingError and nothing else."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol, runtime_checkable
@@ -15,7 +15,7 @@ SizePx = tuple[int, int]
 
 @dataclass(frozen=True)
 class Header:
-    """When the data was captured (0: the sensor did not say) and in which coordinate frame it is."""
+    """When the data was captured (0: unknown) and in which coordinate frame it is."""
 
     stamp_ns: int
     frame_id: str
@@ -54,10 +54,10 @@ class ImageDecoder(Protocol):
     kind: ClassVar[Literal["image"]]
 
     def header(self, message: Message) -> Header:
-        """The header alone, cheaply."""
+        """The header, without decoding the rest."""
 
     def size_px(self, message: Message) -> SizePx:
-        """What the message declares, without decoding its pixels."""
+        """The size that the message declares, without decoding its pixels."""
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """(H, W) grey, or with `colour` (H, W, 3) BGR where the image has colours; the size is checked first."""
@@ -65,7 +65,7 @@ class ImageDecoder(Protocol):
 
 @runtime_checkable
 class FollowingDecoder(Protocol):
-    """An image decoder that must see every message of a topic, since its pictures tell only what has changed."""
+    """An image decoder that must see every message of a topic, since its pictures hold only changes."""
 
     def follow(self, message: Message) -> None:
         """Note a message, in the order of the recording."""
@@ -77,7 +77,7 @@ class CloudDecoder(Protocol):
     kind: ClassVar[Literal["cloud"]]
 
     def header(self, message: Message) -> Header:
-        """The header alone, cheaply."""
+        """The header, without decoding the rest."""
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
@@ -89,7 +89,7 @@ class CameraInfoDecoder(Protocol):
     kind: ClassVar[Literal["camera_info"]]
 
     def header(self, message: Message) -> Header:
-        """The header alone, cheaply."""
+        """The header, without decoding the rest."""
 
     def camera_info(self, message: Message) -> CameraInfo:
         """The calibration."""

@@ -1,4 +1,4 @@
-"""The payloads of a KITTI raw drive: picture files, scans, and calibration made into small JSON messages.
+"""The messages of a KITTI raw drive: picture files, scans, and calibrations written as small JSON messages.
 
 Format: the KITTI raw data development kit. A scan is N x (x, y, z, reflectance), float32.
 """
@@ -29,16 +29,16 @@ def camera_frame(topic: str) -> str:
 
 
 class KittiPictureDecoder:
-    """PNG files; they carry no stamp of their own, the reader took it from timestamps.txt."""
+    """PNG files; they carry no stamp; the reader takes it from timestamps.txt."""
 
     kind: ClassVar[Literal["image"]] = "image"
 
     def header(self, message: Message) -> Header:
-        """The stamp is the message's own."""
+        """The header, its stamp being that of the message."""
         return Header(message.log_time_ns, camera_frame(message.topic))
 
     def size_px(self, message: Message) -> SizePx:
-        """What the picture's own header declares."""
+        """The size that the PNG file's header declares."""
         return inspect_picture(memoryview(message.data)).size_px
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
@@ -49,7 +49,7 @@ class KittiPictureDecoder:
 def scan_points(message: Message) -> NDArray[np.float32]:
     """(N, 4) float32: x, y, z in metres and reflectance. Raises DecodingError where the scan is cut."""
     if len(message.data) % POINT_BYTES or not message.data:
-        raise DecodingError(f"the scan is cut: {len(message.data)} bytes are no whole points", where=message.topic)
+        raise DecodingError(f"the scan is cut: {len(message.data)} bytes are not whole points", where=message.topic)
     points: NDArray[np.float32] = np.frombuffer(message.data, "<f4").reshape(-1, 4)
     return points
 
@@ -60,7 +60,7 @@ class KittiScanDecoder:
     kind: ClassVar[Literal["cloud"]] = "cloud"
 
     def header(self, message: Message) -> Header:
-        """The stamp is the message's own."""
+        """The header, its stamp being that of the message."""
         return Header(message.log_time_ns, LIDAR_FRAME)
 
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
@@ -74,7 +74,7 @@ class KittiCalibrationDecoder:
     kind: ClassVar[Literal["camera_info"]] = "camera_info"
 
     def header(self, message: Message) -> Header:
-        """The stamp is the message's own."""
+        """The header, its stamp being that of the message."""
         return Header(message.log_time_ns, camera_frame(message.topic))
 
     def camera_info(self, message: Message) -> CameraInfo:
@@ -86,7 +86,7 @@ class KittiCalibrationDecoder:
 
 
 class KittiTransformsDecoder:
-    """Where the cameras and the LiDAR lie, from both calibration files."""
+    """The places of the cameras and the LiDAR, from both calibration files."""
 
     kind: ClassVar[Literal["transforms"]] = "transforms"
 

@@ -1,4 +1,4 @@
-"""PNG and JPEG files: looked at before they are decoded, and checked for being whole.
+"""PNG and JPEG files: their headers are read before they are decoded, and they are checked for completeness.
 
 Formats: PNG specification (ISO/IEC 15948), sections 5 and 11; JPEG, ITU-T T.81, annex B.
 """
@@ -16,6 +16,7 @@ from auditor.recordings.decoding.interface import SizePx
 
 MAX_PIXELS = 25 * 10**6
 """Cameras of vehicles have up to 12; a PNG of 16-bit colours with transparency takes 11 bytes a pixel to decode."""
+
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8"
 
@@ -27,7 +28,7 @@ _JPEG_END_SEARCH_BYTES = 1024
 
 
 class Picture(NamedTuple):
-    """What the header of a picture file declares."""
+    """Size and colour as the header of a picture file declares them."""
 
     form: str
     size_px: SizePx
@@ -50,13 +51,13 @@ def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) ->
     if picture.form == "png":
         _check_png_chunks(data)
     elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(b"\xff\xd9") < 0:
-        # Inside the picture an 0xFF is always followed by 0: this pair is the end and nothing else.
+        # Inside the image data 0xFF is always followed by 0: this pair can only be the end.
         raise DecodingError("the JPEG is cut: it has no end")
-    # A PNG's grey is worked out as that of every other lossless form; a JPEG holds a grey picture of its own.
+    # The grey of a PNG is computed as for all other lossless forms; a JPEG holds a grey image of its own.
     in_colour = not picture.grey and (colour or picture.form == "png")
     flag = cv2.IMREAD_COLOR if in_colour else cv2.IMREAD_GRAYSCALE
     try:
-        # A camera's own turning mark would turn the picture away from its projection matrix.
+        # A rotation by the camera's orientation mark would not agree with its projection matrix.
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error as error:
         raise DecodingError(f"the image cannot be decoded ({error.err})") from error
@@ -102,7 +103,7 @@ def _check_png_chunks(data: memoryview) -> None:
         end = position + 8 + length
         if end + 4 > len(data):
             raise DecodingError("the PNG is cut")
-        # Decoders pass over a wrong checksum, and a flipped bit would look like an attack.
+        # Decoders ignore a wrong checksum, and a flipped bit would look like an attack.
         if zlib.crc32(data[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
             raise DecodingError(f"the checksum of the PNG's {kind.decode('latin-1')!r} part is wrong")
         position = end + 4

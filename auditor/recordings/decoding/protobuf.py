@@ -1,11 +1,11 @@
-"""Protobuf messages of known layouts, read without running or building anything that a recording says.
+"""Protobuf messages of known layouts, read without running or building anything from a recording.
 
 Format: protobuf's wire encoding. The values of `bytes` fields are views of the message; nothing is allocated by a size
 that the message declares, only by the bytes that are there.
 
 The package `protobuf` would decode any message, from classes that it builds of the descriptors in the recording. It is
 not used because nothing of a recording is to be built or run, and because a message of a million empty parts becomes as
-many objects before anybody can count them. The layouts that matter are few and known beforehand.
+many objects before they can be counted. The layouts that matter are few and known beforehand.
 """
 
 import struct
@@ -18,7 +18,7 @@ from auditor.errors import DecodingError
 from auditor.recordings.decoding.foxglove_layouts import DESCRIPTORS, LAYOUTS, Field, Kind
 
 MAX_FIELDS = 100_000
-"""More values than any message that is understood has, and what a hostile one may cost."""
+"""More values than any supported message has: the bound on the work that a hostile message causes."""
 
 MAX_SCHEMA_BYTES = 2**20
 
@@ -26,6 +26,7 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _REPEATED = 3
 _DOUBLE = struct.Struct("<d")
 _UINT32 = struct.Struct("<I")
+
 _WIRE_TYPES = {
     Kind.DOUBLE: _FIXED64,
     Kind.FIXED32: _FIXED32,
@@ -37,13 +38,15 @@ _WIRE_TYPES = {
     Kind.MESSAGE: _BYTES,
 }
 
+_ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}
+
 
 def decode_protobuf(
     name: str, data: memoryview, layouts: Mapping[str, Mapping[int, Field]] = LAYOUTS
 ) -> dict[str, Any]:
     """The fields of a message by name: numbers, str, memoryview, dicts of messages (None: absent), lists.
 
-    Fields that the layout does not know are passed over. Raises DecodingError.
+    Fields that the layout does not have are skipped. Raises DecodingError.
     """
     return _Reading(layouts).message(name, data)
 
@@ -104,7 +107,7 @@ class _Reading:
             elif wire_type in {_FIXED32, _FIXED64}:
                 length = 4 if wire_type == _FIXED32 else 8
             else:
-                raise DecodingError("the message is no protobuf")
+                raise DecodingError("the message is not protobuf")
             end = position + length
             if end > len(data):
                 raise DecodingError("the message is cut")
@@ -137,11 +140,11 @@ def _varint(data: memoryview, position: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << shift
         if byte < 0x80:
             return value & (2**64 - 1), position
-    raise DecodingError("the message is no protobuf")
+    raise DecodingError("the message is not protobuf")
 
 
 def check_schema(name: str, schema: bytes) -> None:
-    """Raises DecodingError where an embedded FileDescriptorSet defines a known message otherwise than it is known."""
+    """Raises DecodingError where an embedded FileDescriptorSet defines a known message differently."""
     if len(schema) > MAX_SCHEMA_BYTES:
         raise DecodingError(f"its schema of {len(schema)} bytes is not accepted", where=name)
     for file in decode_protobuf("FileDescriptorSet", memoryview(schema), DESCRIPTORS)["file"]:
@@ -153,7 +156,7 @@ def check_schema(name: str, schema: bytes) -> None:
                 number = known_names.get(found["name"], found["number"])
                 if number in layout and not _agrees(found, number, layout[number]):
                     raise DecodingError(
-                        f"{full_name}.{found['name']} is defined otherwise than foxglove does", where=name
+                        f"{full_name}.{found['name']} is defined otherwise than by foxglove", where=name
                     )
 
 
@@ -164,6 +167,3 @@ def _agrees(found: Mapping[str, Any], number: int, known: Field) -> bool:
         known.kind,
         known.repeated,
     ) and found["type_name"].lstrip(".") in {known.message, *_ENUM_NAMES[known.kind is Kind.ENUM]}
-
-
-_ENUM_NAMES = {True: ("foxglove.PackedElementField.NumericType",), False: ()}

@@ -1,4 +1,4 @@
-"""ROS messages: the header by hand, because it is needed of every message; the rest by rosbags' typestore."""
+"""ROS messages: this module decodes headers, which every message needs; rosbags' typestore decodes the rest."""
 
 import re
 import struct
@@ -19,11 +19,12 @@ from auditor.recordings.recording import Definition
 _CDR_HEAD = {b"\x00\x01": struct.Struct("<4xiII"), b"\x00\x00": struct.Struct(">4xiII")}
 _ROS1_HEAD = struct.Struct("<4xIII")
 _MAX_FRAME_ID_BYTES = 1024
+
 MAX_DEFINITION_BYTES = 2**17
-"""CameraInfo with all it is made of has 12 kB as text."""
+"""The definition of CameraInfo with all its parts has 12 kB as text."""
 
 _ROS1_NAMES = {"D": "d", "K": "k", "R": "r", "P": "p"}
-"""Of CameraInfo, which ROS 1 writes in capitals and ROS 2 does not."""
+"""The matrices of CameraInfo, which ROS 1 writes in capitals and ROS 2 does not."""
 
 _IDL_RULER = "=" * 80 + "\n"
 _TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,2}", re.ASCII)
@@ -39,7 +40,7 @@ _PARSER_ERRORS = (
     TypeError,
     ValueError,
 )
-"""What rosbags' parsers and code makers let through from damaged definitions."""
+"""The errors that rosbags' parsers and code generators raise for damaged definitions."""
 
 Types = dict[str, tuple[list[Any], list[tuple[str, Any]]]]
 """rosbags' parse trees: constants and fields by type name."""
@@ -70,8 +71,8 @@ class RosTypes:
         self._stores: dict[str, Typestore] = {}
 
     def store(self, schema: str) -> Typestore:
-        """The typestore that knows one schema. Raises DecodingError where its definition makes no sense."""
-        # One store a schema: two definitions may disagree about a type that both embed.
+        """The typestore of one schema. Raises DecodingError where its definition is ill-formed."""
+        # One store for each schema: two definitions may disagree about a type that both embed.
         if schema not in self._stores:
             self._stores[schema] = _make_store(schema, self.definition(schema))
         return self._stores[schema]
@@ -104,26 +105,27 @@ def _make_store(schema: str, definition: Definition | None) -> Typestore:
 
 
 def registered(schema: str, types: Types) -> Typestore:
-    """A typestore of these types, ready to decode one schema. Raises DecodingError where they make no sense."""
+    """A typestore of these types, ready to decode one schema. Raises DecodingError where they are ill-formed."""
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(types)
         store.get_msgdef(schema)
     except _PARSER_ERRORS as error:
-        raise DecodingError(f"its definition cannot be understood ({_one_line(error)})", where=schema) from error
+        raise DecodingError(f"its definition cannot be parsed ({_one_line(error)})", where=schema) from error
     return store
 
 
 def _check_layout(schema: str, store: Typestore) -> None:
-    """Raises DecodingError where a well-known name is defined as something else than it is known for."""
+    """Raises DecodingError where a well-known name has another definition than ROS's."""
     known = _known().fielddefs
     for name, (_, fields) in store.fielddefs.items():
         if name in known and _layout(fields) != _layout(known[name][1]):
-            raise DecodingError(f"{name} is defined otherwise than ROS does", where=schema)
+            raise DecodingError(f"{name} is defined otherwise than by ROS", where=schema)
 
 
 def _layout(fields: Any) -> list[tuple[str, Any]]:  # noqa: ANN401  # rosbags' parse trees
-    return [(_ROS1_NAMES.get(name, name), kind) for name, kind in fields if name != "seq"]  # ROS 1's header counts
+    # ROS 1's header has a counter, `seq`.
+    return [(_ROS1_NAMES.get(name, name), kind) for name, kind in fields if name != "seq"]
 
 
 def parse_definition(schema: str, definition: Definition) -> Types:
@@ -137,7 +139,7 @@ def parse_definition(schema: str, definition: Definition) -> Types:
     try:
         parsed = _parse(schema, definition)
     except _PARSER_ERRORS as error:
-        raise DecodingError(f"its definition cannot be understood ({_one_line(error)})", where=schema) from error
+        raise DecodingError(f"its definition cannot be parsed ({_one_line(error)})", where=schema) from error
     return {_plain(name, _TYPE_NAME): ([], [_plain_field(field) for field in parsed[name][1]]) for name in parsed}
 
 
@@ -171,5 +173,5 @@ def _plain_type(kind: tuple[Nodetype, Any]) -> tuple[Nodetype, Any]:
 
 def _plain(name: object, pattern: re.Pattern[str]) -> str:
     if not isinstance(name, str) or not pattern.fullmatch(name):
-        raise DecodingError(f"its definition uses a name that is none ({str(name)[:40]!r})")
+        raise DecodingError(f"its definition uses an ill-formed name ({str(name)[:40]!r})")
     return name

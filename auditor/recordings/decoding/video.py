@@ -1,8 +1,8 @@
 """Messages of H.264, decoded by FFmpeg through the package `av` (the extra `video`).
 
-A picture of a video is told by the differences to those before it: every message of a topic is noted as it is read
-(`follow`), and decoded in that order once one of them is asked for. Each message must hold one picture, none that waits
-for a later one, and parameters with every key picture, as Foxglove wants it.
+A picture of a video holds the differences to those before it: every message of a topic is noted as it is read
+(`follow`), and decoded in that order once the pixels of one are requested. Each message must hold one picture, which
+depends on no later one, and parameters with every key picture, as Foxglove's documentation requires.
 """
 
 from collections import deque
@@ -36,12 +36,12 @@ class _Track:
 
 
 def is_h264(data: memoryview) -> bool:
-    """Whether bytes begin as a stream of H.264 does (ITU-T H.264, Annex B): with a start code."""
+    """True for bytes that begin with a start code, as an H.264 stream does (ITU-T H.264, Annex B)."""
     return bytes(data[:3]) == b"\0\0\1" or bytes(data[:4]) == b"\0\0\0\1"
 
 
 class Videos:
-    """The videos of a recording's topics; from a lost or damaged message to the next key picture all is damaged.
+    """The videos of a recording's topics; pictures from a lost or damaged message to the next key picture are damaged.
 
     `data_of` gives the bytes inside a message, or raises DecodingError.
     """
@@ -51,7 +51,7 @@ class Videos:
         self._tracks: dict[str, _Track] = {}
 
     def size_px(self, message: Message) -> SizePx:
-        """What a key picture's parameters declare; other messages have none: DecodingError."""
+        """The size that a key picture's parameters declare. Raises DecodingError for other messages."""
         _av()  # without the extra a size is of no use
         found = parameter_sets(self._data(message))
         if not found:
@@ -64,7 +64,7 @@ class Videos:
         track.pending.append(message)
         track.pending_bytes += len(message.data)
         while len(track.pending) > MAX_PENDING or track.pending_bytes > MAX_PENDING_BYTES:
-            # Nobody asked for so long: what comes next is damaged until a key picture.
+            # No pixels were requested for so long: all pictures up to the next key picture are damaged.
             track.pending_bytes -= len(track.pending.popleft().data)
             track.codec = None
 
@@ -85,7 +85,7 @@ class Videos:
         return pixels
 
     def _decode(self, track: _Track, message: Message, size_px: SizePx | None) -> Any:  # noqa: ANN401  # av's frame
-        """The decoded picture, or why there is none."""
+        """The decoded picture, or the reason why there is none."""
         av = _av()
         try:
             data = self._data(message)
@@ -137,7 +137,7 @@ def _new_codec() -> Any:  # noqa: ANN401  # av's class
     av.logging.set_level(None)
     codec = av.CodecContext.create("h264", "r")
     # One picture in, one out; damaged bits are an error. What FFmpeg guesses in place of slices that are missing is
-    # marked as corrupt; without guessing (ec 0) it marks whole pictures of several slices, too.
+    # marked as corrupt; without guessing (ec 0) it also marks whole pictures of several slices.
     codec.thread_count = 1
     codec.options = {"flags": "low_delay", "err_detect": "explode"}
     return codec

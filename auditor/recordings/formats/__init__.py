@@ -1,1 +1,1 @@
-"""Containers of recordings: a file becomes messages."""
+"""The formats of recordings: each module reads messages from the files of one format."""

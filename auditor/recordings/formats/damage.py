@@ -1,12 +1,13 @@
-"""What is damaged in a file: a list that stays short, and what may be trusted of a chunk that the file's end cuts."""
+"""The damage of a file as a list of bounded length, and the test for records recovered from a cut chunk."""
 
 from auditor.recordings.recording import Damage
 
 MAX_ENTRIES = 100
+_ZEROS = bytes(512)
 
 
 class DamageLog:
-    """Collects Damage; beyond MAX_ENTRIES it only counts. `file` is the one being read, where there are several."""
+    """Collects Damage; beyond MAX_ENTRIES it only counts. `file` names the file being read, where there are several."""
 
     def __init__(self) -> None:
         self.file = ""
@@ -14,7 +15,7 @@ class DamageLog:
         self._more = 0
 
     def add(self, what: str, offset: int | None = None) -> None:
-        """Note one more."""
+        """Note one damaged part."""
         if len(self._entries) < MAX_ENTRIES:
             self._entries.append(Damage(what, offset, self.file))
         else:
@@ -22,23 +23,20 @@ class DamageLog:
 
     @property
     def count(self) -> int:
-        """How many were noted."""
+        """The number of damaged parts noted."""
         return len(self._entries) + self._more
 
     @property
     def entries(self) -> tuple[Damage, ...]:
-        """What was noted, the first ones in full."""
+        """The damaged parts noted, the first MAX_ENTRIES in full."""
         if not self._more:
             return tuple(self._entries)
         return (*self._entries, Damage(f"and {self._more} more damaged places"))
 
 
-_ZEROS = bytes(512)
-
-
 def is_trusted(data: bytes | memoryview) -> bool:
-    """True for the data of a whole record without a run of zeros, which a crash may leave where data should be.
+    """True for the data of a whole record without a run of zeros, which a crash may leave in place of data.
 
-    Leaving out too much is no loss here: what is left out was cut, and says so.
+    A record that is wrongly left out is reported as damage, like the rest of the cut chunk.
     """
     return bytes(data).find(_ZEROS) < 0

@@ -1,4 +1,4 @@
-"""What MCAP and ROS recordings share: one file or several, read forward one after the other."""
+"""The base of MCAP and ROS recordings: one file or several, read forward one after the other."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, content_id
 
 _PEEK_BYTES = 32 * 2**20
-_RECORD_BYTES = 64  # of what stands about a message: empty ones are no less work
+_RECORD_BYTES = 64  # added to the size of each message: empty ones take work, too
 
 
 class FileRead(Protocol):
@@ -23,14 +23,14 @@ class FileRead(Protocol):
 
     @property
     def channels(self) -> Channels:
-        """The channels met so far, with their counts."""
+        """The channels found so far, with their counts."""
 
     def messages(self) -> Iterator[Message]:
-        """Every message of the topics wanted, in file order."""
+        """Every message of the requested topics, in file order."""
 
 
 class FilesRecording(ABC):
-    """Every read begins at the start; only unpacked content is held between reads. See interface.Recording.
+    """Every read begins at the start; only unpacked content is held between reads. See recording.Recording.
 
     `files` are read one after the other, `journals` beside them; both are the recording's content.
     """
@@ -52,7 +52,7 @@ class FilesRecording(ABC):
         self.close()
 
     def close(self) -> None:
-        """Let go of what was unpacked."""
+        """Free the unpacked content."""
         for source in self._sources:
             source.close()
 
@@ -63,7 +63,7 @@ class FilesRecording(ABC):
 
     @cached_property
     def clock(self) -> Clock:
-        """What the recording says of its own clock, else a guess from its first log time."""
+        """The clock that the recording's metadata declares, else a guess from its first log time."""
         declared = self.metadata().get("clock")
         if declared in CLOCKS:
             return cast("Clock", declared)
@@ -74,20 +74,20 @@ class FilesRecording(ABC):
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Messages met by the last read, by topic."""
+        """Messages found by the last read, by topic."""
         return total_counts(self._names, [read.channels for read in self._reads])
 
     @property
     def damage(self) -> tuple[Damage, ...]:
-        """What the last read could not read."""
+        """The parts that the last read could not read."""
         return self._damage.entries
 
     def topics(self) -> tuple[Topic, ...]:
-        """Those of an index or summary, those at the beginning, and those met while reading."""
+        """The topics of an index or summary, those at the beginning, and those found while reading."""
         return tuple(topic for _, topic in sorted(self._names.topics.items()))
 
     def definition(self, schema: str) -> Definition | None:
-        """The first definition met under that name."""
+        """The first definition found under that name."""
         return self._names.definitions.get(schema)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
@@ -97,13 +97,13 @@ class FilesRecording(ABC):
         return stream
 
     def _begin(self, source: Source, damage: DamageLog) -> None:
-        """Say of what file the next damage is, and what could not be unpacked of it."""
+        """Name the file of the damage noted from here on, and note what could not be unpacked of it."""
         damage.file = source.name if len(self._sources) > 1 else ""
         if source.problem:
             damage.add(source.problem)
 
     def _learn_from_beginning(self) -> None:
-        """Learn topics where no index tells them."""
+        """Learn topics where there is no index."""
         seen = 0
         for message in self._read(None, DamageLog())[1]:
             seen += _RECORD_BYTES + len(message.data)
@@ -116,7 +116,7 @@ class FilesRecording(ABC):
 
     @abstractmethod
     def metadata(self) -> Mapping[str, str]:
-        """What the recording says about itself."""
+        """The recording's own description by name."""
 
     @abstractmethod
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[Sequence[FileRead], Iterator[Message]]:

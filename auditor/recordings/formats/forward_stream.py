@@ -1,4 +1,4 @@
-"""A file read forward only, exactly as many bytes as asked for."""
+"""A file that is read forward only, with an exact number of bytes at each read."""
 
 import zlib
 from typing import IO
@@ -9,7 +9,7 @@ class CutError(Exception):
 
 
 class ForwardStream:
-    """A file read forward only. With `checksum` the CRC of everything passed is kept, skipped bytes included."""
+    """A file read forward only. With `checksum` it keeps the CRC of all bytes read or skipped."""
 
     def __init__(self, file: IO[bytes], size: int, *, checksum: bool = False) -> None:
         self._file = file
@@ -31,7 +31,7 @@ class ForwardStream:
         return data
 
     def skip_to(self, offset: int) -> None:
-        """Move forward without keeping what lies between. Raises CutError."""
+        """Move forward without keeping the bytes between. Raises CutError."""
         if not self._checksum:
             if offset > self.size:
                 raise CutError

@@ -18,7 +18,7 @@ from auditor.recordings.recording import METADATA_TOPIC, Recording, label_from_d
 from auditor.recordings.schemas import STRING
 
 _ACTIVE = ".bag.active"
-"""What a recorder calls a bag until it has closed it."""
+"""The ending of a bag's name until its recorder has closed it."""
 
 FileRead = BagRead | Db3Read
 
@@ -27,7 +27,7 @@ class Ros1Reader:
     """Recognises .bag files."""
 
     def detects(self, path: Path) -> bool:
-        """True for a file that is named so, also one that its recorder has not closed."""
+        """True for a file with that extension, also one that its recorder has not closed."""
         return path.name.lower().endswith((".bag", _ACTIVE)) and path.is_file()
 
     def open(self, path: Path) -> "RosbagRecording":
@@ -45,11 +45,11 @@ class Ros2Reader:
         return kind_of(path) in {".db3", ".mcap"} and path.is_file()
 
     def open(self, path: Path) -> Recording:
-        """Open it; the order of a folder's files is that of their names. Raises RecordingError."""
+        """Open it; the files of a folder are in the order of their names. Raises RecordingError."""
         files = _storage_files(path) if path.is_dir() else (path,)
         if kind_of(files[0]) == ".mcap":
             return McapRecording(path, files)
-        # The files are opened one by one: metadata.yaml may be missing, or tell of files that are gone.
+        # The files are opened one by one: metadata.yaml may be missing, or name files that are missing.
         return RosbagRecording(path, files, Db3Read)
 
 
@@ -76,7 +76,7 @@ class RosbagRecording(FilesRecording):
         self._unreadable: dict[Source, str] = {}
         for source in self._sources:
             try:
-                kind(source.path, None, self._names, DamageLog()).look()
+                kind(source.path, None, self._names, DamageLog()).learn_topics()
             except RecordingError as error:
                 self._unreadable[source] = source.problem or error.what
         if len(self._unreadable) == len(files):
@@ -102,17 +102,17 @@ class RosbagRecording(FilesRecording):
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""
         try:
-            return tuple(label_from_dict(entry) for entry in self._said.get("labels", ()))
+            return tuple(label_from_dict(entry) for entry in self._carried.get("labels", ()))
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(f"its ground truth is ill-formed ({error})", where=self.path) from error
 
     def metadata(self) -> Mapping[str, str]:
-        """What the topic /auditor/metadata says."""
-        declared = self._said.get("metadata", {})
+        """The metadata from the topic /auditor/metadata."""
+        declared = self._carried.get("metadata", {})
         return {str(name): str(value) for name, value in declared.items()} if isinstance(declared, dict) else {}
 
     @cached_property
-    def _said(self) -> dict[str, Any]:
+    def _carried(self) -> dict[str, Any]:
         declared: dict[str, Any] = {}
         if METADATA_TOPIC not in {topic.name for topic in self.topics() if topic.schema == STRING}:
             return declared

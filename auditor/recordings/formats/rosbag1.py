@@ -1,4 +1,12 @@
-"""Records of ROS 1 bags, read without trusting their sizes (format: the rosbag format, version 2.0)."""
+"""ROS 1 bags: their records, and one forward read of a bag, indexed or not, whole, cut or still active.
+
+Format: the rosbag format, version 2.0. The index is used for the names of topics and to find the next chunk behind a
+damaged place, never to find messages. A bag has no checksums: its messages are checked when they are decoded.
+
+The package `rosbags` would read a bag that was closed properly. Its reader is not used because it needs the index at
+the end, which a cut or active bag does not have, and trusts the sizes of chunks. This module needs no index and
+compares every size with the bytes that are there. rosbags still decodes the messages.
+"""
 
 import struct
 from bisect import bisect_right
@@ -17,21 +25,13 @@ from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
 MAGIC = b"#ROSBAG V2.0\n"
-
-
 _UINT32 = struct.Struct("<I")
-
-
 _TIME = struct.Struct("<II")
-
-
 _MAX_HEADER_BYTES = 2**20
-
-
 _MAX_FIELDS = 64
-
-
 Fields = dict[bytes, bytes]
+_MAX_INDEX_RECORDS = 1_000_000
+_BUFFER_BYTES = 1 << 18
 
 
 class Op:
@@ -45,7 +45,7 @@ class Op:
 
 
 class NoRecordError(Exception):
-    """What stands where a record should begin is none; caught by the reading loop."""
+    """The bytes where a record should begin are not a record; caught by the reading loop."""
 
 
 class Head(NamedTuple):
@@ -71,19 +71,19 @@ def parse_fields(header: bytes | memoryview) -> Fields:
     position, header = 0, bytes(header)
     while position < len(header):
         if position + 4 > len(header) or len(fields) > _MAX_FIELDS:
-            raise NoRecordError("a header that is none")
+            raise NoRecordError("an ill-formed header")
         (length,) = _UINT32.unpack_from(header, position)
         position += 4
         name, equals, value = header[position : position + length].partition(b"=")
         position += length
         if position > len(header) or not equals:
-            raise NoRecordError("a header that is none")
+            raise NoRecordError("an ill-formed header")
         fields[name] = value
     return fields
 
 
 def op_of(fields: Fields) -> int:
-    """What kind of record a header announces. Raises NoRecordError."""
+    """The kind of record that a header declares. Raises NoRecordError."""
     op = fields.get(b"op", b"")
     if len(op) != 1:
         raise NoRecordError("a header without its kind")
@@ -117,7 +117,7 @@ class Inner(NamedTuple):
 
 
 def inner_records(inside: memoryview) -> Iterator[Inner]:
-    """The whole records of an unpacked chunk. Raises NoRecordError where something else stands between them."""
+    """The whole records of an unpacked chunk. Raises NoRecordError where there are other bytes between them."""
     position = 0
     while position + 4 <= len(inside):
         (length,) = _UINT32.unpack_from(inside, position)
@@ -134,12 +134,6 @@ def inner_records(inside: memoryview) -> Iterator[Inner]:
         position = end
 
 
-_MAX_INDEX_RECORDS = 1_000_000
-
-
-_BUFFER_BYTES = 1 << 18
-
-
 class BagRead:
     """One forward read of one bag: yields messages, counts all of them, notes damage."""
 
@@ -154,13 +148,13 @@ class BagRead:
         self._index_offset: int | None = None
         self.channels = Channels(wanted, names, damage)
 
-    def look(self) -> None:
-        """Learn topics from the index. Raises RecordingError where this is no bag, or an encrypted one."""
+    def learn_topics(self) -> None:
+        """Learn topics from the index. Raises RecordingError where the file is not a bag, or is encrypted."""
         with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
             self._learn_index(file, self._path.stat().st_size)
 
     def messages(self) -> Iterator[Message]:
-        """Every message of the topics wanted, in file order. Raises RecordingError where this is no bag."""
+        """Every message of the requested topics, in file order. Raises RecordingError where the file is not a bag."""
         with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
             size = self._path.stat().st_size
             self._learn_index(file, size)
@@ -173,7 +167,7 @@ class BagRead:
                 self._damage.add("the file became shorter while it was read", stream.offset)
             except OSError as error:
                 self._damage.add(f"it cannot be read further ({error.strerror or error})", stream.offset)
-        self.channels.tell_unknown()
+        self.channels.note_unknown()
 
     def _walk(self, stream: ForwardStream) -> Iterator[Message]:
         while stream.offset < stream.size:
@@ -212,13 +206,13 @@ class BagRead:
     def _is_open_chunk(self, head: Head) -> bool:
         """True for the last chunk of an active bag: its sizes are written when it is complete.
 
-        Where it is not compressed, its records stand behind it as if there were no chunk.
+        Where it is not compressed, its records follow the header as if there were no chunk.
         """
         compressed = head.fields.get(b"compression") not in {b"none", None}
         return head.op == Op.CHUNK and head.length == 0 and not self._index_offset and compressed
 
     def _next_chunk(self, offset: int) -> int | None:
-        """Where the index knows a chunk to begin behind a place."""
+        """The start of the next chunk behind an offset by the index; None where there is none."""
         place = bisect_right(self._chunk_offsets, offset)
         return self._chunk_offsets[place] if place < len(self._chunk_offsets) else None
 
@@ -254,7 +248,7 @@ class BagRead:
             self._damage.add("a chunk ends inside a record", start)
 
     def _cut_chunk(self, stream: ForwardStream, head: Head, size: int, start: int) -> Iterator[Message]:
-        """What is left of the chunk that the file's end cuts."""
+        """The messages that are left of the chunk that the file's end cuts."""
         recovered = 0
         packed = memoryview(stream.read(min(stream.size - stream.offset, MAX_BYTES)))
         inside = unpack_beginning(head.fields.get(b"compression", b""), packed, min(size, MAX_BYTES))
@@ -265,7 +259,7 @@ class BagRead:
                 recovered += op == Op.MESSAGE
                 yield from self._inner(op, fields, content, start)
         except NoRecordError:
-            pass  # that the chunk is cut is told below
+            pass  # the damage noted below says that the chunk is cut
         self._damage.add(f"the recording is cut inside this chunk; {recovered} messages before the cut are kept", start)
 
     def _inner(self, op: int, fields: Fields, data: memoryview, offset: int) -> Iterator[Message]:
@@ -273,7 +267,7 @@ class BagRead:
             self._learn(fields, data)
         elif op == Op.MESSAGE:
             log_time_ns = time_ns(fields)
-            channel = self.channels.met(number(fields, b"conn"))
+            channel = self.channels.count_message(number(fields, b"conn"))
             if channel is not None and channel.wanted:
                 topic = channel.topic
                 yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, bytes(data))
@@ -281,7 +275,7 @@ class BagRead:
             self._damage.add(f"a record of kind {op} lies inside a chunk", offset)
 
     def _learn(self, fields: Fields, data: memoryview, *, spare: bool = False) -> None:
-        """Take in a connection record."""
+        """Learn a connection record."""
         declared = parse_fields(data)
         schema = schema_name(declared.get(b"type", b"").decode("utf-8", "replace"))
         topic = Topic(fields.get(b"topic", b"").decode("utf-8", "replace"), schema, self.encoding)
@@ -291,7 +285,7 @@ class BagRead:
 
     def _learn_index(self, file: IO[bytes], size: int) -> None:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError("this is no ROS 1 bag of version 2.0, or one cut at its start", where=self._path)
+            raise RecordingError("this is not a ROS 1 bag of version 2.0, or its beginning is cut", where=self._path)
         stream = ForwardStream(file, size)
         stream.offset = len(MAGIC)
         try:
@@ -308,7 +302,7 @@ class BagRead:
                 elif op == Op.CHUNK_INFO:
                     self._chunk_offsets.append(number(fields, b"chunk_pos"))
         except (CutError, NoRecordError):
-            pass  # the walk over the data tells what is wrong
+            pass  # the walk over the data notes the damage
         self._chunk_offsets.sort()
 
 

@@ -1,4 +1,4 @@
-"""Topics, definitions and channels that one read of one file keeps, in every container."""
+"""The topics, definitions and channels that one read of one file finds, in every format."""
 
 from collections.abc import Collection, Mapping
 
@@ -6,12 +6,9 @@ from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.recording import Definition, Topic
 
 MAX_TOPICS = 10_000
-
-
 MAX_NAME = 4096
-
-
 MAX_DEFINITION_BYTES = 64 * 2**20
+MAX_CHANNELS = 100_000
 
 
 class Names:
@@ -23,7 +20,7 @@ class Names:
         self._definition_bytes = 0
 
     def add_topic(self, topic: Topic, damage: DamageLog) -> bool:
-        """Take in one more; False, noting the damage, where its name is absurd or there are absurdly many already."""
+        """Add a topic; False, noting the damage, where its name is too long or there are too many topics."""
         if len(topic.name) > MAX_NAME or len(topic.schema) > MAX_NAME:
             damage.add(f"a topic whose name or type has more than {MAX_NAME} characters is left out")
             return False
@@ -34,7 +31,7 @@ class Names:
         return True
 
     def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
-        """Take in a definition, noting the damage where it is another one than before, or they are too many."""
+        """Add a definition, noting the damage where it differs from an earlier one, or where there are too many."""
         known = self.definitions.get(schema)
         if known is None:
             self._definition_bytes += len(definition.data) + len(schema)
@@ -44,9 +41,6 @@ class Names:
                 self.definitions[schema] = definition
         elif known != definition:
             damage.add(f"a second, different definition of {schema[:80]!r} is ignored", offset)
-
-
-MAX_CHANNELS = 100_000
 
 
 class Channel:
@@ -61,7 +55,7 @@ class Channel:
 
 
 class Channels:
-    """The channels of one file by number, with how many messages each was met with."""
+    """The channels of one file by number, each with the count of its messages."""
 
     def __init__(self, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
         self._wanted = None if wanted is None else frozenset(wanted)
@@ -73,12 +67,12 @@ class Channels:
         self.total = 0
 
     def learn(self, number: int, topic: Topic, *, spare: bool = False) -> None:
-        """Take in a channel; the first of a number counts. An index's channels are spare: the data's own go before."""
+        """Add a channel; the first of a number counts. Channels of an index are spare: those of the data come first."""
         where = self._spare if spare else self._known
         if number not in where and len(where) < MAX_CHANNELS and self._names.add_topic(topic, self._damage):
             where[number] = Channel(topic, wanted=self._wanted is None or topic.name in self._wanted)
 
-    def met(self, number: int) -> Channel | None:
+    def count_message(self, number: int) -> Channel | None:
         """Count a message; None where its channel is unknown."""
         channel = self._known.get(number)
         if channel is None and (channel := self._spare.get(number)) is not None:
@@ -91,19 +85,19 @@ class Channels:
         self.total += 1
         return channel
 
-    def tell_unknown(self) -> None:
-        """Note the messages of channels that were never told."""
+    def note_unknown(self) -> None:
+        """Note the messages of channels that the file does not define."""
         for number, count in self._unknown.items():
             self._damage.add(f"{count} messages belong to no channel ({number})")
 
     def add_counts(self, counts: dict[str, int]) -> None:
-        """Add the messages met to counts by topic."""
+        """Add the messages found to counts by topic."""
         for channel in self._known.values():
             counts[channel.topic.name] = counts.get(channel.topic.name, 0) + channel.count
 
 
 def total_counts(names: Names, reads: Collection[Channels]) -> Mapping[str, int]:
-    """Messages met by topic over several files."""
+    """The messages found, by topic, over several files."""
     counts = dict.fromkeys(names.topics, 0)
     for read in reads:
         read.add_counts(counts)

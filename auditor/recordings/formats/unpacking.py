@@ -14,22 +14,16 @@ import zstandard
 from auditor.errors import RecordingError
 
 MAX_BYTES = 64 * 2**20
-"""No record, chunk or unpacked chunk may be larger: a scan has 300 MB, and real chunks have 1 to 10."""
-
+"""No record, chunk or unpacked chunk may be larger: a scan may use 300 MB of memory, and real chunks have 1 to 10."""
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-
-
 _FREE_BYTES = 32 * 2**20
-
-
 _MAX_RATIO = 100
-
-
 _STEP_BYTES = 1 << 20
-
-
 _ZSTD_HEAD_BYTES = 18
+
+PACKED = ".zstd"
+"""The ending that rosbag2 adds to the names of files that it compressed (compression mode `file`)."""
 
 
 class BadChunkError(Exception):
@@ -37,14 +31,14 @@ class BadChunkError(Exception):
 
 
 class Expansion:
-    """How much a file may unpack to: images and points shrink to a half or a tenth, bombs to a ten-thousandth."""
+    """Limits the unpacked size of a file: images and points shrink to a half or a tenth, bombs to a ten-thousandth."""
 
     def __init__(self) -> None:
         self._packed = 0
         self._unpacked = 0
 
     def allow(self, packed: int, size: int) -> None:
-        """Count one chunk. Raises BadChunkError where it would be too much, or is too large by itself."""
+        """Count one chunk. Raises BadChunkError where it is too large, or the file has unpacked too much."""
         if size > MAX_BYTES:
             raise BadChunkError(f"it declares {size} unpacked bytes; at most {MAX_BYTES} are accepted")
         if self._unpacked + size > _FREE_BYTES + _MAX_RATIO * (self._packed + packed):
@@ -69,7 +63,7 @@ def unpack(compression: bytes, packed: memoryview, size: int) -> memoryview:
 
 
 def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memoryview:
-    """What a cut chunk still holds, at most `size` bytes: up to the cut, or up to where its data make no sense."""
+    """The content that a cut chunk still holds, at most `size` bytes: up to the cut, or up to the first damage."""
     if compression in {b"", b"none"}:
         return packed[:size]
     unpacked = bytearray()
@@ -88,7 +82,7 @@ def unpack_beginning(compression: bytes, packed: memoryview, size: int) -> memor
                 unpacked += piece
                 data = b""
     except (zstandard.ZstdError, RuntimeError, OSError, EOFError):
-        pass  # what came before it stays
+        pass  # the bytes before the damage are kept
     return memoryview(unpacked)
 
 
@@ -110,7 +104,7 @@ def unpack_message(data: bytes, expansion: Expansion) -> bytes:
 
 
 def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
-    """Unpack a zstd file as far as it is whole and within bounds; the answer is what was wrong, empty for nothing.
+    """Unpack a zstd file as far as it is whole and within bounds; returns what was wrong, empty for nothing.
 
     The bounds are `most_bytes` and those of Expansion. Raises OSError.
     """
@@ -134,7 +128,7 @@ def unpack_file(source: IO[bytes], target: IO[bytes], most_bytes: int) -> str:
 
 def _unpack_zstd(packed: memoryview, size: int) -> bytes:
     try:
-        # -1: the frame does not say; the output limit below then holds it.
+        # -1: the frame does not declare its size; the limit on the output below then applies.
         if zstandard.frame_content_size(packed) not in {-1, size}:
             raise BadChunkError("its zstd frame declares another size than the chunk")
         unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_BYTES)
@@ -160,13 +154,9 @@ def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
     return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
 
 
-PACKED = ".zstd"
-"""What rosbag2 appends to the names of files that it compressed (compression mode `file`)."""
-
-
 @dataclass(frozen=True)
 class Source:
-    """One file of a recording: its name, where its content is read, and what of it could not be unpacked."""
+    """One file of a recording: its name, the path of its unpacked content, and why a part could not be unpacked."""
 
     name: str
     path: Path
@@ -174,16 +164,16 @@ class Source:
     _unpacked: IO[bytes] | None = None
 
     def close(self) -> None:
-        """Give back the room that the unpacked content takes."""
+        """Free the space of the unpacked content."""
         if self._unpacked is not None:
             self._unpacked.close()
 
 
 def source_of(file: Path) -> Source:
-    """A file, unpacked where it is packed. Raises RecordingError where there is no room for it."""
+    """A file, unpacked where it is packed. Raises RecordingError where there is too little space for it."""
     if file.suffix.lower() != PACKED:
         return Source(file.name, file)
-    # It has no name in any folder: were this process killed, nothing of it would stay.
+    # The file has no name in any folder: nothing of it stays if this process is killed.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the recording
     try:
         with file.open("rb") as packed:
@@ -192,11 +182,13 @@ def source_of(file: Path) -> Source:
     except OSError as error:
         unpacked.close()
         raise RecordingError(
-            f"it cannot be unpacked ({error.strerror or error})", where=file, remedy="make room, or unpack it with zstd"
+            f"it cannot be unpacked ({error.strerror or error})",
+            where=file,
+            remedy="free disk space, or unpack it",
         ) from error
     return Source(file.stem, Path(f"/proc/self/fd/{unpacked.fileno()}"), problem, unpacked)
 
 
 def kind_of(path: Path) -> str:
-    """The ending of a file's name in lower case, that of what it holds where it is packed."""
+    """The extension of a file in lower case; of a packed file the extension of its content."""
     return Path(path.stem).suffix.lower() if path.suffix.lower() == PACKED else path.suffix.lower()

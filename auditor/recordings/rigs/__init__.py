@@ -1,1 +1,1 @@
-"""CameraInfo, tf and files become rigs."""
+"""Rigs: found in a recording's camera infos and transforms, or read from files."""

@@ -1,4 +1,4 @@
-"""Image topics with their calibration: what one camera's pictures are, before anybody asks where it stands."""
+"""The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -37,12 +37,12 @@ class View:
 
     @property
     def K(self) -> Matrix:
-        """What takes directions in the camera frame to pixels of its pictures, (3, 3), lens apart."""
+        """(3, 3): directions in the camera frame to pixels of its images, without the lens distortion."""
         return self.projection[:, :3] if self.rectified else self.info.intrinsics
 
     @cached_property
     def projection(self) -> Matrix:
-        """P, (3, 4); where unrectified pictures come without one, K without an offset."""
+        """P, (3, 4); K without an offset where unrectified images have none."""
         if self.rectified or self.info.projection[0, 0] > 0:
             return self.info.projection
         return np.hstack([self.info.intrinsics, np.zeros((3, 1))])
@@ -63,7 +63,7 @@ class View:
 def find_views(survey: Survey, reasons: list[str]) -> list[View]:
     """One view a camera: of several topics of the same camera the rectified, then the uncompressed one.
 
-    What is no view goes to `reasons`.
+    `reasons` gets a sentence for each image topic that is left out.
     """
     best: dict[str, View] = {}
     for image in sorted(survey.images, key=_preference):
@@ -114,7 +114,7 @@ def _camera_info_of(image: ImageTopic, survey: Survey) -> tuple[str, CameraInfo]
 
 
 def _namespaces(topic: str) -> Iterator[str]:
-    """Where a camera info may stand: beside the image, below it, or beside the image that was compressed."""
+    """The namespaces of a camera info: beside the image, below it, or beside the image that was compressed."""
     above, _, last = topic.rpartition("/")
     yield above
     yield topic

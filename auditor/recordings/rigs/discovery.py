@@ -19,19 +19,20 @@ from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, gr
 from auditor.recordings.synchronisation.survey import CloudTopic, Survey
 
 MIN_SENSORS = 3
+
 IDENTIFYING = 4
-"""Sensors that can tell which of them is attacked; with three an attack is only detected."""
+"""The least number of sensors that identify an attacked one; three can only detect an attack."""
 
 
 class FoundRigs(NamedTuple):
-    """The rigs of a recording, largest first, and why its other cameras and LiDARs are not part of them."""
+    """The rigs of a recording, largest first, and the reasons why other cameras and LiDARs are not part of them."""
 
     rigs: tuple[Rig, ...]
     reasons: tuple[str, ...]
 
 
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
-    """As `look_for_rigs`. Raises RigError, saying what is missing, where there is none."""
+    """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images:
         raise RigError("no triple possible: there are no camera images", remedy="give a recording with two cameras")
     found = search_rigs(survey)
@@ -47,9 +48,9 @@ def find_rigs(survey: Survey) -> tuple[Rig, ...]:
 def search_rigs(survey: Survey) -> FoundRigs:
     """Every group of overlapping cameras that, with a LiDAR or without, has three sensors.
 
-    Rectified cameras of one size and focal length are taken as they are. Where these are too few to tell which of them
-    is attacked, or one more stands beside their line, all that look the same way are one rig, to be rectified when they
-    are measured.
+    Rectified cameras of one size and focal length are taken as they are. Where these are too few to identify an
+    attacked one, or one more stands beside their line, all that look the same way are one rig, to be rectified when
+    they are measured.
     """
     reasons: list[str] = []
     frames = FrameTree(survey.transforms)
@@ -93,7 +94,7 @@ def _rectified_rig(
 def _mixed_rigs(
     views: Sequence[View], clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]
 ) -> Iterator[Rig]:
-    """The cameras that can be measured together, and each that cannot with those that it can be measured with."""
+    """Rigs of the cameras that can be measured together; each camera left out gets a rig with those that fit it."""
     placed = place(views, frames, reasons)
     if placed is None:
         return
@@ -104,7 +105,7 @@ def _mixed_rigs(
     for through in (None, *cameras):
         if through is not None and (through.topic in covered or not covered):
             continue
-        # Why a second rig leaves cameras out is of no interest: they are in the first.
+        # The reasons why a second rig leaves cameras out are not given: these cameras are in the first rig.
         together, turn = aligned(cameras, why if through is None else [], through)
         rig = _rig(together, _turned(lidar, turn), why if through is None else [])
         if rig is not None and (through is None or through.topic in map(rig.topic, rig.sensors)):
@@ -143,9 +144,9 @@ def _is_camchain(path: Path) -> bool:
 
 
 def rig_of_camchain(path: Path, survey: Survey) -> Rig:
-    """The cameras of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of them.
+    """The rig of Kalibr's camchain.yaml, with the LiDAR that the recording's tf connects with one of its cameras.
 
-    Raises RigError where it is no camchain, or its cameras are no rig.
+    Raises RigError where the file is not a camchain, or its cameras form no rig.
     """
     reasons: list[str] = []
     cameras = read_camchain(path)
@@ -209,7 +210,7 @@ def _times(size_px: tuple[int, int]) -> str:
 def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[int]:
     """Indices of the cameras on one line, right to left; a camera at the place of another is left out.
 
-    Why is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
+    The reason is added to `beside` for cameras that do not lie on the line, to `reasons` for others.
     """
     by_x = sorted(range(len(placed.views)), key=lambda index: -float(placed.centres_m[index][0]))
     order: list[int] = []
@@ -232,7 +233,7 @@ def _collinear(placed: Placed, reasons: list[str], beside: list[str]) -> list[in
 def _rectified_camera(placed: Placed, index: int) -> Camera:
     """The camera of a rectified view where it was placed; its number is not known yet."""
     view, centre_m = placed.views[index], placed.centres_m[index]
-    # A P that already tells this centre is kept digit by digit.
+    # A P that already has this centre is kept digit by digit.
     declared = np.array_equal(view.offset_m, centre_m)
     return _camera(
         view, view.projection if declared else view.K @ np.column_stack([np.eye(3), -centre_m]), rectified=True

@@ -1,4 +1,4 @@
-"""Cameras that nobody rectified -> those that can be, numbered from right to left.
+"""Chooses, from cameras that are not rectified, those that can be, and numbers them from right to left.
 
 Cameras on one line will share a view, of others each pair gets its own. Left out, with the reason, are cameras at the
 place of another, one behind the other, and those that share too little of their view.
@@ -16,7 +16,7 @@ from auditor.model.rig import Camera, Rig
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M
 
 _LEAST_SHARED = 0.25
-_LEAST_ASIDE = 0.5  # sine of the angle between where a camera stands from another and where they look
+_LEAST_ASIDE = 0.5  # sine of the angle between the direction from one camera to another and their viewing direction
 
 
 def aligned(
@@ -24,7 +24,7 @@ def aligned(
 ) -> tuple[list[Camera], Matrix]:
     """The cameras that make a rig, in a frame whose x axis points to their right, and the (3, 3) turn into that frame.
 
-    `through` may be asked for: others are left out rather than it. Of cameras on one line x is the line.
+    `through` names a camera that is kept: others are left out in its place. Of cameras on one line x is the line.
     """
     apart = _apart(cameras, reasons)
     if through is not None and through not in apart:
@@ -81,7 +81,7 @@ def _numbered(cameras: Sequence[Camera]) -> Rig:
 
 
 def _odd_one_out(rig: Rig, through: Camera | None, reasons: list[str]) -> Camera | None:
-    """The camera that has to be left out next, if any; why is added to the reasons."""
+    """The camera that has to be left out next, if any; the reason is added to the reasons."""
     if not rig.shares_view and (odd := _least_fitting(rig, _aside, _LEAST_ASIDE, through)):
         reasons.append(f"{odd[0].name} stands behind {odd[1].name} or in front of it")
         return odd[0]
@@ -104,7 +104,7 @@ def _odd_one_out(rig: Rig, through: Camera | None, reasons: list[str]) -> Camera
 def _least_fitting(
     rig: Rig, fit: Callable[[Camera, Camera], float], least: float, through: Camera | None
 ) -> tuple[Camera, Camera] | None:
-    """Of the cameras that fit another one less than `least` the one that fits all worst, and that other one.
+    """Of the cameras that fit another one by less than `least` the one that fits all worst, and that other one.
 
     Only pairs that are matched have to fit.
     """
@@ -119,13 +119,13 @@ def _least_fitting(
 
 
 def _aside(a: Camera, b: Camera) -> float:
-    """The sine of the angle between where one stands from the other and where they look."""
+    """The sine of the angle between the direction from one to the other and their viewing direction."""
     ahead, apart = a.rotation[2] + b.rotation[2], b.centre_m - a.centre_m
     return float(np.linalg.norm(np.cross(ahead, apart)) / np.linalg.norm(ahead) / np.linalg.norm(apart))
 
 
 def _seen_px(cameras: Sequence[Camera], *, widest: bool = False) -> int:
-    """Pixels that all see of the common view."""
+    """The number of pixels of the common view that all see."""
     try:
         return common_view(_numbered(cameras), widest=widest).seen_px
     except RigError:

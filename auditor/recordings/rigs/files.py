@@ -1,8 +1,8 @@
-"""Files that describe a rig: rig.toml, exact and correctable by people, and Kalibr's camchain.yaml.
+"""Files that describe a rig: rig.toml, exact and to be corrected by hand, and Kalibr's camchain.yaml.
 
 Format of the latter: Kalibr's wiki, "yaml formats": cam0, cam1, ... with camera_model, intrinsics (fu fv pu pv),
 distortion_model, distortion_coeffs, resolution, rostopic and, from cam1 on, T_cn_cnm1 (4 x 4, points of the camera
-before to this one).
+before into this one).
 """
 
 import json
@@ -24,24 +24,25 @@ _HEAD = """\
 # The sensors of a vehicle: S_0 is the LiDAR, S_1..S_n are the cameras from right to left.
 # projection: 3 x 4, P = K [R | t], points of the rig frame in metres to pixels, lens distortion apart.
 # rectified: whether the images are so, all cameras looking along the rig's z axis without distortion; if not,
-# distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) say what bends them.
+# distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) describe the lens.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
-# offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording shows it.
+# offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
 """
 
-
 _REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
+_MAX_BYTES = 2**20
+_CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
 
 
 def read_rig(path: Path) -> Rig:
-    """Read a rig file. Raises RigError where it is missing, or holds no rig."""
+    """Read a rig file. Raises RigError where it is missing, or does not describe a rig."""
     try:
         description = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
         what = f"the rig file cannot be read ({error.strerror})"
         raise RigError(what, where=path, remedy=f"check the path; {_REMEDY}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RigError(f"the rig file is no TOML ({error})", where=path, remedy=_REMEDY) from error
+        raise RigError(f"the rig file is not TOML ({error})", where=path, remedy=_REMEDY) from error
     try:
         return Rig.from_dict(description)
     except RigError as error:
@@ -97,14 +98,8 @@ def _matrix(matrix: Matrix) -> str:
     return "[\n" + "\n".join(rows) + "\n]"
 
 
-_MAX_BYTES = 2**20
-
-
-_CAMCHAIN_REMEDY = "compare it with one that Kalibr wrote"
-
-
 def read_camchain(path: Path) -> list[Camera]:
-    """Its cameras in the frame of cam0, without numbers. Raises RigError where it is no camchain."""
+    """The cameras of a camchain.yaml in the frame of cam0, not numbered. Raises RigError where it is not a camchain."""
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise RigError(f"it has more than {_MAX_BYTES} bytes", where=path, remedy=_CAMCHAIN_REMEDY)
@@ -112,7 +107,7 @@ def read_camchain(path: Path) -> list[Camera]:
     except OSError as error:
         raise RigError(f"the camera chain cannot be read ({error.strerror})", where=path) from error
     except (YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise RigError(f"it is no YAML ({type(error).__name__})", where=path, remedy=_CAMCHAIN_REMEDY) from error
+        raise RigError(f"it is not YAML ({type(error).__name__})", where=path, remedy=_CAMCHAIN_REMEDY) from error
     if not isinstance(chain, Mapping) or "cam0" not in chain:
         raise RigError("it describes no cam0", where=path, remedy=_CAMCHAIN_REMEDY)
     cameras: list[Camera] = []
@@ -150,12 +145,12 @@ def _motion(rows: object) -> Matrix:
         raise ValueError("T_cn_cnm1 must be 4 x 4")
     matrix = np.array([_numbers(row, 4) for row in rows])
     if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3):
-        raise ValueError("the rotation of T_cn_cnm1 is none")
+        raise ValueError("the rotation of T_cn_cnm1 is ill-formed")
     return matrix
 
 
 def _numbers(values: object, count: int) -> tuple[float, ...]:
-    """So many finite numbers and nothing else: lists may hold themselves again and again."""
+    """A flat list of exactly `count` finite numbers: lists of YAML may contain themselves."""
     if not isinstance(values, list) or len(values) != count or not all(isinstance(v, int | float) for v in values):
         raise ValueError(f"{count} numbers are needed")
     if not np.isfinite(values).all():

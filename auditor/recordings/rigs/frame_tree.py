@@ -1,4 +1,4 @@
-"""Coordinate frames and how they lie to one another (tf)."""
+"""Coordinate frames and the transforms between them (tf)."""
 
 from collections.abc import Sequence
 

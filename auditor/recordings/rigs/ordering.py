@@ -1,4 +1,4 @@
-"""Where the cameras of a group stand and look.
+"""The positions and viewing directions of a group of cameras.
 
 Positions come from the projection matrices where any of them has an offset (P[3] = -fx' Tx, sensor_msgs/CameraInfo),
 else from tf; never from both, since some converters write the same offset twice.
@@ -14,6 +14,7 @@ from auditor.recordings.rigs.cameras import View
 from auditor.recordings.rigs.frame_tree import FrameTree
 
 MIN_BASELINE_M = 0.005
+
 MAX_TURN = np.radians(0.5)
 """Rectified cameras of one rig look the same way; tf is often written with four digits."""
 
@@ -30,7 +31,7 @@ _SAME_PLACE_M = 1e-6
 class Placed:
     """A group of views in one rig frame: `centres_m` (3,) and `rotations` (3, 3), rig frame to pictures, of each.
 
-    `rig_SE3_anchor` says where the tf frame `anchor` lies in it.
+    `rig_SE3_anchor` is the place of the tf frame `anchor` in it.
     """
 
     views: tuple[View, ...]
@@ -85,17 +86,17 @@ def _alike(a: View, b: View, frames: FrameTree) -> bool:
 
 
 def _distinguished(a: View, b: View) -> bool:
-    """Without tf only offsets in P say that two cameras belong together."""
+    """Without tf only offsets in P show that two cameras belong together."""
     return _distance_m(a.offset_m, b.offset_m) > _SAME_PLACE_M
 
 
 def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Placed | None:
-    """Put the views of a group into one rig frame; None, with the reason, where nothing says where they stand."""
+    """Put the views of a group into one rig frame; None, with the reason, where their positions are not known."""
     origin = min(group, key=lambda view: _distance_m(view.offset_m, np.zeros(3)))
     offsets = [view.offset_m for view in group]
     by_tf = _by_tf(group, origin, frames)
     if any(_distance_m(offset, np.zeros(3)) > _SAME_PLACE_M for offset in offsets) and not _two_origins(offsets, by_tf):
-        # A frame shared by cameras at different places is the one that P projects from; else it is the camera's own.
+        # A frame that cameras at different places share is the one that P projects from; else it is the camera's own.
         shared = any(
             view.frame_id == origin.frame_id and _distance_m(view.offset_m, origin.offset_m) > _SAME_PLACE_M
             for view in group
@@ -109,7 +110,7 @@ def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Place
     else:
         names = ", ".join(view.name for view in group)
         if len(group) > 1:
-            reasons.append(f"neither P nor tf says where {names} lie")
+            reasons.append(f"neither P nor tf gives the positions of {names}")
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
     return Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor)
@@ -127,7 +128,7 @@ def _by_tf(group: Sequence[View], origin: View, frames: FrameTree) -> list[Matri
 
 
 def _two_origins(offsets: Sequence[Matrix], by_tf: Sequence[Matrix] | None) -> bool:
-    """True where two cameras without an offset lie apart in tf: each P is then told from its own stereo pair."""
+    """True where two cameras without an offset lie apart in tf: each P then belongs to its own stereo pair."""
     if by_tf is None:
         return False
     origins = [

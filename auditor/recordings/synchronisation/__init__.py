@@ -1,1 +1,1 @@
-"""Messages of several sensors become frames."""
+"""Frames: the messages of all sensors that belong to one moment."""

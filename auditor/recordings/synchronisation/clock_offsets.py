@@ -1,4 +1,4 @@
-"""How the sensors of a rig tick: constant offsets and periods, learnt from a recording's beginning."""
+"""The clock offsets and periods of a rig's sensors, learnt from a recording's beginning."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from auditor.recordings.synchronisation.survey import Sample, Survey
 
 @dataclass(frozen=True)
 class Timing:
-    """How the sensors of a rig tick: offsets to the leftmost camera that was seen, delays from stamp to log time."""
+    """The timing of a rig's sensors: offsets to the leftmost camera present, periods, delays from stamp to log time."""
 
     offset_ns: Mapping[int, int]
     delay_ns: Mapping[int, int]
@@ -22,7 +22,7 @@ class Timing:
 
 
 def learn_timing(rig: Rig, survey: Survey) -> Timing:
-    """Learn offsets and periods from a survey's sample stamps (all medians); those that the rig gives are taken."""
+    """Learn offsets and periods from a survey's sample stamps (all medians); offsets that the rig gives are kept."""
     samples = {sensor: survey.samples(rig.topic(sensor)) for sensor in rig.sensors}
     seen = {sensor: sorted({sample.stamp_ns for sample in taken}) for sensor, taken in samples.items() if taken}
     periods = {

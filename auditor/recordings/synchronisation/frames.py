@@ -1,8 +1,9 @@
-"""Messages -> frames: the sensors' data put together by the stamps of their headers.
+"""Frames from messages: the data of all sensors, brought together by the stamps of their headers.
 
 Every sensor has a constant offset to the leftmost camera, learnt from the recording's beginning. A frame opens with the
-oldest message not yet used; the leftmost camera then there gives its time, and every sensor's nearest message within
-the tolerance belongs to it. What waits stays as recorded; pixels and points are decoded when the frame is handed out.
+oldest message not yet used; the leftmost camera that is present gives its time, and every sensor's nearest message
+within the tolerance belongs to it. Waiting messages stay as recorded; pixels and points are decoded when the frame is
+complete.
 """
 
 from collections.abc import Iterator, Mapping
@@ -55,7 +56,7 @@ class FrameStream:
         if self._survey.interleaved:
             streams = [self._stamped(self._recording.messages(by_topic.keys()), by_topic, decoders)]
         else:
-            # Topics that lie one after the other: one read for each, side by side.
+            # The topics lie one after the other in the file: each gets a read of its own, and the reads are merged.
             streams = [
                 self._stamped(self._recording.messages({topic}), by_topic, decoders) for topic in sorted(by_topic)
             ]
@@ -73,7 +74,7 @@ class FrameStream:
     def _stamp(self, sensor: int, message: Message, decoders: Decoders) -> tuple[int, str]:
         decoder = decoders.of(message.schema, message.encoding)
         if decoder is None or decoder.kind == "transforms":
-            problem = f"{message.schema or 'a message without schema'} is no data of a sensor"
+            problem = f"{message.schema or 'a message without schema'} is not data of a sensor"
         else:
             if isinstance(decoder, FollowingDecoder):
                 decoder.follow(message)
@@ -86,15 +87,15 @@ class FrameStream:
 
     @property
     def damage(self) -> tuple[Damage, ...]:
-        """What the recording's reader could not read."""
+        """The parts that the recording's reader could not read."""
         return self._recording.damage
 
     @property
     def balance(self) -> tuple[TopicBalance, ...]:
         """Where the messages of every topic went.
 
-        Messages of topics that are no sensor of the rig are `unused`; camera infos and transforms, too: the rig is
-        made from the first ones in a look of its own.
+        Messages of topics that belong to no sensor of the rig are `unused`. So are camera infos and transforms: the
+        rig is made of the first ones in a read of its own.
         """
         sensors = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         balance = []
@@ -123,7 +124,7 @@ class FrameStream:
 def synchronise(recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False) -> FrameStream:
     """The frames of a recording, in order; with `colour` images keep their colours as BGR.
 
-    Offsets that the rig gives stand in for learnt ones. Raises RigError where the rig does not fit the recording. The
+    Offsets that the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The
     window holds at most MAX_WINDOW_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
@@ -140,7 +141,7 @@ class _FrameMaker:
         self._colour = colour
 
     def make(self, group: Group) -> Frame | Skipped:
-        """The frame, or why there is none."""
+        """The frame, or a Skipped with the reason why there is none."""
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
         if group.edge:
             return self._skip(group, stamp_ns, EDGE)
@@ -201,12 +202,12 @@ class _FrameMaker:
         camera = self._rig.camera(sensor)
         decoder = self._decoders.image(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
-            raise DecodingError(waiting.problem or "this is no image", where=camera.topic)
+            raise DecodingError(waiting.problem or "this is not an image", where=camera.topic)
         pixels = decoder.pixels(waiting.message, colour=self._colour, size_px=(camera.width_px, camera.height_px))
         return CameraImage(sensor, waiting.stamp_ns, pixels)
 
     def _cloud(self, waiting: Waiting) -> PointCloud:
         decoder = self._decoders.cloud(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
-            raise DecodingError(waiting.problem or "this is no point cloud", where=waiting.message.topic)
+            raise DecodingError(waiting.problem or "this is not a point cloud", where=waiting.message.topic)
         return PointCloud(waiting.stamp_ns, decoder.xyz_m(waiting.message))

@@ -1,4 +1,4 @@
-"""How a recording's sensors did: where their messages went, when they were there, how their clocks lie."""
+"""The health of a recording's sensors: the use of their messages, the time they cover, and their clock offsets."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from auditor.recordings.synchronisation.frames import FrameStream
 
 @dataclass(frozen=True)
 class SensorHealth:
-    """One sensor: where its messages went, its offset to the leftmost camera, and its first and last frame's stamps."""
+    """One sensor: the use of its messages, its offset to the leftmost camera, and its first and last frame's stamps."""
 
     balance: TopicBalance
     offset_ns: int
@@ -22,7 +22,7 @@ class SensorHealth:
 
 @dataclass(frozen=True)
 class Health:
-    """All frames of a recording, with one rig; `skipped` counts ticks without a frame by reason."""
+    """All frames of a recording, with one rig; `skipped` counts moments without a frame by reason."""
 
     frames: int
     skipped: Mapping[str, int]
@@ -33,7 +33,7 @@ class Health:
 
 
 def check_health(stream: FrameStream, rig: Rig) -> Health:
-    """Put all frames together, decoding everything in them, and tell how it went."""
+    """Synchronise and decode all frames, and return the health of the sensors."""
     frames = 0
     skipped: Counter[str] = Counter()
     seen: dict[int, list[int]] = {sensor: [] for sensor in rig.sensors}

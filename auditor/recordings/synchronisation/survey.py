@@ -1,4 +1,4 @@
-"""A first look over the beginning of a recording: what is in it, and enough stamps to learn how its sensors tick."""
+"""A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ SAMPLES = FIRST_LOOK.samples
 """Stamps a sensor's topic that are enough to learn its offset and period."""
 
 MAX_BYTES = FIRST_LOOK.most_bytes
-"""The look ends after so many bytes of sensor data, whatever was not seen by then."""
+"""The survey ends after so many bytes of sensor data, even where a topic has not appeared."""
 
 MAX_MESSAGES = FIRST_LOOK.most_messages
-"""The look also ends here: a topic that ticks once a minute must not make it a read of the whole file."""
+"""The survey also ends here: a topic with one message a minute must not make it read the whole file."""
 
 MAX_LAG_NS = FIRST_LOOK.most_lag_ns
-"""Sensors whose messages lie further apart in the file than this cannot be paired in one go."""
+"""Sensors whose messages lie further apart in the file than this are not paired in one read."""
 
 
 class Sample(NamedTuple):
@@ -53,10 +53,10 @@ class CloudTopic:
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What the beginning of a recording holds.
+    """The content of a recording's beginning.
 
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
-    after the other in the file, so that sensors cannot be paired in one go.
+    after the other in the file, so that sensors cannot be paired in one read.
     """
 
     topics: tuple[Topic, ...]
@@ -74,15 +74,15 @@ class Survey:
 
 
 def survey(recording: Recording) -> Survey:
-    """Look at the beginning; the recording can be read from its start afterwards.
+    """Survey the beginning; the recording can be read from its start afterwards.
 
-    Ends as soon as every sensor topic known has given SAMPLES stamps and a calibration was seen, at the latest after
+    It ends as soon as every sensor topic known has given SAMPLES stamps and a calibration was seen, at the latest after
     MAX_BYTES of sensor data. A message that cannot be decoded is a problem, not an error.
     """
-    return _Look(recording).run()
+    return _Surveyor(recording).run()
 
 
-class _Look:
+class _Surveyor:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._decoders = Decoders(recording.definition)
@@ -146,7 +146,7 @@ class _Look:
         try:
             if decoder.kind == "transforms":
                 for transform in decoder.transforms(message):
-                    # The first one counts: a mounting that moves is none.
+                    # The first one counts: mountings do not move.
                     self._transforms.setdefault((transform.parent, transform.child), transform)
             elif decoder.kind == "camera_info":
                 if message.topic not in self._infos:
@@ -176,7 +176,7 @@ class _Look:
             self._jumped = True
             self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        if not self._jumped:  # behind a jump, old stamps say nothing about the order of topics
+        if not self._jumped:  # behind a jump, old stamps do not show the order of topics
             self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
@@ -184,7 +184,7 @@ class _Look:
             self._problems[problem] = None
 
     def _note_undecodable(self) -> None:
-        """Name the topics of a sensor's schema in an encoding that nothing here reads."""
+        """Note the topics of a sensor's schema in an encoding without a decoder."""
         for topic in self._recording.topics():
             if topic.schema in decoder_table() and self._decoders.of(topic.schema, topic.encoding) is None:
                 self._note(f"{topic.name}: {topic.schema} in the encoding {topic.encoding!r} cannot be decoded")

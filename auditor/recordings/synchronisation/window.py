@@ -15,11 +15,12 @@ MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
 """How long a frame waits for a sensor that is silent."""
 
 MAX_WINDOW_BYTES = FRAME_WINDOW.most_bytes
+
 MESSAGE_BYTES = FRAME_WINDOW.message_bytes
-"""What a waiting message takes beside its data."""
+"""The memory that a waiting message takes beside its data."""
 
 MAX_WAITING = FRAME_WINDOW.most_waiting
-"""Messages in the window: a sensor of 1 kHz beside one of 1 Hz is nothing that cars have."""
+"""Messages in the window: no car has a sensor of 1 kHz beside one of 1 Hz."""
 
 MAX_FROM_BEFORE = FRAME_WINDOW.most_from_before
 MAX_HELD_GROUPS = FRAME_WINDOW.most_held_groups
@@ -42,7 +43,7 @@ class Waiting(NamedTuple):
 
 @dataclass
 class Counts:
-    """Where the messages of one sensor went."""
+    """The use of the messages of one sensor."""
 
     read: int = 0
     used: int = 0
@@ -50,7 +51,7 @@ class Counts:
     skipped: dict[str, int] = field(default_factory=dict)
 
     def skip(self, reason: str) -> None:
-        """Count one that is in no frame."""
+        """Count a message that is in no frame."""
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
 
 
@@ -58,7 +59,7 @@ class Counts:
 class Group:
     """The messages of one frame.
 
-    `last_ns` is the newest time seen when it was closed; `stretch` counts how often the clock had jumped back.
+    `last_ns` is the newest time seen when it was closed; `chunk` counts how often the clock had jumped back.
     """
 
     number: int
@@ -88,11 +89,11 @@ class Window:
         self._number = 0
 
     def add(self, sensor: int, waiting: Waiting) -> None:
-        """Take in a message; one that is older than the last frame is late, unless the clock has jumped back."""
+        """Add a message; one that is older than the last frame is late, unless the clock has jumped back."""
         if self._is_from_before(waiting.time_ns):
             self._from_before.append((sensor, waiting))
             self.held_bytes += _bytes(waiting)
-            # One sensor that lags is late; two of them one after the other, near one another, are another clock.
+            # One sensor that lags is late; old stamps of two sensors, near one another, mean a clock set back.
             self._has_jumped = len({sensor for sensor, _ in self._from_before}) > 1
             if not self._has_jumped and len(self._from_before) > MAX_FROM_BEFORE:
                 self._refuse_from_before()
@@ -101,7 +102,7 @@ class Window:
         self._take(sensor, waiting)
 
     def _take(self, sensor: int, waiting: Waiting) -> None:
-        self._believe(sensor, waiting.time_ns)
+        self._advance(sensor, waiting.time_ns)
         if self._closed_until is not None and waiting.time_ns <= self._closed_until:
             self._refuse(sensor, waiting, LATE)
             return
@@ -109,7 +110,7 @@ class Window:
         self.held_bytes += _bytes(waiting)
 
     def _is_from_before(self, time_ns: int) -> bool:
-        """True for a time so long ago that no message could have waited for it, and near to others of that kind."""
+        """True for a time too old to be a late message's, and near to others of that kind."""
         wait = MAX_WAIT_PERIODS * self._timing.period_ns
         if self._closed_until is None or time_ns > self._closed_until - wait:
             return False
@@ -122,7 +123,7 @@ class Window:
         self._from_before.clear()
 
     def _restart(self) -> None:
-        """Begin anew at the time that the clock has jumped back to."""
+        """Start again at the time that the clock has jumped back to."""
         self._newest.clear()
         self._leapt_to = self._closed_until = None
         self._has_jumped = False
@@ -132,10 +133,10 @@ class Window:
             self.held_bytes -= _bytes(waiting)
             self._take(sensor, waiting)
 
-    def _believe(self, sensor: int, time_ns: int) -> None:
+    def _advance(self, sensor: int, time_ns: int) -> None:
         """Move a sensor's time on; a leap far ahead of all sensors counts once a second message confirms it.
 
-        Else one stamp from another century would close every frame before its sensors have spoken.
+        Without this, one stamp from another century would close every frame before its messages have come.
         """
         wait = MAX_WAIT_PERIODS * self._timing.period_ns
         leaps = bool(self._newest) and time_ns > max(self._newest.values()) + wait
@@ -145,7 +146,7 @@ class Window:
             self._newest[sensor] = time_ns
 
     def closed(self) -> Iterator[Group]:
-        """The frames that nothing more can come to."""
+        """The frames that are complete, or can get no more messages."""
         if self._has_jumped:
             yield from self._rest()
             self._restart()
@@ -153,7 +154,7 @@ class Window:
             yield self._close(opening)
 
     def rest(self) -> Iterator[Group]:
-        """What is left at the end."""
+        """The frames that are left at the end."""
         self._refuse_from_before()
         yield from self._rest()
 
@@ -166,7 +167,7 @@ class Window:
     def _opening(self, *, at_end: bool = False) -> int | None:
         """The time of the oldest message that may open a frame.
 
-        Sensors that tick faster than the slowest one do not open frames, unless the slow ones are silent.
+        Sensors with shorter periods than the slowest one do not open frames, unless the slow ones are silent.
         """
         slow = [w[0].time_ns for s, w in self._waiting.items() if w and s not in self._timing.fast]
         fast = [w for s, w in self._waiting.items() if w and s in self._timing.fast]
@@ -183,7 +184,7 @@ class Window:
         return oldest
 
     def _due_ns(self) -> int:
-        """From when on a fast sensor may open a frame: a slow one should have come."""
+        """The time from which on a fast sensor may open a frame: a message of a slow one is overdue."""
         if self._closed_until is None:
             return min(w[0].time_ns for w in self._waiting.values() if w) + self._timing.period_ns
         return self._closed_until + self._timing.period_ns
@@ -201,7 +202,7 @@ class Window:
         return self.held_bytes > MAX_WINDOW_BYTES or sum(map(len, self._waiting.values())) > MAX_WAITING
 
     def _is_settled(self, opening: int) -> bool:
-        """True where every sensor has given its message, has gone past, or has been waited for long enough."""
+        """True where every sensor has a message in the frame or behind it, or the wait is over."""
         tolerance = self._timing.tolerance_ns
         if self._is_full():
             return True
@@ -259,10 +260,10 @@ def _bytes(waiting: Waiting) -> int:
 
 
 class Edges:
-    """Tells incomplete frames at the edges of a recording from those in its middle."""
+    """Marks incomplete frames at the edges of a recording, which are not failures of a sensor."""
 
     def __init__(self, timing: Timing) -> None:
-        # The neighbour of the first and last frame is no edge, though jitter may bring it nearer than one period.
+        # The neighbour of the first or last frame is not an edge, though jitter may bring it nearer than one period.
         self._period_ns = timing.period_ns - timing.tolerance_ns
 
     def groups(self, groups: Iterator[Group]) -> Iterator[Group]:
@@ -285,7 +286,7 @@ class Edges:
         yield from self._last(held, start, newest)
 
     def _last(self, held: deque[Group], start: int | None, newest: int) -> Iterator[Group]:
-        """The groups held at the end of a stretch."""
+        """The groups held at the end of a chunk."""
         end = max((group.time_ns for group in held), default=0)
         while held:
             yield self._marked(held.popleft(), start or 0, max(end, newest))

@@ -10,9 +10,9 @@ from auditor.errors import RecordingError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A path beside to write to; renamed into place at the end, removed after an error.
+    """A path beside the target to write to; it is renamed into place at the end, and removed after an error.
 
-    Raises RecordingError where the disk refuses.
+    Raises RecordingError where it cannot be written.
     """
     beside = path.with_name(f".{path.name}.part")
     try:
@@ -28,7 +28,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """The same for a folder, which has its own name already where it is made: files inside are named after it."""
+    """The same for a folder; it has its final name from the start, since the files inside are named after it."""
     if path.exists():
         raise RecordingError("it exists already", where=path, remedy="choose another name, or remove it")
     above = path.with_name(f".{path.name}.part")

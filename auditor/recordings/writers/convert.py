@@ -1,7 +1,7 @@
-"""Any recording -> MCAP with ROS 2 messages: as it is, or with the data of some topics changed.
+"""Copies of recordings as MCAP files with ROS 2 messages: unchanged, or with the data of some topics changed.
 
 Messages in CDR, and those of other encodings that MCAP carries, keep their bytes. ROS 1 messages become CDR. A KITTI
-drive's PNG files become CompressedImage messages that hold the same bytes, on the topics that the drive itself has.
+drive's PNG files become CompressedImage messages that hold the same bytes, on the drive's own topics.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -31,16 +31,16 @@ from auditor.recordings.writers.mcap_file import mcap_file
 from auditor.recordings.writers.messages import MessageMaker
 
 Change = Callable[[CameraImage], CameraImage] | Callable[[PointCloud], PointCloud]
-
-
 _GREY_ENCODINGS = {"mono8", "8UC1"}
-
-
 _COLOUR_ENCODINGS = {"bgr8", "8UC3"}
+HEADER = "std_msgs/msg/Header"
+_ENDING = ".mcap"
+_KITTI_SCHEMAS = "kitti/"
+_ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 
 
 class Changing:
-    """Changes ROS 2 messages, given where their definitions are found."""
+    """Changes ROS 2 messages, given a function that finds their definitions."""
 
     def __init__(self, maker: MessageMaker, definition: Callable[[str], Definition | None]) -> None:
         self._maker = maker
@@ -52,7 +52,7 @@ class Changing:
         }
 
     def change(self, message: Message, change: Change) -> Message:
-        """The changed message; the same one where it cannot be decoded: what is damaged stays so."""
+        """The changed message; the same one where it cannot be decoded: damaged messages are copied."""
         make = self._makers.get(message.schema)
         if make is None or message.encoding != "cdr":
             raise DecodingError(f"{message.schema} cannot be changed", where=message.topic)
@@ -81,7 +81,7 @@ class Changing:
         form = inspect_picture(decoder.picture(message)).form
         pixels = change(CameraImage(0, header.stamp_ns, decoder.pixels(message, colour=True))).pixels
         data = encode_picture(pixels, form)
-        # The format is free text that may tell of colours; it stays.
+        # The format is free text that may describe the colours; it is kept.
         return self._maker.compressed_image(data, self._types.decode(message).format, header.stamp_ns, header.frame_id)
 
     def _point_cloud(self, message: Message, change: Callable[[PointCloud], PointCloud]) -> bytes:
@@ -89,27 +89,15 @@ class Changing:
         stamp = cloud.header.stamp.sec * 10**9 + cloud.header.stamp.nanosec
         before = finite(xyz_of(points_of(cloud)))
         after = change(PointCloud(stamp, before)).xyz_m
-        # Which old point a new one was is not known: intensities are not carried over.
+        # The attacked cloud does not say which old point a new one was: intensities are not copied.
         points = np.zeros((len(after), 4), np.float32)
         points[:, :3] = after
         return self._maker.point_cloud(points, stamp, cloud.header.frame_id)
 
 
-HEADER = "std_msgs/msg/Header"
-
-
-_ENDING = ".mcap"
-
-
-_KITTI_SCHEMAS = "kitti/"
-
-
-_ROS_ENCODINGS = frozenset({"cdr", "ros1"})
-
-
 @dataclass(frozen=True)
 class ConvertReport:
-    """What a conversion did: messages written by topic, what was left out and why, and the source's damage."""
+    """The result of a conversion: messages written by topic, topics left out with reasons, and the source's damage."""
 
     target: Path
     messages: Mapping[str, int]
@@ -120,7 +108,7 @@ class ConvertReport:
 def convert(recording: Recording, target: Path) -> ConvertReport:
     """Write any recording as MCAP, its ground truth and metadata with it; other attachments are left behind.
 
-    Raises RecordingError where the target is not called .mcap, exists or cannot be written.
+    Raises RecordingError where the target does not end in .mcap, exists or cannot be written.
     """
     return rewrite(recording, target, {}, ())
 
@@ -135,8 +123,8 @@ def rewrite(
 
     `changes` goes by topic: a function from CameraImage to CameraImage (colours as BGR where there are any; `sensor` is
     0), or from PointCloud to PointCloud. An image keeps the form it had (raw, PNG, JPEG at quality 95); a message that
-    cannot be decoded stays as it is. `labels` are asked for after the last message. Raises RecordingError where a topic
-    is not there, or the target is not called .mcap, exists or cannot be written.
+    cannot be decoded stays as it is. `labels` is called after the last message. Raises RecordingError where a topic
+    is not there, or the target does not end in .mcap, exists or cannot be written.
     """
     if target.suffix.lower() != _ENDING:
         raise RecordingError("recordings are written as MCAP", where=target, remedy=f"call it {target.stem}{_ENDING}")
@@ -180,7 +168,7 @@ class _Copying:
         self.left_out: dict[str, str] = {}
 
     def definition(self, schema: str) -> Definition | None:
-        """The definition that goes into the target: the recording's own, unless its messages are re-serialised."""
+        """The definition to be written: the recording's own, unless its messages are serialised anew."""
         own = self._recording.definition(schema)
         if own is not None and own.encoding != "ros1msg":
             return own
@@ -190,7 +178,7 @@ class _Copying:
         return Definition("ros2msg", store.generate_msgdef(schema, ros_version=2)[0].encode())
 
     def to_ros2(self, message: Message) -> Message | None:
-        """The message as it goes into the target, or None, noting the topic, where it cannot."""
+        """The message to be written, or None, noting the topic, where it cannot be converted."""
         try:
             if message.schema.startswith(_KITTI_SCHEMAS):
                 schema, data = self._from_kitti(message)

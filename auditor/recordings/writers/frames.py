@@ -1,8 +1,8 @@
-"""A rig and its frames -> an MCAP file, a .bag or a rosbag2 folder, as a vehicle's recorder would have written them.
+"""Writes a rig and its frames as an MCAP file, a .bag or a rosbag2 folder, as a vehicle's recorder would.
 
 Images go to the rig's topics with a camera info beside each, the point cloud to the LiDAR's; /tf_static places every
-camera at its own centre and the LiDAR in the rig frame, while P keeps its offsets: as converters of KITTI do. What is
-not rectified has K, D and its place in tf, and no offset.
+camera at its own centre and the LiDAR in the rig frame, while P keeps its offsets, as converters of KITTI do. A camera
+that is not rectified has K, D and its place in tf, and no offset.
 """
 
 import json
@@ -47,7 +47,7 @@ def write_mcap(
     compression: Compression = "zstd",
     image: Form = "raw",
 ) -> None:
-    """Write an MCAP file of ROS 2 messages. `labels` are asked for after the last frame.
+    """Write an MCAP file of ROS 2 messages. `labels` is called after the last frame.
 
     Raises RecordingError where it cannot be written.
     """
@@ -74,7 +74,7 @@ def write_bag(
     """Write a ROS 1 .bag; ground truth and vehicle go to a topic, since it has no attachments. See write_mcap."""
     maker = MessageMaker("ros1")
     with whole_file(path) as beside, BagWriter(beside) as writer:
-        _write_all(writer, maker, _with_said(maker, _messages(maker, rig, frames, image), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image), labels, vehicle))
 
 
 def write_db3(
@@ -92,7 +92,7 @@ def write_db3(
         whole_folder(path) as beside,
         Rosbag2Writer(beside, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
     ):
-        _write_all(writer, maker, _with_said(maker, _messages(maker, rig, frames, image), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image), labels, vehicle))
 
 
 def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) -> None:  # noqa: ANN401  # two writers
@@ -103,7 +103,7 @@ def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) 
         writer.write(connections[topic], stamp_ns, data)
 
 
-def _with_said(
+def _with_metadata(
     maker: MessageMaker, messages: Iterable[_Outgoing], labels: Iterable[AttackLabel], vehicle: str | None
 ) -> Iterator[_Outgoing]:
     last_ns = 0
@@ -146,12 +146,12 @@ def _transforms(maker: MessageMaker, rig: Rig, frame_ids: dict[int, str], stamp_
 
 
 def _projection(camera: Camera) -> Matrix:
-    """Cameras that look elsewhere than along the rig have no P in its frame: tf says where they are."""
+    """P in the rig's frame; cameras that look elsewhere than along the rig have none: tf holds their places."""
     return camera.projection if camera.rectified else np.hstack([camera.intrinsics, np.zeros((3, 1))])
 
 
 def _frame_ids(rig: Rig) -> dict[int, str]:
-    """Names of the sensors where all differ, else their numbers."""
+    """The frame ids: names of the sensors where all differ, else their numbers."""
     names = {sensor: rig.name(sensor) for sensor in rig.sensors}
     if len({*names.values(), RIG_FRAME}) == len(names) + 1 and all(names.values()):
         return names

@@ -1,4 +1,4 @@
-"""An MCAP file in the making: topics are registered when their first message comes."""
+"""Writes an MCAP file; topics are registered when their first message comes."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -58,7 +58,7 @@ class McapFile:
             self._writer.add_attachment(time_ns, time_ns, LABELS_NAME, LABELS_MEDIA_TYPE, labels_to_json(known))
 
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
-        """Add what the recording says about itself, where it says anything."""
+        """Add the recording's own description, where there is any."""
         if metadata:
             self._writer.add_metadata(METADATA_NAME, dict(metadata))
 
@@ -69,7 +69,7 @@ class McapFile:
 
 @contextmanager
 def mcap_file(path: Path, *, profile: str, compression: Compression) -> Iterator[McapFile]:
-    """An MCAP file that appears under its name when all is written. Raises RecordingError where the disk refuses."""
+    """An MCAP file that appears under its name when it is complete. Raises RecordingError where that fails."""
     with whole_file(path) as beside, beside.open("wb") as stream:
         file = McapFile(stream, profile, compression)
         yield file

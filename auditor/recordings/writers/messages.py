@@ -76,7 +76,7 @@ class MessageMaker:
     def camera_info(
         self, projection: Matrix, width_px: int, height_px: int, stamp_ns: int, frame_id: str, lens: Lens = NO_LENS
     ) -> bytes:
-        """sensor_msgs/CameraInfo: the whole (3, 4) P, K = P[:, :3], R = I; D is empty where there is no lens."""
+        """sensor_msgs/CameraInfo: the whole (3, 4) P, K = P[:, :3], R = I; D is empty without lens distortion."""
         names = "DKRP" if self.encoding == "ros1" else "dkrp"
         D = np.array(lens.coefficients, dtype=np.float64)
         matrices = (D, projection[:, :3].reshape(-1), np.eye(3).reshape(-1), projection.reshape(-1))

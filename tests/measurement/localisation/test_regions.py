@@ -12,7 +12,7 @@ from auditor.model.checks import Check, PairCheck
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import REGION_STEP
 from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_rig
-from tests.measurement.fault_features.test_fault_features import DEPTH_M, scene
+from tests.making.textured_scenes import DEPTH_M, scene
 
 RIG = plane_rig()
 PHOTOMETRIC_INCONSISTENCY = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, 3) for i in (1, 2)]

@@ -1,4 +1,4 @@
-"""Detectors of objects: an image, a point cloud or a disparity map becomes boxes."""
+"""Detectors of objects: they give boxes in images and point clouds."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from auditor.evaluation.object_baseline.detectors.interface import (
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
-    """Who looks for objects in images and in point clouds; where nobody does, clusters of points stand for them."""
+    """The detectors for images and for point clouds; without one, clusters of points stand for objects."""
 
     camera: CameraDetector | None = None
     cloud: CloudDetector | None = None
@@ -32,12 +32,12 @@ class Detectors:
 
     @property
     def libraries(self) -> Mapping[str, str]:
-        """Versions of what runs networks, by name."""
+        """Versions of the libraries that run networks, by name."""
         return {name: version for one in (self.camera, self.cloud) if one for name, version in one.libraries.items()}
 
     @property
     def settings(self) -> str:
-        """Canonical JSON of everything that can change a box."""
+        """Canonical JSON of all that can change a box."""
         networks = {"camera": self.camera, "cloud": self.cloud}
         values = {name: json.loads(one.settings) for name, one in networks.items() if one}
         return json.dumps(values | {GEOMETRIC: SETTINGS}, sort_keys=True, separators=(",", ":"))
@@ -46,7 +46,7 @@ class Detectors:
 def find_detectors(names: Sequence[str]) -> Detectors:
     """The detectors `geometric` or `onnx:FILE`, at most one for cameras and one for clouds.
 
-    Raises SettingError for other names, for two of a kind, for a package that is not installed and as models do.
+    Raises SettingError for other names, for two of a kind, for a missing package, and for a bad model.
     """
     opened: dict[str, CameraDetector | CloudDetector] = {}
     for name in names:
@@ -55,13 +55,13 @@ def find_detectors(names: Sequence[str]) -> Detectors:
         kind, _, file = name.partition(":")
         if kind != "onnx" or not file:
             raise SettingError(
-                f"no detector is called {name!r}", where="--detector", remedy="use geometric or onnx:FILE"
+                f"there is no detector {name!r}", where="--detector", remedy="use geometric or onnx:FILE"
             )
         sensor, detector = _opened(Path(file))
         if sensor in opened:
             raise SettingError(f"two detectors are given for a {sensor}", where="--detector", remedy="give one of each")
         opened[sensor] = detector
-    return Detectors(**opened)  # type: ignore[arg-type]  # by sensor, each is of its kind
+    return Detectors(**opened)  # type: ignore[arg-type]  # each has the type of its sensor
 
 
 def _opened(path: Path) -> tuple[str, CameraDetector | CloudDetector]:

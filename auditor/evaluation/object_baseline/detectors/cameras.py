@@ -15,10 +15,19 @@ from auditor.evaluation.object_baseline.detectors.overlap import overlaps
 
 Image = NDArray[np.uint8]
 
+_COLUMNS = {
+    "xyxy": ("left", "top", "right", "bottom"),
+    "yxyx": ("top", "left", "bottom", "right"),
+    "xywh": ("left", "top", "w", "h"),
+    "cxcywh": ("cx", "cy", "w", "h"),
+}
+
+_LETTERBOX_GREY = 114
+
 
 @dataclass(frozen=True)
 class _Fit:
-    """How an image was made to fit: pixels of the input a pixel of the image, by axis, and the border at its start."""
+    """How an image was resized: pixels of the input for a pixel of the image, by axis, and the border at its start."""
 
     scale: tuple[float, float]
     border: tuple[int, int]
@@ -55,7 +64,7 @@ class OnnxCameraDetector(Network):
     def detect(self, pixels: Image) -> tuple[Detection, ...]:
         """The objects in an (H, W) grey or (H, W, 3) BGR image.
 
-        Raises SettingError where the model fails, or gives something else than described.
+        Raises SettingError where the model fails, or its output is not as described.
         """
         shown, fit = self._shown(pixels)
         found = self.find(shown, 4)
@@ -92,15 +101,6 @@ class OnnxCameraDetector(Network):
         ):
             ends[name] = np.clip((columns[name] * unit - fit.border[axis]) / fit.scale[axis], 0, length)
         return [ImageBox(*map(float, row)) for row in zip(*ends.values(), strict=True)]
-
-
-_COLUMNS = {
-    "xyxy": ("left", "top", "right", "bottom"),
-    "yxyx": ("top", "left", "bottom", "right"),
-    "xywh": ("left", "top", "w", "h"),
-    "cxcywh": ("cx", "cy", "w", "h"),
-}
-_LETTERBOX_GREY = 114
 
 
 def _fitted(image: Image, size: tuple[int, int], how: str) -> tuple[Image, _Fit]:

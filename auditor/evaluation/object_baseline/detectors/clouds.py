@@ -33,7 +33,7 @@ class OnnxCloudDetector(Network):
     def detect(self, xyz_m: Points, rig_SE3_lidar: Matrix) -> tuple[SolidDetection, ...]:
         """The objects among (N, 3) points in the LiDAR frame, as boxes in the rig frame.
 
-        Raises SettingError where the model fails, or gives something else than described.
+        Raises SettingError where the model fails, or its output is not as described.
         """
         points = xyz_m
         if self.taken.frame == "camera":
@@ -62,14 +62,14 @@ class OnnxCloudDetector(Network):
 
 
 def _inside(points: Points, taken: CloudInput) -> Points:
-    """The points that are looked at."""
+    """The points within the described limits."""
     ends = np.array([taken.x_m, taken.y_m, taken.z_m], dtype=np.float32)
     inside: Points = points[((points >= ends[:, 0]) & (points < ends[:, 1])).all(axis=1)]
     return inside
 
 
 def _as_points(points: Points, taken: CloudInput) -> Points:
-    """(1, N, C): every so-manieth point where there are more, the same ones again where there are fewer."""
+    """(1, N, C): evenly spaced points where there are more, repeated points where there are fewer."""
     inside = _inside(points, taken)
     shown = np.zeros((taken.points, taken.columns), dtype=np.float32)
     if len(inside):

@@ -1,4 +1,4 @@
-"""Detectors of the user's own: what their networks take and give is said in a TOML file beside the model.
+"""Detectors of the user's own: a TOML file beside the model describes the network's inputs and outputs.
 
     # yolov3.toml, beside yolov3.onnx
     sensor = "camera"                   # camera or cloud
@@ -34,7 +34,7 @@ Only `sensor` and `names` must be there; these are the defaults of the others. O
     points = 16384                      # N
     columns = 4                         # C: x, y, z, then zeros
     frame = "lidar"                     # lidar (x forward, y left, z up) or camera (x right, y down, z forward)
-    x_m = [0.0, 70.0]                   # what is looked at
+    x_m = [0.0, 70.0]                   # the points that are used
     y_m = [-40.0, 40.0]
     z_m = [-2.5, 1.0]
     cell_m = 0.1                        # side of a cell of the grid
@@ -79,19 +79,21 @@ MOST_VALUES = 100_000_000
 COLUMN = re.compile(r"(?P<name>.+?)(?:\[(?P<first>\d+)(?::(?P<end>\d+))?\])?")
 SOLID = ("x", "y", "z", "length", "width", "height", "yaw")
 _NEEDED = {"lidar": {"x", "y", "length", "width", "yaw"}, "camera": {"x", "z", "length", "width", "yaw"}}
+_SIDE = whole("a number of pixels", largest=LARGEST_SIDE_PX)
+
+_SIZE = Rule(
+    lambda size: size is None or (isinstance(size, tuple) and len(size) == 2 and all(map(_SIDE.holds, size))),
+    f"height and width, at most {LARGEST_SIDE_PX} pixels each",
+)
+
+_TWO = numbers("two numbers, the smaller first", 2)
+_ENDS = Rule(lambda ends: _TWO.holds(ends) and ends[0] < ends[1], _TWO.meant)
 
 
 def _are_texts(values: object) -> bool:
     return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
 
 
-_SIDE = whole("a number of pixels", largest=LARGEST_SIDE_PX)
-_SIZE = Rule(
-    lambda size: size is None or (isinstance(size, tuple) and len(size) == 2 and all(map(_SIDE.holds, size))),
-    f"height and width, at most {LARGEST_SIDE_PX} pixels each",
-)
-_TWO = numbers("two numbers, the smaller first", 2)
-_ENDS = Rule(lambda ends: _TWO.holds(ends) and ends[0] < ends[1], _TWO.meant)
 _CLASSES = Rule(lambda names: _are_texts(names) and any(names), "a list of names of classes")
 _COLUMNS = Rule(
     lambda columns: _are_texts(columns) and set(columns) <= set(SOLID) and len(set(columns)) == len(columns),
@@ -134,7 +136,7 @@ class CloudInput(Described):
         return along, across
 
     def rules(self) -> Iterator[tuple[str, bool, str]]:
-        """What is shown fits into memory, and a grid is seen from above."""
+        """The input fits into memory, and a grid is seen from above."""
         along, across = self.cells
         values = along * across * (self.slices + self.empty) if self.kind == "grid" else self.points * self.columns
         yield (
@@ -147,7 +149,7 @@ class CloudInput(Described):
 
 @dataclass(frozen=True)
 class Output(Described):
-    """Where the network's outputs hold what it found."""
+    """The places in the network's outputs of its boxes, scores and labels."""
 
     boxes: Annotated[str, NAME] = "boxes"
     scores: Annotated[str, NAME] = "scores"
@@ -163,7 +165,7 @@ class Output(Described):
 
 @dataclass(frozen=True)
 class CameraOutput(Output):
-    """The same, and what the columns of boxes in an image are."""
+    """The same, and the columns of boxes in an image."""
 
     format: Annotated[str, one_of("xyxy", "yxyx", "xywh", "cxcywh")] = "xyxy"
     units: Annotated[str, one_of("pixels", "shares")] = "pixels"
@@ -171,7 +173,7 @@ class CameraOutput(Output):
 
 @dataclass(frozen=True)
 class CloudOutput(Output):
-    """The same, and what the columns of boxes in space are."""
+    """The same, and the columns of boxes in space."""
 
     columns: Annotated[tuple[str, ...], _COLUMNS] = SOLID
     centred: Annotated[bool, Rule(lambda value: isinstance(value, bool), "true or false")] = True
@@ -205,7 +207,7 @@ class Description(Described):
 
 
 def read_description(model: Path) -> Description:
-    """The description beside a model. Raises SettingError where it makes no sense."""
+    """The description beside a model. Raises SettingError where it is missing or ill-formed."""
     path, table = read_toml(model, remedy='write one with at least: sensor = "camera" and names = [...]')
     sensor = table.get("sensor")
     if sensor not in ("camera", "cloud"):

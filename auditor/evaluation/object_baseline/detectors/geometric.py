@@ -1,7 +1,7 @@
 """Objects without a network: points that stand above the ground, clustered in a camera's view.
 
-The points come from the LiDAR or from a disparity map; both are treated alike, so that what is left of a difference
-lies in the sensors. Objects have no kind.
+The points come from the LiDAR or from a disparity map; both are treated alike, so that any difference comes from
+the sensors. Objects have no kind.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.rig import Camera, Rig
 
 GEOMETRIC = "geometric"
+
 SETTINGS = {"version": 1}
 """The version is raised whenever the same points would give other boxes."""
 
@@ -37,7 +38,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class ViewPoints:
-    """What one sensor knows of a view: (M,) columns and rows in pixels, (M,) depths in metres.
+    """The points of one sensor in a view: (M,) columns and rows in pixels, (M,) depths in metres.
 
     A cell of CELL_PX x CELL_PX pixels at one depth counts from `per_cell` points on.
     """

@@ -1,4 +1,4 @@
-"""What a detector of objects is, and what it finds."""
+"""The interface of detectors of objects, and the boxes that they find."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ class SolidBox:
 
 @dataclass(frozen=True)
 class Detection:
-    """One object: where it is, how sure its detector is, and what it is; `label` is None where nobody says."""
+    """One object: its box, its detector's score, and its kind; `label` is None where the kind is unknown."""
 
     box: ImageBox
     score: float = 1.0
@@ -68,7 +68,7 @@ class Detection:
 
 @dataclass(frozen=True)
 class SolidDetection:
-    """One object in space: where it is, how sure its detector is, and what it is."""
+    """One object in space: its box, its detector's score, and its kind."""
 
     box: SolidBox
     score: float
@@ -76,13 +76,13 @@ class SolidDetection:
 
 
 class Detector(Protocol):
-    """`name` and `settings` (canonical JSON of all that can change a box) say which one it is.
+    """`name` and `settings` (canonical JSON of all that can change a box) identify it.
 
-    `labels` are the kinds of object that it can name, `libraries` the versions of what runs it, by name.
+    `labels` are the kinds of object that it can name, `libraries` the versions of the libraries that run it, by name.
     """
 
     @property
-    def name(self) -> str: ...  # noqa: D102 - the class docstring says it
+    def name(self) -> str: ...  # noqa: D102 - see the class docstring
     @property
     def settings(self) -> str: ...  # noqa: D102
     @property

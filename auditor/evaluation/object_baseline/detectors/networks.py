@@ -1,4 +1,4 @@
-"""What detectors in ONNX files have in common."""
+"""The common parts of detectors in ONNX files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Network:
 
     @property
     def name(self) -> str:
-        """The file that it comes from."""
+        """The name of its file."""
         return self.path.name
 
     @property
@@ -39,16 +39,16 @@ class Network:
 
     @property
     def labels(self) -> frozenset[str]:
-        """The kinds of object that it names."""
+        """The kinds of object that it can name."""
         return frozenset(filter(None, self.description.names))
 
     @property
     def libraries(self) -> Mapping[str, str]:
-        """Versions of what runs it, by name."""
+        """Versions of the libraries that run it, by name."""
         return self.model.libraries
 
     def find(self, shown: NDArray[np.generic], columns: int) -> Found:
-        """What the model finds in its input. Raises SettingError where it fails or gives something else."""
+        """The objects that the model finds. Raises SettingError where it fails or its output is not as described."""
         named = self.description.output.named
         values = self.model.run(named, {self.description.input.name: shown})
         return take_apart(dict(zip(named, values, strict=True)), self.description, columns, self.path)

@@ -1,4 +1,4 @@
-"""What a network gives, taken apart: rows of numbers for boxes, with their scores and names."""
+"""The outputs of a network as rows of numbers for boxes, with their scores and names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from auditor.errors import SettingError
 from auditor.evaluation.object_baseline.detectors.described import COLUMN, Description
 
 MOST_OBJECTS = 300
-"""Of one frame; the surest stay."""
+"""The most objects of one frame; those of the highest scores stay."""
 
 Values = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Found:
 def take_apart(
     outputs: Mapping[str, NDArray[np.generic]], description: Description, columns: int, where: Path
 ) -> Found:
-    """The objects that are sure enough and have a name, at most MOST_OBJECTS.
+    """The objects that have a name and a sufficient score, at most MOST_OBJECTS.
 
     Raises SettingError where the outputs are not as described.
     """

@@ -1,4 +1,4 @@
-"""How well boxes agree: intersection over union."""
+"""The agreement of boxes: intersection over union."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,8 @@ Overlaps = NDArray[np.float64]
 def overlaps(first: Sequence[ImageBox], second: Sequence[ImageBox], reach_px: float = 0.0) -> Overlaps:
     """(N, M) intersection over union of boxes in two images.
 
-    Where the second image is a witness's, `reach_px` is the largest disparity: each of its boxes is first shifted to
-    the right, by up to that, to where it lies best under the other.
+    Where the second image is a source camera's, `reach_px` is the largest disparity: each of its boxes is first shifted
+    to the right, by up to that, to where it lies best under the other.
     """
     a, b = _array(first)[:, None], _array(second)[None, :]
     centre_a, centre_b = (a[..., 0] + a[..., 2]) / 2, (b[..., 0] + b[..., 2]) / 2
@@ -46,7 +46,7 @@ def best_partners(
     labels_of_second: frozenset[str] | None,
     reach_px: float = 0.0,
 ) -> tuple[float, ...]:
-    """For each object that one sensor sees, how well the other's best object agrees with it; 0 where it has none.
+    """For each object that one sensor sees, its overlap with the other's best object; 0 where there is none.
 
     Labels are what a detector can name, None where it finds objects of any kind. An object that the other detector
     could not have named needs no partner, and is left out.

@@ -1,1 +1,1 @@
-"""KITTI's raw and odometry folders."""
+"""The folders of KITTI's raw drives and of its odometry benchmark."""

@@ -66,7 +66,7 @@ def _read_times(path: Path) -> list[int] | None:
     except ValueError as error:
         raise RecordingError(f"a time is ill-formed ({error})", where=path) from error
     if not all(0 <= second < _MAX_SECONDS for second in seconds):
-        raise RecordingError("a time is no time since the start", where=path)
+        raise RecordingError("a time is not a time since the start", where=path)
     return [round(second * 10**9) for second in seconds]
 
 
@@ -77,7 +77,7 @@ def _read_calibration(folder: Path, first_pictures: dict[str, Path]) -> Calibrat
     for number, picture in first_pictures.items():
         projection = values.get(f"P{int(number)}", np.empty(0))
         if projection.size == 12:
-            # The file does not tell the size of the pictures: the first one does.
+            # calib.txt does not hold the size of the pictures: the first picture does.
             cameras[number] = {"P_rect": projection, "S_rect": np.array(_size_px(picture), np.float64)}
     if not cameras:
         raise RecordingError("it holds no P0 to P3 of any camera that has pictures", where=path)

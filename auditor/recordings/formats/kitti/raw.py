@@ -27,6 +27,7 @@ from auditor.recordings.recording import Clock, Damage, Definition, Topic, conte
 CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_color_left", "03": "camera_color_right"}
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
 TRANSFORMS_TOPIC = "/tf_static"
+
 PERIOD_NS = 10**8
 """Between frames of a drive without timestamps."""
 
@@ -35,8 +36,9 @@ _LIDAR_FILE = "calib_velo_to_cam.txt"
 SCAN_TOPIC = Topic(LIDAR_TOPIC, SCAN, "bin")
 _NUMBER = re.compile(r"[0-9]{1,12}")
 _MAX_TEXT_BYTES = 16 * 2**20
+
 _DRIVE_BELOW = ("*_sync", "[0-9]*_[0-9]*_[0-9]*/*_sync")
-"""In a date's folder, and in a folder that holds one."""
+"""Patterns of the drives in a date's folder, and in a folder with such folders."""
 
 
 class KittiReader:
@@ -69,7 +71,7 @@ class Stream(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What a folder was found to hold; `others` are the files with stamps."""
+    """The content of a drive's folder; `others` are the files with stamps."""
 
     folder: Path
     calibration: "Calibration"
@@ -79,7 +81,7 @@ class Drive(NamedTuple):
 
 
 class KittiRecording:
-    """One KITTI drive or sequence. See interface.Recording."""
+    """One KITTI drive or sequence. See recording.Recording."""
 
     def __init__(self, path: Path, drive: Drive) -> None:
         self.path = path
@@ -114,16 +116,16 @@ class KittiRecording:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Messages met by the last read, by topic."""
+        """Messages found by the last read, by topic."""
         return self._counts
 
     def topics(self) -> tuple[Topic, ...]:
-        """Those whose files are there."""
+        """The topics that have files."""
         topics = [stream.topic for stream in self._streams]
         topics += [Topic(message.topic, message.schema, message.encoding) for message in self._calibration_messages()]
         return tuple(sorted(topics, key=lambda topic: topic.name))
 
-    def definition(self, schema: str) -> Definition | None:  # noqa: ARG002  # of the protocol
+    def definition(self, schema: str) -> Definition | None:  # noqa: ARG002  # given by the protocol
         """None: KITTI's formats are defined by its development kit."""
         return None
 
@@ -152,7 +154,7 @@ class KittiRecording:
                 yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, self._data(file))
 
     def _data(self, file: Path) -> bytes:
-        """The bytes of a file; none, noting the damage, where it cannot be read: it is damaged then, not missing."""
+        """The bytes of a file; none, noting the damage, where it cannot be read: its message is then damaged."""
         try:
             if file.stat().st_size <= MAX_BYTES:
                 return file.read_bytes()
@@ -238,7 +240,7 @@ class Calibration(NamedTuple):
     cam0_SE3_lidar: Matrix | None
 
     def transforms(self) -> list[dict[str, object]]:
-        """Every camera at its own place and the LiDAR, all in the frame of rectified camera 0."""
+        """The places of every camera and of the LiDAR, all in the frame of rectified camera 0."""
         children = {
             CAMERAS[number]: motion(np.eye(3), camera_centre(camera["P_rect"].reshape(3, 4)))
             for number, camera in self.cameras.items()

@@ -1,1 +1,1 @@
-"""MCAP, read forward within bounds."""
+"""MCAP files, read forward with limits on every size."""

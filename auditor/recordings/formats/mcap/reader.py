@@ -50,14 +50,14 @@ class FileRead:
         self.channels = Channels(wanted, names, damage)
 
     def messages(self) -> Iterator[Message]:
-        """Every message of the topics wanted, in file order."""
+        """Every message of the requested topics, in file order."""
         with self._path.open("rb", buffering=1 << 18) as file:
             size = self._path.stat().st_size
             ending = read_ending(file, size)
             file.seek(0)
             damage_before = self._damage.count
             if ending:
-                # Channels are told in the chunk that first needs them: where that one is damaged, the summary helps.
+                # A channel stands in the first chunk that uses it: where that chunk is damaged, the summary has it.
                 self.learn_summary(ending.summary)
             stream = ForwardStream(file, size, checksum=bool(ending and ending.data_crc))
             crc = 0
@@ -76,7 +76,7 @@ class FileRead:
                 self._damage.add(f"it cannot be read further ({error.strerror or error})", stream.offset)
             if ending is None and self._damage.count == damage_before:
                 self._damage.add("its end is damaged (footer or summary)", stream.offset)
-        self.channels.tell_unknown()
+        self.channels.note_unknown()
 
     def _record(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
         if record.opcode == Opcode.CHUNK:
@@ -97,7 +97,7 @@ class FileRead:
             self._damage.add("a message is too short", record.offset)
             return
         head = stream.read(_MESSAGE_HEAD.size)
-        channel = self.channels.met(head[0] | head[1] << 8)
+        channel = self.channels.count_message(head[0] | head[1] << 8)
         if channel is None or not channel.wanted:
             return
         body = read_body(stream, record._replace(length=record.length - len(head)), self._damage)
@@ -112,17 +112,17 @@ class FileRead:
             return
         end = yield from self._inside(inside, offset, cut=False)
         if end != len(inside):
-            self._damage.add("a chunk ends inside a record, or has absurdly many", offset)
+            self._damage.add("a chunk ends inside a record, or has too many records", offset)
 
     def _cut_chunk(self, body: bytes, offset: int) -> Iterator[Message]:
-        """What is left of the chunk that the file's end cuts."""
+        """The messages that are left of the chunk that the file's end cuts."""
         before = self.channels.total
         yield from self._inside(unpack_cut_chunk(body), offset, cut=True)
         kept = self.channels.total - before
         self._damage.add(f"this chunk is cut; {kept} messages before the cut are kept, their checksum unknown", offset)
 
     def _inside(self, inside: memoryview, offset: int, *, cut: bool) -> Generator[Message, None, int]:
-        """The messages of an unpacked chunk; the answer is where its last whole record ends."""
+        """The messages of an unpacked chunk; returns where its last whole record ends."""
         position, end, left = 0, len(inside), _MAX_CHUNK_RECORDS
         while position + HEAD.size <= end and left:
             left -= 1
@@ -132,7 +132,7 @@ class FileRead:
                 break
             position = start + length
             if opcode == Opcode.MESSAGE and length >= _MESSAGE_HEAD.size:
-                channel = self.channels.met(inside[start] | inside[start + 1] << 8)
+                channel = self.channels.count_message(inside[start] | inside[start + 1] << 8)
                 if channel is not None and channel.wanted:
                     data = bytes(inside[start + _MESSAGE_HEAD.size : position])
                     message = self._made(channel, inside, start, data, offset)
@@ -145,7 +145,7 @@ class FileRead:
     def _made(self, channel: Channel, head: bytes | memoryview, start: int, data: bytes, offset: int) -> Message | None:
         log_time_ns = _MESSAGE_HEAD.unpack_from(head, start)[2]
         if log_time_ns > _MAX_LOG_TIME_NS:
-            self._damage.add(f"a log time of {log_time_ns} ns cannot be: taken as 0", offset)
+            self._damage.add(f"a log time of {log_time_ns} ns is out of range: taken as 0", offset)
             log_time_ns = 0
         topic = channel.topic
         if topic.encoding == "cdr":
@@ -157,7 +157,7 @@ class FileRead:
         return Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
 
     def learn_summary(self, summary: bytes) -> None:
-        """Take in the schemas and channels of a summary section, and where it says that chunks begin."""
+        """Learn the schemas, the channels and the starts of chunks from a summary section."""
         position = 0
         while position + HEAD.size <= len(summary):
             opcode, length = HEAD.unpack_from(summary, position)
@@ -172,13 +172,13 @@ class FileRead:
         self._chunk_offsets.sort()
 
     def learn(self, opcode: int, body: bytes | memoryview, offset: int, *, spare: bool = False) -> None:
-        """Take in a schema or channel record; a summary's are spare."""
+        """Learn a schema or channel record; those of a summary are spare."""
         stream = ReadDataStream(BytesIO(body))
         try:
             if opcode == Opcode.SCHEMA:
                 self._learn_schema(Schema.read(stream), offset)
             else:
-                # Not by mcap: its map of metadata, which nobody asks for, may hold millions of entries.
+                # Not by mcap: its map of metadata, which is not needed, may hold millions of entries.
                 channel_id, schema_id = stream.read2(), stream.read2()
                 topic = Topic(
                     stream.read_prefixed_string(), self._schemas.get(schema_id, ""), stream.read_prefixed_string()
@@ -194,7 +194,7 @@ class FileRead:
 
 
 def attached_to(path: Path) -> Iterator[Attachment | Metadata]:
-    """Attachments and metadata records of a file, passing over everything else unread."""
+    """Attachments and metadata records of a file; all other records are skipped."""
     damage = DamageLog()
     with path.open("rb", buffering=1 << 16) as file:
         stream = ForwardStream(file, path.stat().st_size, checksum=False)

@@ -1,4 +1,4 @@
-"""MCAP recordings, read forward within bounds: chunked or not, whole or cut, with an index or without."""
+"""MCAP recordings: one file or several, chunked or not, whole or cut, with an index or without."""
 
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
@@ -20,7 +20,7 @@ class McapReader:
     """Recognises .mcap files."""
 
     def detects(self, path: Path) -> bool:
-        """True for a file that is named so."""
+        """True for a file with that extension."""
         return path.suffix.lower() == ".mcap" and path.is_file()
 
     def open(self, path: Path) -> "McapRecording":
@@ -38,11 +38,11 @@ class McapRecording(FilesRecording):
                 if stream.read(len(MAGIC)) != MAGIC:
                     self.close()
                     raise RecordingError(
-                        source.problem or "this is no MCAP file, or one cut at its very start",
+                        source.problem or "this is not an MCAP file, or its beginning is cut",
                         where=file,
-                        remedy="check how it was copied, or give its true ending",
+                        remedy="check how it was copied, or give the file its correct extension",
                     )
-        self._look()
+        self._learn_topics()
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
         reads = [FileRead(source.path, topics, self._names, damage) for source in self._sources]
@@ -53,8 +53,8 @@ class McapRecording(FilesRecording):
             self._begin(source, damage)
             yield from read.messages()
 
-    def _look(self) -> None:
-        """Learn topics: from the summaries where there are any, else from the beginning."""
+    def _learn_topics(self) -> None:
+        """Learn topics from the summaries where there are any, else from the beginning."""
         for source in self._sources:
             with source.path.open("rb") as stream:
                 ending = read_ending(stream, source.path.stat().st_size)

@@ -1,4 +1,10 @@
-"""Records and chunks of an MCAP file, read forward within bounds (format: the MCAP specification, version 0)."""
+"""Records and chunks of an MCAP file, read forward within bounds (format: the MCAP specification, version 0).
+
+The readers of the package `mcap` would give the same messages of a whole file. They are not used because they end at
+the first record that is cut or damaged, and unpack a chunk to whatever size it declares. This module compares every
+length with a limit and with the bytes that are there, and goes on behind a damaged place. The package still decodes
+schemas, attachments and metadata.
+"""
 
 import struct
 import zlib
@@ -11,23 +17,20 @@ from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
 
 MAGIC = b"\x89MCAP0\r\n"
-
-
 HEAD = struct.Struct("<BQ")
-
-
 _FOOTER = struct.Struct("<BQQQI")
-
-
 _DATA_END = struct.Struct("<BQI")
 
-
 _MAX_SUMMARY_BYTES = 16 * 2**20
-"""A summary of 64 GB of chunks; it is looked through at every reading."""
+"""The summary of 64 GB of chunks; every read parses it."""
+
+_TIMES_SIZE_CRC = struct.Struct("<QQQI")
+_UINT32 = struct.Struct("<I")
+_UINT64 = struct.Struct("<Q")
 
 
 class Opcode:
-    """The records that are looked into (mcap.opcode has them as an IntEnum, which is slow to compare with)."""
+    """The records that are parsed (mcap.opcode has them as an IntEnum, which is slow to compare with)."""
 
     FOOTER = 0x02
     SCHEMA = 0x03
@@ -39,7 +42,7 @@ class Opcode:
     DATA_END = 0x0F
     CHUNK_INDEX = 0x08
     CUT_CHUNK = 0x100
-    """No opcode of a file: the last chunk where the file ends inside it."""
+    """Not an opcode of the format: the last chunk, where the file ends inside it."""
 
 
 class Record(NamedTuple):
@@ -51,12 +54,12 @@ class Record(NamedTuple):
 
 
 def records(stream: ForwardStream, damage: DamageLog, resume_at: Sequence[int] = ()) -> Iterator[Record]:
-    """Every top-level record up to the footer; the caller may read its body, and what it leaves is skipped.
+    """Every top-level record up to the footer; the caller may read its body; the rest is skipped.
 
-    `resume_at` are places, in order, where the file says that records begin: behind a damaged place reading goes on at
-    the next of them. Without one it stops, noting the damage, where the file is cut or filled with zeros, or where a
-    length makes no sense. The last chunk of a cut file comes out with what is left of it. Raises CutError where the
-    file became shorter while it was read.
+    `resume_at` holds offsets, in order, at which the file's index says that records begin: behind a damaged place
+    reading goes on at the next of them. Without one it stops, noting the damage, where the file is cut or filled with
+    zeros, or where a length is impossible. The last chunk of a cut file is given with the bytes that are left of it.
+    Raises CutError where the file became shorter while it was read.
     """
     stream.read(len(MAGIC))
     start = stream.offset
@@ -69,7 +72,7 @@ def records(stream: ForwardStream, damage: DamageLog, resume_at: Sequence[int] =
         if opcode == 0 or end > stream.size:
             place = bisect_right(resume_at, start)
             if place < len(resume_at):
-                damage.add(f"{resume_at[place] - start} bytes are left out: they are no records", start)
+                damage.add(f"{resume_at[place] - start} bytes are left out: they are not records", start)
                 end = resume_at[place]
             elif opcode == 0:
                 damage.add(f"no records from here on: {stream.size - start} bytes are not read", start)
@@ -96,16 +99,16 @@ def read_body(stream: ForwardStream, record: Record, damage: DamageLog) -> bytes
 
 
 class Ending(NamedTuple):
-    """What the last bytes of a whole file say: its summary section, and the CRC of the data section (0: none)."""
+    """The end of a whole file: its summary section, and the CRC of the data section (0: none)."""
 
     summary: bytes
     data_crc: int
 
 
 def read_ending(file: IO[bytes], size: int) -> Ending | None:
-    """Look at the footer, the record before the summary and the summary; None where they are not whole.
+    """Read the footer, the record before the summary and the summary; None where they are not whole.
 
-    Only names are ever taken from a summary: no message is found through it.
+    A summary gives names and the starts of chunks; no message is found through it.
     """
     tail = len(MAGIC) + _FOOTER.size
     if size < len(MAGIC) + _DATA_END.size + tail:
@@ -129,17 +132,8 @@ def read_ending(file: IO[bytes], size: int) -> Ending | None:
     return Ending(summary, data_crc)
 
 
-_TIMES_SIZE_CRC = struct.Struct("<QQQI")
-
-
-_UINT32 = struct.Struct("<I")
-
-
-_UINT64 = struct.Struct("<Q")
-
-
 class _Parts(NamedTuple):
-    """What a chunk declares of itself, and the bytes that are there."""
+    """The header of a chunk, and the packed bytes that are there."""
 
     size: int
     crc: int
@@ -161,7 +155,7 @@ def unpack_chunk(body: bytes, expansion: Expansion) -> memoryview:
 
 
 def unpack_cut_chunk(body: bytes) -> memoryview:
-    """What a cut chunk still holds; its checksum, which is over all of it, cannot be checked."""
+    """The records that a cut chunk still holds; its checksum, which is over the whole chunk, cannot be checked."""
     try:
         parts = _parts(body)
     except BadChunkError:

@@ -1,1 +1,1 @@
-"""ROS 2 databases (.db3), read without SQL."""
+"""The .db3 files of ROS 2 recordings, read without SQL."""

@@ -1,7 +1,7 @@
 """Messages, topics and definitions of one .db3 file of rosbag2 (tables topics, messages, message_definitions).
 
 The tables are found through the file's own catalogue. Where that or anything else is damaged, all other pages are
-looked through for rows of the shape that these tables have.
+searched for rows with the column types of these tables.
 """
 
 from collections.abc import Collection, Iterator
@@ -28,7 +28,7 @@ _DEFINITION_ENCODINGS = {"ros2msg", "ros2idl"}
 
 
 def journal_of(path: Path) -> Path | None:
-    """The write-ahead log beside a database, where there is one that holds anything."""
+    """The write-ahead log beside a database; None where there is none or it is empty."""
     journal = path.with_name(f"{path.name}{ENDING}")
     return journal if journal.is_file() and journal.stat().st_size else None
 
@@ -47,24 +47,24 @@ class Db3Read:
         self._lost_messages = 0
         self.channels = Channels(wanted, names, damage)
 
-    def look(self) -> None:
-        """Learn topics and definitions. Raises RecordingError where this is no recording."""
+    def learn_topics(self) -> None:
+        """Learn topics and definitions. Raises RecordingError where the file is not a recording."""
         with self._pages() as pages:
             self._learn_names(pages)
 
     def messages(self) -> Iterator[Message]:
-        """Every message of the topics wanted. Raises RecordingError where this is no recording."""
+        """Every message of the requested topics. Raises RecordingError where the file is not a recording."""
         with self._pages() as pages:
             try:
                 yield from self._walk(pages, self._learn_names(pages))
             except OSError as error:
                 self._damage.add(f"it cannot be read further ({error.strerror or error})")
-            self._tell(pages)
-        self.channels.tell_unknown()
+            self._note_totals(pages)
+        self.channels.note_unknown()
 
     @contextmanager
     def _pages(self) -> Iterator[Pages]:
-        """The pages of the file, with what its write-ahead log adds where its recorder left one."""
+        """The pages of the file, together with those of its write-ahead log where its recorder left one."""
         with ExitStack() as opened:
             file = opened.enter_context(self._path.open("rb"))
             size = self._path.stat().st_size
@@ -72,7 +72,7 @@ class Db3Read:
             log = opened.enter_context(path.open("rb")) if path else None
             journal = read_journal(log, path.stat().st_size) if path and log else None
             if path and journal is None:
-                self._damage.add(f"{path.name} is no write-ahead log that can be read")
+                self._damage.add(f"{path.name} is not a readable write-ahead log")
             pages = Pages(file, size)
             if journal and path:
                 if pages.has_header and pages.page_bytes != journal.page_bytes:
@@ -105,7 +105,7 @@ class Db3Read:
             channel_id, log_time_ns = pages.value(row, 1), pages.value(row, 2)
             assert isinstance(channel_id, int)
             assert isinstance(log_time_ns, int)
-            channel = self.channels.met(channel_id)
+            channel = self.channels.count_message(channel_id)
             if channel is None or not channel.wanted:
                 return
             data = pages.value(row, 3, MAX_BYTES)
@@ -122,7 +122,7 @@ class Db3Read:
         yield Message(topic.name, topic.schema, topic.encoding, log_time_ns, data)
 
     def _learn_names(self, pages: Pages) -> int | None:
-        """Take in topics and definitions; the first page of the messages, None where the catalogue is damaged."""
+        """Learn topics and definitions; returns the first page of the messages, None where the catalogue is damaged."""
         roots = self._catalogue(pages)
         bad: list[int] = []
         for name in ("message_definitions", "topics"):
@@ -136,9 +136,9 @@ class Db3Read:
         return roots.get("messages")
 
     def _catalogue(self, pages: Pages) -> dict[str, int]:
-        """The first page of every table by name. Raises RecordingError where this is no recording at all."""
+        """The first page of every table by name. Raises RecordingError where the file is not a recording."""
         if not pages.count or not (pages.has_header or any(True for _ in self._strays(pages, set()))):
-            raise RecordingError("this is no SQLite file, or one cut at its start", where=self._path)
+            raise RecordingError("this is not a SQLite file, or its beginning is cut", where=self._path)
         roots: dict[str, int] = {}
         bad: list[int] = []
         for page in pages.leaves(_CATALOGUE_PAGE, bad) if pages.has_header else ():
@@ -150,15 +150,15 @@ class Db3Read:
                 except BadPageError:
                     self._bad_rows += 1
         if bad or not pages.has_header:
-            self._damage.add("its first page is damaged: what is there is found by its shape", 0)
+            self._damage.add("its first page is damaged: rows are found by their column types", 0)
         elif not {"topics", "messages"} <= roots.keys() and not self._bad_rows:
             raise RecordingError(
-                "this is no ROS 2 recording: it has no tables of topics and messages", where=self._path
+                "this is not a ROS 2 recording: it has no tables of topics and messages", where=self._path
             )
         return roots
 
     def _learn(self, pages: Pages, row: Row) -> None:
-        """Take in a topic or a definition, which have the same shape but for the encoding of a definition."""
+        """Learn a topic or a definition: their columns have the same types, and only a definition has its encoding."""
         if not row.kinds.startswith(_NAMES_ROW):
             return
         try:
@@ -182,7 +182,7 @@ class Db3Read:
             self._damage.add(f"page {page} is left out ({error})", pages.offset(page))
 
     def _strays(self, pages: Pages, seen: Collection[int]) -> Iterator[Row]:
-        """Rows of all leaf pages but those seen; what only looks like one is passed over."""
+        """Rows of all leaf pages except those seen; pages that only resemble a leaf are skipped."""
         for page in range(1, pages.count + 1):
             try:
                 if page not in seen and pages.kind(page) == LEAF:
@@ -190,7 +190,7 @@ class Db3Read:
             except BadPageError:
                 continue
 
-    def _tell(self, pages: Pages) -> None:
+    def _note_totals(self, pages: Pages) -> None:
         if self._bad_rows:
             self._damage.add(f"{self._bad_rows} rows cannot be read")
         if self._lost_messages:

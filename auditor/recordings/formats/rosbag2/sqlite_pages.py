@@ -3,9 +3,9 @@
 A schema of a hostile file can hold generated columns and views that take any time and memory; a damaged page ends every
 query. Format: the SQLite database file format, sections 1.3 (header), 1.6 (b-tree pages), 2.1 (records).
 
-Python's `sqlite3` would give the same rows in one query. It is not used because it obeys the file: it runs the SQL of
-its views and generated columns, and one damaged page ends the query with what came before. This reader runs no SQL,
-checks every size before it allocates, and goes on behind a damaged page.
+Python's `sqlite3` would give the same rows in one query. It is not used because it runs the SQL of the file's views and
+generated columns, and because one damaged page ends the query. This reader runs no SQL, checks every size before it
+allocates, and goes on behind a damaged page.
 """
 
 import struct
@@ -88,16 +88,16 @@ class Pages:
 
     @property
     def is_cut(self) -> bool:
-        """True where the file says that it has more pages than there are."""
+        """True where the header declares more pages than there are."""
         missing = self._declared_count > self.count
         return missing or any(page not in self._newer for page in range(self._own_count + 1, self._declared_count + 1))
 
     def offset(self, number: int) -> int:
-        """Where page `number` (from 1) begins."""
+        """The offset at which page `number` (from 1) begins."""
         return (number - 1) * self.page_bytes
 
     def kind(self, number: int) -> int:
-        """What a page is. Raises BadPageError where it does not exist."""
+        """The type of a page. Raises BadPageError where it does not exist."""
         return self._page(number)[_head_at(number)]
 
     def leaves(self, root: int, bad: list[int]) -> Iterator[int]:
@@ -126,16 +126,16 @@ class Pages:
         if page[head] == LEAF:
             return None
         if page[head] != INTERIOR:
-            raise BadPageError("no page of a table")
+            raise BadPageError("not a page of a table")
         pointers = self._pointers(page, head, 12)
         children = [_UINT32.unpack_from(page, pointer)[0] for pointer in pointers]
         return [*children, _UINT32.unpack_from(page, head + 8)[0]]
 
     def rows(self, number: int) -> Iterator[Row | None]:
-        """The rows of a leaf page, None for one that makes no sense. Raises BadPageError where it is no leaf."""
+        """The rows of a leaf page, None for one that is ill-formed. Raises BadPageError where it is not a leaf."""
         page, head = self._page(number), _head_at(number)
         if page[head] != LEAF:
-            raise BadPageError("no leaf of a table")
+            raise BadPageError("not a leaf of a table")
         for pointer in self._pointers(page, head, 8):
             try:
                 yield self._row(page, pointer)
@@ -164,7 +164,7 @@ class Pages:
         return page
 
     def _block(self, number: int, count: int) -> bytes:
-        """Pages one behind the other, in one go where no log stands before them."""
+        """Consecutive pages, in one read where the log has none of them."""
         if not self._newer or self._journal_file is None:
             return _read(self._file, self.offset(number), count * self.page_bytes)
         return b"".join(
@@ -175,7 +175,7 @@ class Pages:
         )
 
     def _pointers(self, page: bytes, head: int, header_bytes: int) -> list[int]:
-        """Where the cells of a page begin."""
+        """The offsets at which the cells of a page begin."""
         (count,) = _UINT16.unpack_from(page, head + 3)
         start = head + header_bytes
         if start + 2 * count > len(page):
@@ -199,14 +199,14 @@ class Pages:
         return Row(number, _columns(inside, size), inside, overflow)
 
     def _overflowing(self, row: Row, start: int, end: int) -> bytes:
-        """Bytes of a row that go beyond its page. Raises BadPageError where the chain of pages breaks off."""
+        """The bytes of a row that do not fit into its page. Raises BadPageError where the chain of pages breaks off."""
         data = bytearray(row.local)
         following, inside = row.overflow, self._usable - 4
         jumps: set[int] = set()
         while len(data) < end:
             if not 1 <= following <= self.count or following in jumps:
                 raise BadPageError("a row whose end is missing")
-            # Recorders write these pages one behind the other: read them at once, and believe each one's pointer.
+            # Recorders write these pages one behind the other: read them at once, and check the pointer of each.
             jumps.add(following)
             wanted = min(-(-(end - len(data)) // inside), self.count - following + 1)
             block = self._block(following, wanted)

@@ -1,7 +1,7 @@
 """Pages that a SQLite write-ahead log (`-wal`) holds newer than its database.
 
-A recorder that crashed leaves what it wrote last there. Frames are believed up to the last commit with the right
-checksums, as SQLite itself does. Format: the SQLite database file format, section 4.
+A recorder that crashed leaves its last writes there. Frames are used up to the last commit with correct
+checksums, as by SQLite itself. Format: the SQLite database file format, section 4.
 
 SQLite would recover the log by itself when it opens the database. It is not used because it writes for that: an index
 file beside the recording, and the log's pages into the database as the last connection closes. A recording is evidence
@@ -32,10 +32,10 @@ Sums = tuple[int, int]
 
 
 class Journal(NamedTuple):
-    """What a write-ahead log adds to its database.
+    """The pages that a write-ahead log adds to its database.
 
-    `pages` tells by page number where in the log the newest content of a page begins; `page_count` is how many pages
-    the database then has; `problem` is what of the log was left out, empty for nothing.
+    `pages` gives by page number the offset in the log of the newest content of a page; `page_count` is the number of
+    pages that the database then has; `problem` says which part of the log was left out, empty for none.
     """
 
     page_bytes: int
@@ -88,7 +88,7 @@ class _Frames:
         self.problem = ""
 
     def whole(self) -> Iterator[tuple[int, int, int]]:
-        """Page number, pages after its commit (0: none) and where its content begins; up to the first that is bad."""
+        """Page number, pages after its commit (0: none) and offset of its content, up to the first bad frame."""
         length = _FRAME.size + self._page_bytes
         while frame := self._file.read(length):
             if len(frame) < length:
@@ -96,7 +96,7 @@ class _Frames:
                 return
             number, commit, *checked = _FRAME.unpack_from(frame)
             if tuple(checked[:2]) != self._salts:
-                return  # what an earlier use of the log left behind
+                return  # left from an earlier use of the log
             self._sums = _sums(frame[:_SUMMED_FRAME_BYTES] + frame[_FRAME.size :], self._order, self._sums)
             if self._sums != tuple(checked[2:]):
                 self.problem = f"its checksum is wrong at byte {self.offset}: the rest is left out"
@@ -108,7 +108,7 @@ class _Frames:
 
 
 def _sums(data: bytes, order: str, before: Sums) -> Sums:
-    """SQLite's checksum, going on from that of what came before.
+    """SQLite's checksum, continued from that of the bytes before.
 
     Each pair of words (a, b) makes s0 += a + s1, then s1 += b + s0: a linear step M s + (a, a + b), so that n of them
     are one sum over the powers of M, modulo 2^32.

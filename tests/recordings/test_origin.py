@@ -21,11 +21,11 @@ from auditor.recordings import read_path
         ("/fleet/V(7)+/aXb.mcap", "V({vehicle})+/a.b.mcap", {}),
     ],
 )
-def test_the_end_of_a_path_tells_what_the_pattern_names(path: str, pattern: str, expected: dict[str, str]) -> None:
+def test_the_end_of_a_path_gives_the_words_of_the_pattern(path: str, pattern: str, expected: dict[str, str]) -> None:
     assert read_path(Path(path), pattern) == expected
 
 
 @pytest.mark.parametrize("pattern", ["", "*/*.mcap", "{car}/*", "{}/*", "{vehicle}/{vehicle}"])
-def test_a_pattern_that_names_nothing_known_is_refused(pattern: str) -> None:
+def test_a_pattern_without_a_known_word_is_refused(pattern: str) -> None:
     with pytest.raises(SettingError, match="vehicle"):
         read_path(Path("a/b"), pattern)

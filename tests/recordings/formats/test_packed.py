@@ -66,7 +66,7 @@ def test_a_log_belongs_to_the_content_that_the_id_is_of(crashed: Path) -> None:
         assert recording.recording_id != before
 
 
-def test_a_log_that_is_none_or_of_another_page_size_is_told(db3: Path, crashed: Path, tmp_path: Path) -> None:
+def test_an_ill_formed_log_or_one_of_another_page_size_is_reported(db3: Path, crashed: Path, tmp_path: Path) -> None:
     shutil.copy(db3, tmp_path / "a.db3")
     whole = read(tmp_path / "a.db3")[0]
     (tmp_path / "a.db3-wal").write_bytes(b"something")

@@ -66,7 +66,7 @@ def test_a_rosbag2_folder_of_mcap_files_is_read(tmp_path: Path) -> None:
         assert [topic.schema for topic in recording.topics()] == ["std_msgs/msg/String"]
 
 
-def test_a_damaged_file_of_a_folder_is_told_and_the_others_are_read(folder: Path, tmp_path: Path) -> None:
+def test_a_damaged_file_of_a_folder_is_reported_and_the_others_are_read(folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "two"
     target.mkdir()
     (target / "a_0.db3").write_bytes((folder / "drive.db3").read_bytes())
@@ -80,7 +80,7 @@ def test_a_damaged_file_of_a_folder_is_told_and_the_others_are_read(folder: Path
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(share=st.floats(0, 1, exclude_max=True))
 @pytest.mark.parametrize("kind", ["bag", "folder"])
-def test_a_recording_cut_anywhere_raises_only_our_own_error_or_tells_its_damage(
+def test_a_recording_cut_anywhere_raises_only_our_own_error_or_reports_its_damage(
     kind: str, share: float, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     whole: Path = request.getfixturevalue(kind)

@@ -1,8 +1,8 @@
-"""What the method says of attacks it was not made for, and of faults: `python -m tests.benchmarks.robust_conditions`.
+"""The verdicts on attacks beyond the paper and on faults: `python -m tests.benchmarks.conditions`.
 
 Every second frame of drive 0009 of the folder AUDITOR_TEST_DATA under each condition, n = 3, thresholds at r = 1 %
 from the ten clean frames of drive 0001. Prints how often each verdict was given. Each frame is judged by itself: causes
-that are not attacks and frozen sensors are left out, which is what a scan calls these faults by.
+that are not attacks and frozen sensors are left out, by which a scan recognises these faults.
 """
 
 from collections import Counter
@@ -30,7 +30,7 @@ STEP_PX, STRIPE = 20, 90
 
 
 def pictures(pixels: Pixels, rng: np.random.Generator) -> Iterator[tuple[str, Pixels]]:
-    """One camera's picture under everything that may happen to it."""
+    """One camera's image under each condition."""
     height, width = pixels.shape
     u, v, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(187, 375)
     squared = (np.arange(width) - u) ** 2 + (np.arange(height)[:, None] - v) ** 2
@@ -44,7 +44,7 @@ def pictures(pixels: Pixels, rng: np.random.Generator) -> Iterator[tuple[str, Pi
 
 
 def clouds(xyz_m: Pixels, rng: np.random.Generator) -> Iterator[tuple[str, Pixels]]:
-    """The LiDAR's points under everything that may happen to them."""
+    """The LiDAR's points under each condition."""
     direction = np.arctan2(xyz_m[:, 1], xyz_m[:, 0])
     inside = np.abs(direction - rng.uniform(-0.5, 0.5)) < HALF_SECTOR
     yield "30 degrees moved out by 20 %", np.where(inside[:, None], xyz_m * 1.2, xyz_m)
@@ -64,7 +64,7 @@ def with_pixels(frame: Frame, change: Callable[[Pixels], Pixels], cameras: tuple
 
 
 def conditions(frame: Frame, before: Frame | None, rig: Rig) -> Iterator[Case]:
-    """The frame under every condition, with the sensors that it befell."""
+    """The frame under every condition, with the sensors that it affects."""
     rng = np.random.default_rng(frame.number)
     cameras = tuple(frame.images)
     for c in cameras:
@@ -97,13 +97,13 @@ def main() -> None:
                 happened.append((name, whom))
                 ratios.append(AttackedFrame(changed, rig, MATCHER).ratios({}))
         before = frame
-    said: dict[tuple[str, tuple[int, ...]], Counter[str]] = {}
+    counted: dict[tuple[str, tuple[int, ...]], Counter[str]] = {}
     for what, verdict in zip(happened, judge_alone(rig, clean, ratios), strict=True):
         text = " ".join([verdict.kind, *(f"S_{s}" for s in verdict.attacked)])
-        said.setdefault(what, Counter())[text] += 1
-    for (name, whom), verdicts in said.items():
-        told = ", ".join(f"{text} {count}" for text, count in verdicts.most_common())
-        print(f"{name:30} {' '.join(f'S_{s}' for s in whom):12} {told}")
+        counted.setdefault(what, Counter())[text] += 1
+    for (name, whom), verdicts in counted.items():
+        verdicts_of = ", ".join(f"{text} {count}" for text, count in verdicts.most_common())
+        print(f"{name:30} {' '.join(f'S_{s}' for s in whom):12} {verdicts_of}")
 
 
 if __name__ == "__main__":

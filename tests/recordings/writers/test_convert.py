@@ -127,7 +127,7 @@ def test_a_changed_copy_differs_only_where_it_was_changed(tmp_path: Path, form: 
         assert error.max() <= (8 if form == "jpeg" else 0)
 
 
-def test_ground_truth_is_asked_for_after_the_last_message(tmp_path: Path) -> None:
+def test_ground_truth_is_requested_after_the_last_message(tmp_path: Path) -> None:
     write_mcap(tmp_path / "a.mcap", RIG, FRAMES)
     seen: list[int] = []
 
@@ -186,7 +186,7 @@ def test_a_full_disk_is_a_clear_error(write: object) -> None:
         write(Path("/proc/nowhere/a.mcap"), RIG, FRAMES)
 
 
-def test_a_cut_recording_is_converted_as_far_as_it_goes_and_the_damage_is_told(tmp_path: Path) -> None:
+def test_a_cut_recording_is_converted_as_far_as_it_goes_and_the_damage_is_reported(tmp_path: Path) -> None:
     write_mcap(tmp_path / "a.mcap", RIG, FRAMES)
     content = (tmp_path / "a.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(content[:-200])

@@ -16,42 +16,20 @@ from auditor.recordings import open_recording
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.h264 import has_key_picture, parameter_sets
 from tests.making.foxglove_messages import (
-    Said,
+    FoxgloveMessage,
     json_text,
-    protobuf_message,
-    said,
-    stamp,
+    messages_of,
     write_json,
     write_protobuf,
 )
 from tests.making.recorded_drives import make_frames, make_rig, split, stream_of
-from tests.making.videos import KEY_EVERY, encoded
+from tests.making.videos import KEY_EVERY, VIDEO, encoded, moving_picture, video_fields, video_messages
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
 RIG = make_rig(3)
 COUNT = 24
-VIDEO = "foxglove.CompressedVideo"
-
-
-def picture(number: int, width: int = 64, height: int = 48) -> NDArray[np.uint8]:
-    """A smooth picture that moves to the left."""
-    x, y = np.meshgrid(np.arange(width) + 2 * number, np.arange(height))
-    return (128 + 60 * np.sin(x / 7) + 50 * np.cos(y / 5 + x / 31)).astype(np.uint8)
-
-
-PACKETS = encoded([picture(number) for number in range(COUNT)])
-
-
-def fields(data: bytes, **other: Any) -> dict[str, Any]:
-    return {"timestamp": stamp(5), "frame_id": "cam", "data": data, "format": "h264", **other}
-
-
-def messages(packets: list[bytes], **other: Any) -> list[Message]:
-    return [
-        Message("/a", VIDEO, "protobuf", 5, protobuf_message(VIDEO, fields(data, **other)).SerializeToString())
-        for data in packets
-    ]
+PACKETS = encoded([moving_picture(number) for number in range(COUNT)])
 
 
 def decoder() -> Any:
@@ -60,7 +38,7 @@ def decoder() -> Any:
 
 def decoded(packets: list[bytes]) -> list[NDArray[np.uint8] | str]:
     of, found = decoder(), []
-    for message in messages(packets):
+    for message in video_messages(packets):
         try:
             found.append(of.pixels(message, colour=False, size_px=(64, 48)))
         except DecodingError as error:
@@ -71,18 +49,20 @@ def decoded(packets: list[bytes]) -> list[NDArray[np.uint8] | str]:
 def drive() -> list[Frame]:
     frames = make_frames(RIG, COUNT)
     return [
-        replace(f, images={n: CameraImage(n, i.stamp_ns, picture(f.number + 5 * n)) for n, i in f.images.items()})
+        replace(
+            f, images={n: CameraImage(n, i.stamp_ns, moving_picture(f.number + 5 * n)) for n, i in f.images.items()}
+        )
         for f in frames
     ]
 
 
-def as_video(frames: list[Frame]) -> list[Said]:
+def as_video(frames: list[Frame]) -> list[FoxgloveMessage]:
     tracks = {f"/cam{n}/image_rect": iter(encoded([f.images[n].pixels for f in frames])) for n in range(1, RIG.n + 1)}
     out = []
-    for one in said(RIG, frames, "png"):
+    for one in messages_of(RIG, frames, "png"):
         if one.schema == "foxglove.CompressedImage":
             data = {**one.fields, "data": next(tracks[one.topic]), "format": "h264"}
-            out.append(Said(one.topic, VIDEO, one.time_ns, data))
+            out.append(FoxgloveMessage(one.topic, VIDEO, one.time_ns, data))
         else:
             out.append(one)
     return out
@@ -123,17 +103,17 @@ def test_a_damaged_picture_is_never_taken_for_one() -> None:
 
 
 def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
-    packets = encoded([picture(number, 320, 192) for number in range(3)])
+    packets = encoded([moving_picture(number, 320, 192) for number in range(3)])
     starts = [found.start() for found in re.finditer(b"\0\0\1", packets[1])]
     assert len(starts) > 1
 
     def states(packets: list[bytes]) -> list[str]:
         of, found = decoder(), []
-        for message in messages(packets):
+        for message in video_messages(packets):
             try:
                 pixels = of.pixels(message, colour=False, size_px=(320, 192))
                 found.append(
-                    "whole" if np.abs(pixels.astype(int) - picture(len(found), 320, 192)).mean() < 3 else "off"
+                    "whole" if np.abs(pixels.astype(int) - moving_picture(len(found), 320, 192)).mean() < 3 else "off"
                 )
             except DecodingError:
                 found.append("damaged")
@@ -144,9 +124,9 @@ def test_pictures_of_several_slices_are_whole_unless_one_is_missing() -> None:
     assert states([packets[0], packets[1][starts[-1] :], packets[2]]) == ["whole", "damaged", "damaged"]
 
 
-def test_sizes_are_told_by_the_parameters_of_key_pictures() -> None:
+def test_sizes_follow_from_the_parameters_of_key_pictures() -> None:
     for width, height in ((64, 48), (1242, 374), (34, 18)):
-        packets = encoded([picture(number, width, height) for number in range(2)])
+        packets = encoded([moving_picture(number, width, height) for number in range(2)])
         assert [found.size_px for found in parameter_sets(packets[0])] == [(width, height)]
         assert has_key_picture(packets[0])
         assert not has_key_picture(packets[1])
@@ -154,27 +134,27 @@ def test_sizes_are_told_by_the_parameters_of_key_pictures() -> None:
 
 
 def test_a_video_of_another_size_or_format_is_refused() -> None:
-    (message,) = messages(PACKETS[:1])
+    (message,) = video_messages(PACKETS[:1])
     with pytest.raises(DecodingError, match="instead of"):
         decoder().pixels(message, colour=False, size_px=(64, 64))
-    (message,) = messages(PACKETS[:1], format="h265")
+    (message,) = video_messages(PACKETS[:1], format="h265")
     with pytest.raises(DecodingError, match="h265"):
         decoder().pixels(message, colour=False)
 
 
 def test_json_and_colours_are_read_too() -> None:
-    message = Message("/a", VIDEO, "json", 5, json_text(fields(PACKETS[0])))
+    message = Message("/a", VIDEO, "json", 5, json_text(video_fields(PACKETS[0])))
     pixels = Decoders(lambda _: None).image(VIDEO, "json").pixels(message, colour=True)
     assert pixels.shape == (48, 64, 3)
-    assert np.abs(pixels[:, :, 0].astype(int) - picture(0)).mean() < 6
+    assert np.abs(pixels[:, :, 0].astype(int) - moving_picture(0)).mean() < 6
 
 
-def test_without_the_extra_a_video_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_extra_a_video_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    (message,) = messages(PACKETS[:1])
-    for ask in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
+    (message,) = video_messages(PACKETS[:1])
+    for read in (decoder().size_px, lambda message: decoder().pixels(message, colour=False)):
         with pytest.raises(DecodingError, match=r"install auditor\[video\]"):
-            ask(message)
+            read(message)
 
 
 @settings(max_examples=80, deadline=None, derandomize=True)

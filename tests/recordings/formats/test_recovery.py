@@ -88,7 +88,7 @@ def test_bags_of_every_compression_give_what_rosbags_gives(tmp_path: Path, compr
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.bag.active"])
-def test_a_bag_without_an_index_gives_all_its_messages_and_says_so(bag: Path, tmp_path: Path, name: str) -> None:
+def test_a_bag_without_an_index_gives_all_messages_and_reports_the_damage(bag: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(without_index(bag))
     data, damage = read(tmp_path / name)
     assert data == read(bag)[0]
@@ -99,7 +99,7 @@ def test_a_bag_without_an_index_gives_all_its_messages_and_says_so(bag: Path, tm
 
 
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_an_active_bag_whose_last_chunk_is_open_gives_what_is_in_it(tmp_path: Path, compression: str) -> None:
+def test_an_active_bag_whose_last_chunk_is_open_gives_its_messages(tmp_path: Path, compression: str) -> None:
     write_small_chunks(tmp_path / "a.bag", compression)
     content = bytearray(without_index(tmp_path / "a.bag"))
     start, _ = chunks(tmp_path / "a.bag")[-1]
@@ -117,7 +117,7 @@ def test_an_active_bag_whose_last_chunk_is_open_gives_what_is_in_it(tmp_path: Pa
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
 @pytest.mark.parametrize("indexed", [True, False])
-def test_whatever_precedes_a_cut_of_a_bag_is_read_and_the_cut_is_told(
+def test_messages_before_a_cut_of_a_bag_are_read_and_the_cut_is_reported(
     bag: Path, tmp_path_factory: pytest.TempPathFactory, indexed: bool, data: st.DataObject
 ) -> None:
     content = bag.read_bytes() if indexed else without_index(bag)
@@ -174,7 +174,7 @@ def test_a_size_that_lies_costs_one_chunk_of_a_bag(bag: Path, tmp_path: Path, pl
     assert len(data) > MESSAGES * 0.7
 
 
-def test_a_bz2_chunk_that_unpacks_to_more_than_it_says_is_left_out(tmp_path: Path) -> None:
+def test_a_bz2_chunk_that_unpacks_to_more_than_it_declares_is_left_out(tmp_path: Path) -> None:
     write_small_chunks(tmp_path / "a.bag", "bz2")
     content = (tmp_path / "a.bag").read_bytes()
     start, end = chunks(tmp_path / "a.bag")[2]
@@ -221,7 +221,7 @@ def test_pages_of_other_sizes_are_read(db3: Path, tmp_path: Path, page_bytes: in
     assert read(tmp_path / "a.db3") == (sqlite_rows(db3), ())
 
 
-def test_a_db3_with_a_damaged_first_page_gives_all_its_messages_and_says_so(db3: Path, tmp_path: Path) -> None:
+def test_a_db3_with_a_damaged_first_page_gives_all_messages_and_reports_the_damage(db3: Path, tmp_path: Path) -> None:
     content = bytearray(db3.read_bytes())
     content[:4096] = bytes(4096)
     (tmp_path / "a.db3").write_bytes(content)
@@ -235,7 +235,7 @@ def test_a_db3_with_a_damaged_first_page_gives_all_its_messages_and_says_so(db3:
 
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.data())
-def test_whatever_precedes_a_cut_of_a_db3_is_read_and_the_cut_is_told(
+def test_messages_before_a_cut_of_a_db3_are_read_and_the_cut_is_reported(
     db3: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = db3.read_bytes()
@@ -285,5 +285,5 @@ def test_another_sqlite_file_is_refused(tmp_path: Path) -> None:
     connection = sqlite3.connect(tmp_path / "a.db3")
     connection.execute("CREATE TABLE other(id INTEGER PRIMARY KEY)")
     connection.close()
-    with pytest.raises(RecordingError, match="no ROS 2 recording"):
+    with pytest.raises(RecordingError, match="not a ROS 2 recording"):
         open_recording(tmp_path / "a.db3")

@@ -1,4 +1,4 @@
-"""Whether faults are told from attacks: `python -m tests.benchmarks.robust_causes [--synthetic 2] [--faults-only]`.
+"""How well faults are distinguished from attacks: `python -m tests.benchmarks.causes [--synthetic 2] [--faults-only]`.
 
 All frames of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, reference cam2) under each fault, which
 lasts, and under each attack, drawn anew for every frame; thresholds at r = 1 % from the clean frames of drive 0001.
@@ -6,7 +6,7 @@ With --synthetic SCENES also streets of each style by thresholds of the other tw
 how often the verdict's likeliest cause is the fault in that sensor, how often the frame is `suspect` for it, and
 how often a sensor was identified without doubt; of attacks how often the verdict is only `suspect`.
 Streets are measured by --processes at a time and kept in --folder: a run that was stopped goes on where it was, and
-what only judges may be changed and the kept streets judged again at once.
+after a change of judging alone the kept streets are judged again.
 """
 
 import argparse
@@ -28,16 +28,16 @@ from auditor.model.rig import Rig
 from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 from auditor.pipeline.judge import system_of
 from tests.benchmarks.intervals import wilson_percent
+from tests.benchmarks.lasting_faults import CLEAN, FAULTS, PARTS
+from tests.benchmarks.measured_series import Series, Street, Watched, all_series, measure_streets, measured
 from tests.benchmarks.real_drives import frames
-from tests.benchmarks.robust_faults import CLEAN, FAULTS, PARTS
-from tests.benchmarks.robust_watching import Series, Street, Watched, all_series, measure_streets, measured
 
 FRAMES_A_SCENE = 8
 LIKELIEST = 3
 
 
-def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
-    """(F,) strength of each cause."""
+def fault_scores(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
+    """(F,) fault scores of each cause."""
     cameras = tuple(camera.number for camera in rig.cameras)
     columns = {name: part.fault_features[:, :, n] for n, name in enumerate(COLUMNS)}
     return strengths(Observed(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors)
@@ -46,22 +46,22 @@ def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
 def learn(recordings: Sequence[Watched], rig: Rig) -> RobustThresholds:
     """Thresholds at r = 1 %."""
     r = Decimal("0.01")
-    strong = [told(part, rig) for part in recordings]
-    samples = {key: np.concatenate([one[key] for one in strong]) for key in strong[0]}
+    scores = [fault_scores(part, rig) for part in recordings]
+    samples = {key: np.concatenate([one[key] for one in scores]) for key in scores[0]}
     known = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in samples.items()}
     clean = np.concatenate([part.ratios for part in recordings])
     return thresholds_from(clean, known, rig_pair_checks(rig), r)
 
 
 def suspected(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[tuple[FaultHypothesis, ...]]:
-    """The causes of each frame worth telling, whether or not they explain its verdict."""
-    return fault_hypotheses(told(part, rig), learnt.causes)
+    """The likely causes of each frame, whether or not they explain its verdict."""
+    return fault_hypotheses(fault_scores(part, rig), learnt.causes)
 
 
 def judged(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[Verdict]:
     """The verdicts of the robust method."""
     present = np.ones(part.fingerprints.shape, dtype=np.bool_)
-    series = FrameSeries.of_recording(part.stamps_ns, part.ratios, present, part.fingerprints, told(part, rig))
+    series = FrameSeries.of_recording(part.stamps_ns, part.ratios, present, part.fingerprints, fault_scores(part, rig))
     return judge_frames(series, system_of(rig), learnt)
 
 
@@ -69,12 +69,12 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
     """What one verdict counts for."""
     first = verdict.causes[0] if verdict.causes and verdict.causes[0].score >= 0.5 else None
     named = first is not None and (first.cause, first.sensor) == (series.cause, series.sensor)
-    raised = verdict.kind in FINDINGS
+    fired = verdict.kind in FINDINGS
     return Counter(
         all=1,
-        raised=raised,
+        fired=fired,
         named=named,
-        raised_named=raised and named,
+        fired_named=fired and named,
         suspect_named=verdict.kind is VerdictKind.SUSPECT and named,
         identified=verdict.kind is VerdictKind.ATTACKED,
         right=verdict.kind is VerdictKind.ATTACKED and verdict.attacked == (series.sensor,),
@@ -83,7 +83,9 @@ def outcome(series: Series, verdict: Verdict) -> Counter[str]:
     )
 
 
-def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Series]]], *, list_accused: bool) -> None:
+def report(
+    title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Series]]], *, list_identified: bool
+) -> None:
     """Print every row, all sensors apart, then all faults and attacks; then each frame identified but not attacked."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     identified: list[str] = []
@@ -95,18 +97,18 @@ def report(title: str, parts: Sequence[tuple[Rig, RobustThresholds, Sequence[Ser
                 counted = outcome(series, verdict)
                 for name in names(series):
                     rows[kind, name].update(counted)
-            if list_accused and kind != "attack":
-                identified += accusations(series, verdicts, suspected(series.frames, learnt, rig))
+            if list_identified and kind != "attack":
+                identified += identified_frames(series, verdicts, suspected(series.frames, learnt, rig))
     print(title)
     for (kind, name), n in rows.items():
-        text = f"  {kind:6} {name:36} raised {n['raised']:4}/{n['all']:<4}"
+        text = f"  {kind:6} {name:36} fired {n['fired']:4}/{n['all']:<4}"
         if kind == "fault":
             text += f" named {share(n['named'], n['all'])}, suspect for it {share(n['suspect_named'], n['all'])};"
-            text += f" of those raised named {n['raised_named']};"
+            text += f" of those fired named {n['fired_named']};"
         elif kind == "attack":
             text += f" named {share(n['right'], n['all'])};"
         print(f"{text} identified {share(n['identified'], n['all'])}; suspect {share(n['suspect'], n['all'])}")
-    if list_accused:
+    if list_identified:
         print(*identified, sep="\n")
 
 
@@ -116,18 +118,18 @@ def kind_of(series: Series) -> str:
 
 
 def names(series: Series) -> list[str]:
-    """The names of its rows, each once."""
+    """The names of its rows, without repetition."""
     who = "" if series.sensor is None else f" S_{series.sensor}"
     dry = ["all but rain"] if kind_of(series) == "fault" and series.cause is not Cause.RAIN else []
     return list(dict.fromkeys([f"{series.name}{who}", series.name, "all", *dry]))
 
 
-def accusations(
+def identified_frames(
     series: Series, verdicts: Sequence[Verdict], suspected: Sequence[tuple[FaultHypothesis, ...]]
 ) -> Iterator[str]:
     """A line for each identified frame: who was identified, by what, and the likeliest causes.
 
-    Causes in brackets cannot have raised the evidence.
+    Causes in brackets cannot have made the checks fire.
     """
     where = "" if series.sensor is None else f" S_{series.sensor}"
     for number, verdict, causes in zip(series.frames.numbers, verdicts, suspected, strict=True):
@@ -136,11 +138,11 @@ def accusations(
         who = ", ".join(f"S_{sensor}" for sensor in verdict.attacked)
         why = ", ".join(f"{e.check_name} {e.i}-{e.k} {e.margin:.2f}" for e in verdict.evidence)
         ranked = sorted({*verdict.causes, *causes}, key=lambda one: -one.score)[:LIKELIEST]
-        likeliest = ", ".join(_told(one, explains=one in verdict.causes) for one in ranked) or "no cause"
+        likeliest = ", ".join(_named(one, explains=one in verdict.causes) for one in ranked) or "no cause"
         yield f"  {series.name}{where}, {series.recording}, frame {number}: {who} by {why}; {likeliest}"
 
 
-def _told(one: FaultHypothesis, *, explains: bool) -> str:
+def _named(one: FaultHypothesis, *, explains: bool) -> str:
     text = f"{one.cause.value}{'' if one.sensor is None else f' S_{one.sensor}'} {one.score:.2f}"
     return text if explains else f"({text})"
 
@@ -164,25 +166,25 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("causes-scenes"), help="where measured scenes are kept")
     options = parser.parse_args()
     if options.frames < 2:
-        parser.error("--frames: two frames a scene at least, or no sensor can be late")
+        parser.error("--frames: two frames a scene at least, since a lag needs two frames")
     use_one_thread()
     happening = [FAULTS] if options.faults_only else list(PARTS)
     if not options.streets_only:
-        report("drive 0009, thresholds of 0001", drives(happening), list_accused=options.list_accused)
+        report("drive 0009, thresholds of 0001", drives(happening), list_identified=options.list_identified)
     if options.synthetic:
         scenes = range(options.first, options.first + options.synthetic)
-        asked = [
+        wanted = [
             Street(style, 1000 * place + scene, options.frames, part)
             for place, style in enumerate(STYLES, start=1)
             for scene in scenes
             for part in happening
         ]
-        parts = streets(*measure_streets(asked, options.folder, options.processes))
-        report("synthetic streets, thresholds of the other styles", parts, list_accused=options.list_accused)
+        parts = streets(*measure_streets(wanted, options.folder, options.processes))
+        report("synthetic streets, thresholds of the other styles", parts, list_identified=options.list_identified)
 
 
 def drives(happening: Sequence[str]) -> list[tuple[Rig, RobustThresholds, list[Series]]]:
-    """Drive 0009 by what 0001 teaches."""
+    """Drive 0009, by thresholds of drive 0001."""
     rig, stream = frames("0001")
     learnt = learn([measured(stream, rig)], rig)
     rig, stream = frames("0009")
@@ -191,7 +193,7 @@ def drives(happening: Sequence[str]) -> list[tuple[Rig, RobustThresholds, list[S
 
 
 def streets(rig: Rig, measured: Mapping[Street, Sequence[Series]]) -> list[tuple[Rig, RobustThresholds, list[Series]]]:
-    """Each style by what the others teach."""
+    """Each style, by thresholds of the others."""
     of_style: dict[str, list[Series]] = defaultdict(list)
     for street, series in measured.items():
         of_style[street.style] += series

@@ -236,13 +236,13 @@ def test_raw_images_are_placed_and_turned_by_tf_where_p_has_no_offsets() -> None
     (rig,) = find_rigs(look(infos, places, images="image_raw"))
     assert rig.lidar
     assert rig.baseline_m(1, 2) == pytest.approx(np.linalg.norm([0.4, 0.05, 0.1]))
-    # Whatever frame the rig was given: the LiDAR lies where tf says, seen from each camera.
+    # Whatever frame the rig was given: the LiDAR lies where tf places it, seen from each camera.
     for camera in rig.cameras:
         expected = K @ (invert(places[camera.name]) @ LIDAR_AT)[:3]
         assert np.allclose(camera.projection @ rig.lidar.rig_SE3_lidar, expected, atol=1e-9)
 
 
-def test_cameras_that_nobody_can_read_or_that_see_little_together_are_left_out_with_the_reason() -> None:
+def test_cameras_that_are_unreadable_or_see_little_together_are_left_out_with_the_reason() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "high", "same", "away", "bent")}
     infos["bent"] = info("bent", P(0), distortion=(0.1,))
     places = {
@@ -256,10 +256,10 @@ def test_cameras_that_nobody_can_read_or_that_see_little_together_are_left_out_w
     found = search_rigs(look(infos, {**places, "top": LIDAR_AT}, images="image_raw"))
     assert [camera.name for camera in found.rigs[0].cameras] == ["away", "b", "high", "a"]
     assert len(found.rigs) == 1
-    told = "; ".join(found.reasons)
-    assert "/bent/image_raw: 1 coefficients do not fit the model plumb_bob" in told
-    assert "high" not in told
-    assert "same lies where b lies" in told
+    reasons = "; ".join(found.reasons)
+    assert "/bent/image_raw: 1 coefficients do not fit the model plumb_bob" in reasons
+    assert "high" not in reasons
+    assert "same lies where b lies" in reasons
     infos["far"] = replace(info("far", P(0), distortion=(-0.1, 0, 0, 0)), intrinsics=np.diag([2000.0, 2000, 1]))
     assert "far" not in [
         c.name
@@ -293,7 +293,7 @@ def test_a_camera_whose_pairs_see_too_little_is_left_out_with_the_reason() -> No
     assert "ahead shares too little of its view with a once both are rectified" in found.reasons
 
 
-def test_a_rig_file_whose_cameras_no_line_holds_is_taken_unless_a_pair_sees_nothing() -> None:
+def test_a_rig_file_of_cameras_off_one_line_is_used_unless_a_pair_shares_no_view() -> None:
     infos = {n: info(n, P(0), distortion=(-0.1, 0, 0, 0)) for n in ("a", "b", "c")}
     survey = look(infos, {"a": at(0), "b": at(0.3), "c": at(0.6), "top": LIDAR_AT}, images="image_raw")
     description = find_rigs(survey)[0].to_dict()
@@ -325,8 +325,8 @@ def test_a_rig_that_is_not_rectified_survives_a_recording_and_a_rig_file(tmp_pat
     assert rig.lidar
     assert found.lidar
     for camera, again in zip(rig.cameras, found.cameras, strict=True):
-        told, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((camera, rig), (again, found)))
-        assert np.allclose(told, read, atol=1e-6)
+        expected, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((camera, rig), (again, found)))
+        assert np.allclose(expected, read, atol=1e-6)
 
 
 def test_three_cameras_without_a_lidar_are_a_rig_and_two_are_not() -> None:
@@ -347,7 +347,7 @@ def test_of_several_lidars_the_one_with_the_most_points_is_taken() -> None:
     assert rig.topic(0) == "/top/points"
 
 
-def test_no_images_and_no_camera_info_are_told_apart() -> None:
+def test_no_images_and_no_camera_info_are_distinguished() -> None:
     with pytest.raises(RigError, match="there are no camera images"):
         find_rigs(look({}, {}))
     survey = look({"a": info("a", P(0.0))}, {})
@@ -376,7 +376,7 @@ def test_a_camera_info_elsewhere_is_found_by_its_frame() -> None:
         (info("a", P(0), rotation=np.zeros((3, 3))), "image_raw", True),
     ],
 )
-def test_whether_images_are_rectified_is_told_from_name_distortion_and_rotation(
+def test_whether_images_are_rectified_follows_from_name_distortion_and_rotation(
     known: CameraInfo, images: str, rectified: bool
 ) -> None:
     survey = look({"a": known, "b": info("b", P(0.2))}, {"a": at(0), "b": at(0.2), "top": LIDAR_AT}, images=images)
@@ -385,7 +385,7 @@ def test_whether_images_are_rectified_is_told_from_name_distortion_and_rotation(
     check_rig(rig, survey)
 
 
-def test_images_of_kitti_converters_are_rectified_whatever_their_name_says() -> None:
+def test_images_of_kitti_converters_are_rectified_whatever_their_name() -> None:
     known = info("camera_gray_left", P(0.0), distortion=(-0.3, 0.1, 0, 0, 0))
     infos = {"kitti/camera_gray_left": known, "kitti/camera_gray_right": info("camera_gray_right", P(0.5))}
     places = {"camera_gray_left": at(0), "camera_gray_right": at(0.5), "top": LIDAR_AT}
@@ -456,9 +456,9 @@ def test_a_rig_file_of_a_vehicle_with_other_images_is_refused() -> None:
 
 
 def test_six_real_cameras_that_look_all_around_give_no_triple(real_data: Path) -> None:
-    told = json.loads((real_data / "nuscenes_one_frame" / "calibration.json").read_text())["images"]
+    calibrations = json.loads((real_data / "nuscenes_one_frame" / "calibration.json").read_text())["images"]
     infos, places = {}, {}
-    for name, camera in told.items():
+    for name, camera in calibrations.items():
         infos[name] = info(name, np.hstack([np.array(camera["cam2img"])[:3, :3], np.zeros((3, 1))]))
         places[name] = invert(np.array(camera["lidar2cam"]))
     with pytest.raises(RigError, match="no triple possible") as caught:

@@ -1,4 +1,4 @@
-"""What the benchmark of causes keeps of its frames: all that judging needs, and neither images nor cells."""
+"""The measured series of the benchmark of causes: all that judging needs, without images and count grids."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +16,9 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause
-from tests.benchmarks import robust_faults
+from tests.benchmarks import lasting_faults
 from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
-from tests.benchmarks.robust_faults import PARTS
+from tests.benchmarks.lasting_faults import PARTS
 
 MATCHER = find_matcher("sgbm")
 _SOURCES = (
@@ -36,8 +36,8 @@ Integers = NDArray[np.int64]
 class Watched:
     """F frames, measured in their order; NaN where something was not.
 
-    `numbers` and `stamps_ns` are (F,), `ratios` (F, M) local ratios by element, `symptoms` (F, P, columns) by pair,
-    `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
+    `numbers` and `stamps_ns` are (F,), `ratios` (F, M) windowed ratios by pair check, `fault_features` (F, P, columns)
+    by pair, `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
     """
 
     numbers: Integers
@@ -52,7 +52,7 @@ class Watched:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Frames of a recording in which one thing happened all the time: see `robust_faults.Happening`."""
+    """Frames of a recording under one fault or attack: see `lasting_faults.Happening`."""
 
     recording: str
     name: str
@@ -72,12 +72,12 @@ class Street:
 
     @property
     def name(self) -> str:
-        """Of its file."""
+        """The name of its file."""
         return f"{self.recording}-{self.part}"
 
     @property
     def recording(self) -> str:
-        """What all its parts have in common."""
+        """The name that all its parts share."""
         return f"{self.style}-{self.number}-{self.frames}"
 
 
@@ -106,14 +106,14 @@ def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
 
 
 def all_series(recording: str, kept: Sequence[Frame], rig: Rig, part: str) -> Iterator[Series]:
-    """Everything of one of PARTS, one thing after the other."""
+    """The series of one of PARTS, one after the other."""
     for name, cause, sensor, stream in PARTS[part](kept, rig):
         yield Series(recording, name, cause, sensor, measured(stream, rig))
 
 
 def measure_streets(streets: Sequence[Street], folder: Path, processes: int) -> tuple[Rig, dict[Street, list[Series]]]:
     """Their series, from the folder where the same code has measured them before, and a rig: all have like sensors."""
-    code = digest([*of_package(*_SOURCES), Path(__file__), Path(robust_faults.__file__)])
+    code = digest([*of_package(*_SOURCES), Path(__file__), Path(lasting_faults.__file__)])
     found = measure_kept(streets, _measure, folder / code, processes)
     return next(iter(found.values()))[0], {street: series for street, (_, series) in found.items()}
 

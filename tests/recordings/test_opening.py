@@ -43,15 +43,15 @@ def test_a_rosbag2_folder_without_its_metadata_is_a_recording(fleet: Path, tmp_p
         assert len(list(recording.messages())) == 1 + 2 * 5 + 1
 
 
-def test_what_gives_no_recording_is_told_and_the_others_go_on(fleet: Path, tmp_path: Path) -> None:
+def test_each_path_without_a_recording_gives_an_error_and_the_others_are_found(fleet: Path, tmp_path: Path) -> None:
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "nothing").mkdir()
     wrong = [tmp_path / "missing.mcap", tmp_path / "empty.mcap", tmp_path / "nothing", fleet / "notes.txt"]
     found = find_recordings([wrong[0], fleet / "c", *wrong[1:]])
     assert names(found.recordings) == ["c"]
     assert [error.where for error in found.errors] == [str(path) for path in wrong]
-    told = ["no such file", "is empty", "no recording in this folder", "no recording of a known kind"]
-    assert all(words in error.what for words, error in zip(told, found.errors, strict=True))
+    expected = ["no such file", "is empty", "no recording in this folder", "not a recording of a known kind"]
+    assert all(words in error.what for words, error in zip(expected, found.errors, strict=True))
     assert all(error.remedy and "\n" not in str(error) for error in found.errors)
 
 
@@ -63,7 +63,7 @@ def test_the_format_of_a_recording_is_the_name_of_its_reader(fleet: Path, tmp_pa
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "empty.bag", "text.txt"])
-def test_opening_what_is_no_recording_is_a_clear_error(tmp_path: Path, name: str) -> None:
+def test_opening_a_path_that_is_not_a_recording_is_a_clear_error(tmp_path: Path, name: str) -> None:
     (tmp_path / "empty.bag").touch()
     (tmp_path / "text.txt").write_text("x")
     with pytest.raises(RecordingError, match=name):

@@ -19,9 +19,9 @@ from auditor.recordings.recording import Definition
 from tests.making.foxglove_messages import (
     cloud_fields,
     json_text,
+    messages_of,
     nuscenes,
     protobuf_message,
-    said,
     stamp,
     transform,
     write_json,
@@ -59,7 +59,7 @@ def test_frames_come_out_as_they_went_in(
     tmp_path: Path, encoding: str, form: str, one_transform_a_message: bool
 ) -> None:
     write = write_json if encoding == "json" else write_protobuf
-    write(tmp_path / "a.mcap", said(RIG, FRAMES, form, one_transform_a_message=one_transform_a_message))
+    write(tmp_path / "a.mcap", messages_of(RIG, FRAMES, form, one_transform_a_message=one_transform_a_message))
     with open_recording(tmp_path / "a.mcap") as recording:
         frames, skipped = split(stream_of(recording))
         assert recording.damage == ()
@@ -71,7 +71,7 @@ def test_frames_come_out_as_they_went_in(
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_conversion_keeps_the_messages_as_they_are(tmp_path: Path, encoding: str) -> None:
     write = write_json if encoding == "json" else write_protobuf
-    write(tmp_path / "a.mcap", said(RIG, FRAMES))
+    write(tmp_path / "a.mcap", messages_of(RIG, FRAMES))
     with open_recording(tmp_path / "a.mcap") as recording:
         convert(recording, tmp_path / "b.mcap")
         before = [m.data for m in recording.messages()]
@@ -91,7 +91,7 @@ def test_our_layouts_are_those_that_foxglove_publishes(schema: str) -> None:
 @pytest.mark.parametrize(
     ("known", "other"), [(b"point_stride", b"point_strude"), (b"frame_id\x18\x02", b"frame_id\x18\x07")]
 )
-def test_a_schema_that_means_something_else_by_a_known_name_is_refused(known: bytes, other: bytes) -> None:
+def test_a_schema_that_defines_a_known_name_otherwise_is_refused(known: bytes, other: bytes) -> None:
     schema = descriptor_set(CLOUD)
     assert known in schema
     cloud = message(CLOUD, cloud_fields(XYZ, 5, "top"), "protobuf")
@@ -189,7 +189,7 @@ def test_a_message_of_endless_fields_is_refused() -> None:
         b"\xff\xfe",
     ],
 )
-def test_json_that_is_no_raw_image_raises_only_our_own_error(data: bytes) -> None:
+def test_json_that_is_not_a_raw_image_raises_only_our_own_error(data: bytes) -> None:
     image = Message("/a", "foxglove.RawImage", "json", 9, data)
     with pytest.raises(DecodingError):
         decoder(image).pixels(image, colour=False)
@@ -212,7 +212,7 @@ def test_noise_raises_only_our_own_error(encoding: str, data: st.DataObject) -> 
         pass
 
 
-def test_a_topic_in_an_encoding_that_nothing_reads_is_named(tmp_path: Path) -> None:
+def test_a_topic_in_an_encoding_without_a_decoder_is_named(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as out:
         writer = Writer(out)
         writer.start("")

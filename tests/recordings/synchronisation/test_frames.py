@@ -51,7 +51,7 @@ def test_constant_offsets_are_learnt_and_taken_off(tmp_path: Path) -> None:
     assert frames[3].images[1].stamp_ns == START_NS + 3 * PERIOD_NS + OFFSETS[1]
 
 
-def test_jitter_within_the_tolerance_is_told_as_skew(tmp_path: Path) -> None:
+def test_jitter_within_the_tolerance_is_reported_as_skew(tmp_path: Path) -> None:
     frames = make_frames(RIG, 20)
     frames[7] = make_frame(RIG, 7, offsets={1: 20_000_000, 0: -15_000_000})
     read_frames, skipped, _ = read(written(tmp_path, frames))
@@ -78,7 +78,7 @@ def test_a_sensor_that_stops_for_good_leaves_frames_without_it(tmp_path: Path) -
     read_frames, skipped, _ = read(written(tmp_path, frames))
     assert [frame.number for frame in read_frames] == list(range(39))
     assert all(frame.presence[3].state is SensorState.MISSING for frame in read_frames[10:])
-    # Within one period of the end nobody knows whether it was lost.
+    # Within one period of the end it is unknown whether it was lost.
     assert [(s.number, s.reason, s.sensor) for s in skipped] == [(39, "edge", 3)]
 
 
@@ -255,7 +255,7 @@ def test_a_stamp_from_another_century_costs_only_its_own_message(tmp_path: Path)
     assert balance["/top/points"].used == 19
 
 
-def test_colours_are_kept_only_where_asked_for(tmp_path: Path) -> None:
+def test_colours_are_kept_only_where_requested(tmp_path: Path) -> None:
     path = written(tmp_path, make_frames(RIG, 3, colour=True))
     with open_recording(path) as recording:
         grey, _ = split(stream_of(recording, RIG))

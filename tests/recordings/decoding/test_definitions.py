@@ -26,7 +26,7 @@ def _nothing_hostile_ran() -> None:
     "name",
     [CODE, "", "8a/msg/B", "a/msg/8", "a/b/c/d", "a/msg/" + "b" * 200, "ä/msg/B", "a/__class__"],
 )
-def test_a_schema_name_that_is_no_plain_name_is_refused(name: str) -> None:
+def test_an_ill_formed_schema_name_is_refused(name: str) -> None:
     with pytest.raises(DecodingError, match="its definition"):
         parse_definition(name, Definition("ros2msg", b"uint8 x\n"))
 
@@ -39,7 +39,7 @@ def test_constants_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
-def test_a_conversion_runs_nothing_that_a_recording_says(tmp_path: Path, encoding: str) -> None:
+def test_a_conversion_runs_nothing_of_a_recording(tmp_path: Path, encoding: str) -> None:
     with (tmp_path / "a.mcap").open("wb") as out:
         writer = Writer(out)
         writer.start("ros1" if encoding == "ros1" else "ros2")
@@ -56,7 +56,7 @@ def test_a_conversion_runs_nothing_that_a_recording_says(tmp_path: Path, encodin
 @pytest.mark.parametrize(
     "text", ["class x", "uint8 __class__", "8a/B x", "a/msg/B x", "float64[99999999999999999999] x"]
 )
-def test_a_definition_that_makes_no_sense_is_left_out_of_a_conversion(tmp_path: Path, text: str) -> None:
+def test_an_ill_formed_definition_is_left_out_of_a_conversion(tmp_path: Path, text: str) -> None:
     with (tmp_path / "a.mcap").open("wb") as out:
         writer = Writer(out)
         writer.start("ros1")
@@ -68,7 +68,7 @@ def test_a_definition_that_makes_no_sense_is_left_out_of_a_conversion(tmp_path: 
 
 
 @pytest.mark.parametrize(("before", "after"), [("module tf2", "module 8tf2"), ("struct TFM", "struct 8TFM")])
-def test_a_type_name_in_idl_that_is_no_plain_name_is_refused(before: str, after: str) -> None:
+def test_an_ill_formed_type_name_in_idl_is_refused(before: str, after: str) -> None:
     text = idl_definition(TRANSFORMS, get_typestore(Stores.ROS2_HUMBLE))
     assert before in text
     assert parse_definition(TRANSFORMS, Definition("ros2idl", text.encode()))

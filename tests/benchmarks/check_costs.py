@@ -1,4 +1,4 @@
-"""What the robust method costs beside measuring: `OPENBLAS_NUM_THREADS=1 python -m tests.benchmarks.robust_cost`.
+"""The cost of the checks of the robust method: `OPENBLAS_NUM_THREADS=1 python -m tests.benchmarks.check_costs`.
 
 CPU time per frame of each piece (LiDAR, cam1, cam3, reference cam2; images decoded) on frames of drive 0009, clean,
 under an opaque facula of R = 375 px on the reference, and behind a bogus wall, as a ratio to two bare SGBM calls
@@ -50,7 +50,7 @@ def kinds(frame: Frame, rig: Rig) -> Iterator[tuple[str, Frame]]:
 
 
 def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
-    """Do it and keep the CPU time it took."""
+    """Call `work` and keep its CPU time."""
     started = process_time()
     result = work()
     seconds[piece].append(process_time() - started)
@@ -58,9 +58,9 @@ def timed(seconds: Seconds, piece: str, work: Callable[[], Any]) -> Any:
 
 
 def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeatures) -> None:
-    """Time measuring, which hears all witnesses; symptoms and regions; then the witnesses' pieces for one pair."""
+    """Time measuring with all checks, fault features and regions; then the parts of the checks for one pair."""
     measurement, evidence = timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
-    timed(seconds, f"{kind}: symptoms", lambda: watch.update(evidence))
+    timed(seconds, f"{kind}: fault features", lambda: watch.update(evidence))
     found = windowed_ratios(rig_pair_checks(rig), measurement.cells, measurement.shares)
     timed(seconds, f"{kind}: regions", lambda: localise(evidence, candidates(rig_pair_checks(rig), found)))
     half_res = {n: halve(image.pixels) for n, image in frame.images.items()}
@@ -72,26 +72,28 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     }
     assert frame.cloud is not None
     view = lidar_view(frame.cloud, rig, k)
-    heard = timed(seconds, f"{kind}: all witnesses", lambda: collect_checks(half_res, maps, {k: view}, rig))
+    collected = timed(seconds, f"{kind}: all checks", lambda: collect_checks(half_res, maps, {k: view}, rig))
     pair_checks = rig_pair_checks(rig)
-    timed(seconds, f"{kind}: local ratios", lambda: windowed_ratios(pair_checks, heard.cells, heard.shares))
+    timed(seconds, f"{kind}: windowed ratios", lambda: windowed_ratios(pair_checks, collected.cells, collected.shares))
     pair = timed(
-        seconds, f"{kind}: likeness, a pair", lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k])
+        seconds,
+        f"{kind}: photometric consistency, a pair",
+        lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k]),
     )
     d0 = view.disparity_px(1)
     timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_source(view, rig, 1, d0))
     points = timed(
         seconds,
-        f"{kind}: adjudication, a pair",
+        f"{kind}: verified conflicts, a pair",
         lambda: verify_conflicts(view, maps[1, k], pair, rig, 1, (half_res[k], half_res[1])),
     )
     camera = rig.camera(k)
     timed(
         seconds,
-        f"{kind}: cells, a pair",
+        f"{kind}: count grids, a pair",
         lambda: (cells_of_consistency(pair), cells_of_points(points, camera.height_px, camera.width_px)),
     )
-    timed(seconds, f"{kind}: light, a pair", lambda: compare_brightness(coarse(half_res[1]), coarse(half_res[k])))
+    timed(seconds, f"{kind}: brightness, a pair", lambda: compare_brightness(coarse(half_res[1]), coarse(half_res[k])))
 
 
 def main() -> None:
@@ -110,11 +112,11 @@ def main() -> None:
                 pieces(seconds, kind, changed, rig, watches[kind])
     scale_of = 2 * median(seconds["bare SGBM call"])
     for piece, values in seconds.items():
-        print(f"{piece:30} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
+        print(f"{piece:44} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
     for kind in KINDS:
-        whole = ("measure", "symptoms", "regions", "local ratios")
+        whole = ("measure", "fault features", "regions", "windowed ratios")
         total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
-        print(f"{kind + ': everything':30} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")
+        print(f"{kind + ': everything':44} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")
 
 
 if __name__ == "__main__":

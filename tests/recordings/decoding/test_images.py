@@ -117,7 +117,7 @@ def test_video_encodings_come_out_in_the_right_colours(encoding: str) -> None:
 
 
 @pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
-def test_bayer_patterns_are_told_apart(order: str) -> None:
+def test_bayer_patterns_are_distinguished(order: str) -> None:
     flat = np.empty((48, 64, 3), np.uint8)
     flat[:] = (200, 100, 20)
     eight = pixels(image_message(mosaic(flat, order), f"bayer_{order}8"), colour=True)
@@ -209,7 +209,7 @@ def test_a_jpeg_cut_anywhere_is_damaged(share: float, colour: bool) -> None:
         pixels(picture_message(picture[: int(share * (len(picture) - 1))]), colour=colour)
 
 
-def test_what_follows_the_end_of_a_jpeg_does_not_harm() -> None:
+def test_bytes_behind_the_end_of_a_jpeg_do_no_harm() -> None:
     picture = encode_picture(GREY, "jpeg")
     assert np.array_equal(pixels(picture_message(picture + bytes(16))), pixels(picture_message(picture)))
 
@@ -250,7 +250,7 @@ def test_a_type_that_is_defined_otherwise_than_known_is_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["this is no definition", "uint8[", "", "nowhere/Type a"])
-def test_a_definition_that_makes_no_sense_is_damage(text: str) -> None:
+def test_an_ill_formed_definition_is_damage(text: str) -> None:
     decoder = Decoders(lambda _: Definition("ros2msg", text.encode())).image(schemas.IMAGE, "cdr")
     assert decoder is not None
     with pytest.raises(DecodingError):
@@ -294,8 +294,8 @@ def test_ros_1_headers_have_a_counter() -> None:
 
 
 def test_a_field_spelt_in_other_letters_is_another_definition() -> None:
-    told = Definition("ros2msg", MAKER.definition(schemas.IMAGE).replace("uint32 width", "uint32 Width").encode())
-    decoder = Decoders(lambda _: told).image(schemas.IMAGE, "cdr")
+    definition = Definition("ros2msg", MAKER.definition(schemas.IMAGE).replace("uint32 width", "uint32 Width").encode())
+    decoder = Decoders(lambda _: definition).image(schemas.IMAGE, "cdr")
     assert decoder is not None
     with pytest.raises(DecodingError, match="defined otherwise"):
         decoder.pixels(image_message(GREY, "mono8"), colour=False)

@@ -21,7 +21,7 @@ def rig_of(recording: Recording) -> Rig:
     return rig
 
 
-def told_centres(path: Path) -> dict[str, float]:
+def centres_of(path: Path) -> dict[str, float]:
     """x of every camera from the calibration file's text, by the plain rule -P[0, 3] / f (metres)."""
     lines = (line.split() for line in path.read_text().splitlines())
     projections = {line[0]: np.array(line[1:], float).reshape(3, 4) for line in lines if line[0].startswith("P_rect")}
@@ -42,10 +42,10 @@ def test_the_rig_of_a_drive_has_the_lidar_and_four_cameras_in_order_within_a_mil
         rig = rig_of(recording)
     names = [camera.name for camera in rig.cameras]
     assert names == ["camera_gray_right", "camera_color_right", "camera_gray_left", "camera_color_left"]
-    told = told_centres(drive(real_data, number) / "2011_09_26" / "calib_cam_to_cam.txt")
+    expected = centres_of(drive(real_data, number) / "2011_09_26" / "calib_cam_to_cam.txt")
     for i in range(1, 5):
         for k in range(i + 1, 5):
-            assert abs(rig.baseline_m(i, k) - (told[rig.name(i)] - told[rig.name(k)])) < 1e-3
+            assert abs(rig.baseline_m(i, k) - (expected[rig.name(i)] - expected[rig.name(k)])) < 1e-3
     assert [round(float(camera.centre_m[0]), 2) for camera in rig.cameras] == [0.54, 0.47, 0.0, -0.06]
     assert rig.name(0) == "velo"
     assert rig.lidar

@@ -26,13 +26,13 @@ def sequence(real_data: Path, tmp_path: Path) -> Path:
         shutil.copy(drive / "velodyne_points" / "data" / f"{frame:010d}.bin", target / "velodyne")
     for file in target.rglob("*.*"):
         file.rename(file.with_name(file.name[4:]))
-    told = dict(line.split(":", 1) for line in (raw / "calib_cam_to_cam.txt").read_text().splitlines())
+    values = dict(line.split(":", 1) for line in (raw / "calib_cam_to_cam.txt").read_text().splitlines())
     velo = dict(line.split(":", 1) for line in (raw / "calib_velo_to_cam.txt").read_text().splitlines())
-    rotation = np.array(told["R_rect_00"].split(), float).reshape(3, 3)
+    rotation = np.array(values["R_rect_00"].split(), float).reshape(3, 3)
     Tr = rotation @ np.column_stack(
         [np.array(velo["R"].split(), float).reshape(3, 3), np.array(velo["T"].split(), float)]
     )
-    lines = [f"P{number}:{told[f'P_rect_0{number}']}" for number in range(4)]
+    lines = [f"P{number}:{values[f'P_rect_0{number}']}" for number in range(4)]
     lines.append("Tr: " + " ".join(repr(float(value)) for value in Tr.ravel()))
     (target / "calib.txt").write_text("\n".join(lines) + "\n")
     (target / "times.txt").write_text("".join(f"{frame * 0.1037:.6e}\n" for frame in range(5)))
@@ -85,14 +85,14 @@ def test_a_sequence_of_two_cameras_without_times_and_lidar_is_read(sequence: Pat
     [
         ("times.txt", "0.0\n", "no time for file 1"),
         ("times.txt", "yesterday", "ill-formed"),
-        ("times.txt", "nan\n" * 5, "no time since"),
-        ("times.txt", "1e300\n" * 5, "no time since"),
+        ("times.txt", "nan\n" * 5, "not a time since"),
+        ("times.txt", "1e300\n" * 5, "not a time since"),
         ("calib.txt", "", "no P0 to P3"),
         ("calib.txt", "P0: 1 2 3", "no P0 to P3"),
         ("image_0/000000.png", "text", "neither PNG nor JPEG"),
     ],
 )
-def test_what_is_ill_formed_is_a_clear_error(sequence: Path, name: str, text: str, message: str) -> None:
+def test_an_ill_formed_file_is_a_clear_error(sequence: Path, name: str, text: str, message: str) -> None:
     (sequence / name).write_text(text)
     with pytest.raises(RecordingError, match=message):
         open_recording(sequence)

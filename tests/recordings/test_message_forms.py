@@ -1,7 +1,7 @@
 """Every container and every message form, one row each: the same drive gives the same frames and the same counts.
 
 Forms that lose something (JPEG, H.264, mosaics, halved chroma) give the same frames, and every E within 0.02.
-`python -m pytest tests/recordings/test_forms.py -s` prints the table.
+`python -m pytest tests/recordings/test_message_forms.py -s` prints the table.
 """
 
 from pathlib import Path

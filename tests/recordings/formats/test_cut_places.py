@@ -1,4 +1,4 @@
-"""A recording cut at each of fifty places: the frames before the cut come out as they were, and the cut is told."""
+"""A recording cut at each of fifty places: the frames before the cut come out as they were, and the cut is reported."""
 
 from pathlib import Path
 

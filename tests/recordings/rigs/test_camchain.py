@@ -46,12 +46,12 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, ri
     assert rig.lidar
     assert again.lidar
     for a, b in zip(rig.cameras, again.cameras, strict=True):
-        told, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((a, rig), (b, again)))
-        assert np.allclose(told, read, atol=1e-6)
+        expected, read = (c.projection @ r.lidar.rig_SE3_lidar for c, r in ((a, rig), (b, again)))
+        assert np.allclose(expected, read, atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "problem"),
     [
         ("cam0:", "camera:", "it describes no cam0"),
         ("camera_model: pinhole", "camera_model: omni", "cam0: the camera model 'omni' is not known"),
@@ -59,17 +59,17 @@ def test_kalibrs_cameras_and_the_recordings_lidar_are_the_rig(tmp_path: Path, ri
         ("  rostopic", "  topic", "cam0 lacks 'rostopic'"),
         ("intrinsics: [", "intrinsics: [[[1]], ", "cam0 is ill-formed"),
         ("T_cn_cnm1:", "T_cn_cnm1: 3\n  x:", "cam1 is ill-formed"),
-        ("cam0:", "cam0: !!python/object/apply:os.system [true]\ncamX:", "it is no YAML"),
+        ("cam0:", "cam0: !!python/object/apply:os.system [true]\ncamX:", "it is not YAML"),
         ("cam0:", "cam0: &a [*a]\ncamX:", "no YAML|cam0 is ill-formed"),
-        ("cam0:", "{", "it is no YAML"),
+        ("cam0:", "{", "it is not YAML"),
     ],
 )
-def test_a_camchain_that_is_none_says_what_is_wrong(tmp_path: Path, rig: Rig, old: str, new: str, said: str) -> None:
+def test_an_ill_formed_camchain_is_an_error(tmp_path: Path, rig: Rig, old: str, new: str, problem: str) -> None:
     path = tmp_path / "camchain.yaml"
     path.write_text(camchain(rig).replace(old, new))
     write_mcap(tmp_path / "a.mcap", rig, make_frames(rig, 2))
     with (
         open_recording(tmp_path / "a.mcap") as recording,
-        pytest.raises(RigError, match=rf"camchain\.yaml: .*({said})"),
+        pytest.raises(RigError, match=rf"camchain\.yaml: .*({problem})"),
     ):
         rig_of_camchain(path, survey(recording))

@@ -1,4 +1,4 @@
-"""Faults that last and attacks drawn anew for each frame: what the benchmark of causes lets happen to a recording."""
+"""Faults that last, and attacks drawn anew for each frame, as the benchmark of causes puts them on a recording."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -76,7 +76,7 @@ def test_frames_come_out_as_they_went_in(whole: Path, tmp_path: Path, compressio
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
-def test_whatever_precedes_a_cut_is_read_and_the_cut_is_told(
+def test_messages_before_a_cut_are_read_and_the_cut_is_reported(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = whole.read_bytes()
@@ -99,7 +99,7 @@ def test_whatever_precedes_a_cut_is_read_and_the_cut_is_told(
 
 
 @pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_whole_messages_of_a_cut_chunk_are_kept_and_told(tmp_path: Path, compression: str) -> None:
+def test_whole_messages_of_a_cut_chunk_are_kept_and_reported(tmp_path: Path, compression: str) -> None:
     random = np.random.default_rng(5)
     texts = [random.integers(1, 256, 50_000, np.uint8).tobytes() for _ in range(20)]
     messages = [("/a", number, text) for number, text in enumerate(texts)]
@@ -134,7 +134,7 @@ def test_frames_before_a_cut_come_out(whole: Path, ends: list[tuple[int, int, in
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.data())
-def test_a_flipped_byte_costs_at_most_its_chunk_and_is_told(
+def test_a_flipped_byte_costs_at_most_its_chunk_and_is_reported(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = bytearray(whole.read_bytes())
@@ -172,7 +172,7 @@ def test_random_changes_raise_only_our_own_errors(
         pass
 
 
-def test_topics_that_are_not_asked_for_are_counted(whole: Path) -> None:
+def test_topics_that_are_not_requested_are_counted(whole: Path) -> None:
     with open_recording(whole) as recording:
         messages = list(recording.messages({"/cam1/image_rect"}))
         assert len(messages) == 6
@@ -196,7 +196,7 @@ def test_topics_are_known_without_a_summary(whole: Path, tmp_path: Path) -> None
         assert recording.topics() == other.topics()
 
 
-def test_a_tail_of_zeros_is_told_once_and_not_walked(
+def test_a_tail_of_zeros_is_reported_once_and_not_walked(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path: Path
 ) -> None:
     path = tmp_path / "zeros.mcap"
@@ -207,7 +207,7 @@ def test_a_tail_of_zeros_is_told_once_and_not_walked(
     assert len(messages) == sum(n for _, _, n in ends[:4])
 
 
-def test_behind_a_chunk_with_an_absurd_length_reading_goes_on_where_the_summary_knows_the_next_one(
+def test_behind_a_chunk_with_an_absurd_length_reading_goes_on_at_the_next_one_of_the_summary(
     whole: Path, ends: list[tuple[int, int, int]], tmp_path: Path
 ) -> None:
     content = bytearray(whole.read_bytes())
@@ -296,14 +296,14 @@ def test_a_message_on_an_unknown_channel_is_damage(tmp_path: Path) -> None:
         assert "77" in str(recording.damage[0])
 
 
-def test_a_log_time_beyond_every_calendar_is_told(tmp_path: Path) -> None:
+def test_a_log_time_out_of_range_is_reported(tmp_path: Path) -> None:
     mcap_file(tmp_path / "a.mcap", [("/a", 2**64 - 1, b"{}")])
     with open_recording(tmp_path / "a.mcap") as recording:
         assert [message.log_time_ns for message in recording.messages()] == [0]
         assert recording.damage
 
 
-def test_a_wrong_checksum_over_all_data_is_told(whole: Path, tmp_path: Path) -> None:
+def test_a_wrong_checksum_over_all_data_is_reported(whole: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     rechunk(whole, path, use_chunking=False, enable_data_crcs=True)
     content = bytearray(path.read_bytes())
@@ -336,7 +336,7 @@ def test_ill_formed_ground_truth_is_a_clear_error(tmp_path: Path, text: bytes) -
         recording.labels()
 
 
-def test_an_attachment_with_a_wrong_checksum_is_not_believed(tmp_path: Path) -> None:
+def test_an_attachment_with_a_wrong_checksum_is_not_used(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     write_mcap(path, RIG, FRAMES[:1], [LABEL])
     content = path.read_bytes()
@@ -358,7 +358,7 @@ def test_the_identity_is_that_of_the_content(whole: Path, tmp_path: Path) -> Non
         assert len(a.recording_id) == 64
 
 
-def test_the_clock_is_told_from_the_first_log_time(tmp_path: Path) -> None:
+def test_the_clock_follows_from_the_first_log_time(tmp_path: Path) -> None:
     mcap_file(tmp_path / "a.mcap", [("/a", 5 * 10**9, b"{}")])
     mcap_file(tmp_path / "b.mcap", [("/a", 1_700_000_000 * 10**9, b"{}")])
     mcap_file(tmp_path / "c.mcap", [])
@@ -369,7 +369,7 @@ def test_the_clock_is_told_from_the_first_log_time(tmp_path: Path) -> None:
     assert clocks == ["relative", "utc", "unknown"]
 
 
-def test_something_else_named_mcap_is_refused(tmp_path: Path) -> None:
+def test_another_file_named_mcap_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"this is text, not a recording")
-    with pytest.raises(RecordingError, match="no MCAP file"):
+    with pytest.raises(RecordingError, match="not an MCAP file"):
         open_recording(tmp_path / "a.mcap")

@@ -1,0 +1,145 @@
+"""Evaluations with drawn counts, and the tables that the queries must give of them, spelled out in Python."""
+
+from collections import defaultdict
+from dataclasses import replace
+from datetime import UTC, datetime
+from decimal import Decimal
+from itertools import combinations
+
+import numpy as np
+
+from auditor.identification.algorithm2 import disagreements, identify
+from auditor.identification.thresholds import threshold
+from auditor.model.checks import rig_pair_checks
+from auditor.model.measurement import Counts
+from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
+from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
+
+RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
+BLOCK = 5
+RIG = make_rig(4)
+FRAMES = {"a": 17, "b": 9}
+
+
+def part(recording, experiment, chunk=0, *, synthetic=False):
+    return EvaluationPart(**part_columns(RIG, recording, experiment, chunk=chunk, synthetic=synthetic))
+
+
+def write(store, which, cases, *, last=True):
+    with part_writer(store, which) as writer:
+        for case in cases:
+            writer.add(case)
+        writer.commit(
+            frames=1, skipped=0, last=last, seconds=1.0, versions={}, evaluated_at=datetime(2026, 1, 1, tzinfo=UTC)
+        )
+
+
+def drawn_counts(rng, attacked, unmeasured):
+    """Counts whose E mostly rises where a sensor of the triple is attacked; ties and gaps among them."""
+    counts = []
+    for triple in RIG.triples:
+        level = rng.integers(0, 60) + (rng.integers(20, 200) if set(attacked) & set(triple) else 0)
+        valid = 100 if rng.random() < unmeasured else 1000
+        counts.append(Counts(2 * valid, int(level), valid, int(level), 0) if rng.random() > unmeasured / 3 else None)
+    return counts
+
+
+def drawn_ratios(rng, attacked, unmeasured=0.02):
+    """Windowed ratios that are mostly high where a sensor is attacked that the pair check can name."""
+    ratios = []
+    for pair_check in rig_pair_checks(RIG):
+        level = rng.uniform(0.3, 1) if set(attacked) & set(pair_check.nameable) else rng.uniform(0, 0.55)
+        ratios.append(None if rng.random() < unmeasured else level)
+    return ratios
+
+
+def attacked_sets():
+    triples = [t for t in RIG.triples if t.k == 4]
+    sets = {s for t in triples for size in (1, 2, 3) for s in combinations(t, size)}
+    return sorted(sets | set(combinations(RIG.sensors, 2)))
+
+
+def make_evaluation(folder):
+    """A store of two recordings, and all of its cases by experiment and recording."""
+    store = new_store(folder)
+    store.write_rig(RIG)
+    rng = np.random.default_rng(8)
+    cases = defaultdict(list)
+    for recording, frames in FRAMES.items():
+        for frame in range(frames):
+
+            def case(attacked, strength=None, size=None, *, at=frame):
+                counts = drawn_counts(rng, attacked, 0.02)
+                ratios = drawn_ratios(rng, attacked)
+                features = make_features(RIG, at)
+                return MeasuredCase(
+                    at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, ratios, features
+                )
+
+            cases["clean", recording].append(case(()))
+            for strength in ("mild", "opaque"):
+                cases["combinations", recording] += [case(attacked, strength) for attacked in attacked_sets()]
+            further = [replace(case((s,), "dark", 40.0), attack="stripes") for s in (1, 4)]
+            cases["further", recording] += [*further, replace(case((0,), size=10.0), attack="hidden sector")]
+            cases["sensitivity", recording] += [case((0,), None, width) for width in (0.5, 2.5)]
+            cases["sensitivity", recording] += [case((s,), "mild", 75.0) for s in (1, 4)]
+    for (experiment, recording), of_it in cases.items():
+        half = len(of_it) // 2
+        write(store, part(recording, experiment, 0), of_it[:half], last=False)
+        write(store, part(recording, experiment, 1), of_it[half:])
+    return store, cases
+
+
+def folds(cases, statistic):
+    """theta and N by (left_out, recording, block, r): the definition, spelled out."""
+    clean = [(recording, case) for recording in FRAMES for case in cases["clean", recording]]
+    blocks = {(recording, case.frame // BLOCK) for recording, case in clean}
+    kept = {
+        "nothing": lambda other, here: True,
+        "block": lambda other, here: other != here,
+        "recording": lambda other, here: other[0] != here[0],
+    }
+    found = {}
+    for here in blocks:
+        for left_out, keeps in kept.items():
+            samples = [[] for _ in RIG.triples]
+            for recording, case in clean:
+                if keeps((recording, case.frame // BLOCK), here):
+                    for of_triple, E in zip(samples, errors(case, statistic), strict=True):
+                        if E is not None:
+                            of_triple.append(E)
+            for of_triple in samples:
+                of_triple.sort()
+            for r in RATES:
+                theta = [threshold(of_triple, r) for of_triple in samples]
+                found[left_out, *here, r] = theta, [len(of_triple) for of_triple in samples]
+    return found
+
+
+def errors(case, statistic):
+    return [c and c.disparity_error(statistic) for c in case.counts]
+
+
+def state(E, theta):
+    return "-" if E is None else "1" if theta < E else "0"
+
+
+def judged(e):
+    """The verdict by the paper, the named sensors, and whether any triple exceeds its threshold."""
+    sensors = {s for t, x in zip(RIG.triples, e, strict=True) if x != "-" for s in t}
+    if not sensors:
+        return "not_auditable", None, False
+    found = identify(e, RIG.triples, sensors)
+    named = None if found.undetermined else found.attacked
+    if "1" not in e:
+        return "clean", named, False
+    nameable = named and len(sensors) >= 4 and len(named) <= len(sensors) - 3
+    if nameable and disagreements(e, named, RIG.triples) == 0:
+        return "attacked", named, True
+    return "unidentified", named, True
+
+
+def case_of(rng, frame, attacked, attack=None, strength=None):
+    counts, ratios = drawn_counts(rng, attacked, 0), drawn_ratios(rng, attacked, 0)
+    features = make_features(RIG, frame)
+    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, ratios, features)
