@@ -118,7 +118,7 @@ def run_all(
     if limits is None and (jobs == 1 or len(items) == 1):
         for item in items:
             yield _run_here(task, item, on_progress)
-    else:
+    elif items:
         yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
 
 

@@ -80,11 +80,11 @@ def test_a_calibration_that_is_not_there_is_refused_with_a_command_that_lists_th
         assert known in capfd.readouterr().out
 
 
-def test_a_wrong_calibration_is_told_before_anything_is_measured(tmp_path, capfd, monkeypatch):
+def test_a_wrong_calibration_is_refused_before_anything_is_measured(tmp_path, capfd, monkeypatch):
     def measure_all(*_: object) -> None:
         raise AssertionError("it was measured")
 
-    monkeypatch.setattr("auditor.cli.measuring.measure_all", measure_all)
+    monkeypatch.setattr("auditor.pipeline.many.measure_all", measure_all)
     err = refused(capfd, "scan", tmp_path / "drive.mcap", "--calibration", "zzz", "--store", tmp_path / "new")
     assert "auditor calibrate" in err
     assert not (tmp_path / "new").exists()

@@ -146,12 +146,12 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
     capfd.readouterr()
     scan = ["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store), "--incidents-per-hour"]
     assert run([*scan, "1"]) == 1
-    assert "too few to tell so many incidents" in capfd.readouterr().err
+    assert "too few clean frames for that incident rate: judged as at 0" in capfd.readouterr().err
     sql = "SELECT incidents_per_hour, score_threshold FROM judgements"
     assert run(["query", "--store", str(store), "--format", "json", "--sql", sql]) == 0
     assert json.loads(capfd.readouterr().out) == [{"incidents_per_hour": 1.0, "score_threshold": 0.0}]
     assert run([*scan, "1", "--strict"]) == 2
-    assert "cannot be told from none" in capfd.readouterr().err
+    assert "1 incidents an hour are not resolvable with" in capfd.readouterr().err
     assert run([*scan, "1", "--method", "paper"]) == 2
     assert "--incidents-per-hour" in capfd.readouterr().err
 

@@ -24,29 +24,29 @@ def square(item: int, progress: Progress) -> int:
 
 
 def outcomes(items: Sequence[int], jobs: int) -> tuple[dict[int, Outcome[int, int]], list[tuple[int, str, int]]]:
-    heard: list[tuple[int, str, int]] = []
+    reported: list[tuple[int, str, int]] = []
     done = {
-        o.item: o for o in run_all(square, items, jobs, lambda item, what, count: heard.append((item, what, count)))
+        o.item: o for o in run_all(square, items, jobs, lambda item, what, count: reported.append((item, what, count)))
     }
-    return done, heard
+    return done, reported
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_every_item_has_an_outcome_and_an_error_stays_with_its_item(jobs: int) -> None:
-    done, heard = outcomes([1, 2, 3, 5], jobs)
+    done, reported = outcomes([1, 2, 3, 5], jobs)
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 2: 4, 3: None, 5: 25}
     assert str(done[3].error) == "3: cannot be read"
-    assert (2, "squaring", 2) in heard
+    assert (2, "squaring", 2) in reported
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_what_nobody_foresaw_is_its_item_s_error_in_one_line(jobs: int) -> None:
+def test_an_unforeseen_error_is_its_item_s_error_in_one_line(jobs: int) -> None:
     done, _ = outcomes([1, 7, 5], jobs)
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 7: None, 5: 25}
-    told = str(done[7].error)
-    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (engines/test_processes.py:")
-    assert "please report" in told
-    assert "\n" not in told
+    message = str(done[7].error)
+    assert message.startswith("7: auditor failed on it: ValueError: 7 is no square (pipeline/test_workers.py:")
+    assert "please report" in message
+    assert "\n" not in message
 
 
 def test_a_killed_process_loses_its_item_alone() -> None:

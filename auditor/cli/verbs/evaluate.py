@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import emit, format_option, progress, say
 from auditor.errors import SettingError
 
@@ -92,10 +93,10 @@ def command(
     evaluation writes the page, the evaluation queries answer the rest; evaluation_objects tells how often objects that
     sensors see do not match. Evaluations with several matchers in one store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.measuring import shared  # noqa: PLC0415
     from auditor.evaluation import EvaluateTask, Recorded, Street, Task, evaluate_source, experiments_of, judge_cases  # noqa: PLC0415 - heavy
     from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
+    from auditor.pipeline.many import share_threads  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store, run_query  # noqa: PLC0415
 
@@ -112,7 +113,7 @@ def command(
     if not sources:
         return Exit.FAILED
     Store.open(store, create=True)
-    network, jobs = shared(network, jobs)
+    network, jobs = share_threads(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
     tasks = [how(source, store, share=share) for source in sources for share in range(shares)]

@@ -36,7 +36,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     auditor inspect night.mcap --write-rig vehicle.toml
     auditor inspect night.mcap --rig vehicle.toml
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.errors import AuditorError, SettingError  # noqa: PLC0415

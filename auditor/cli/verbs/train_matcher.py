@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import print_rows, progress, say
 from auditor.errors import SettingError
 

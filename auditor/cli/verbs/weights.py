@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from auditor.cli import Exit
+from auditor.cli.exit_codes import Exit
 
 
 @click.group("weights", short_help="Look into PSMNet checkpoints, convert them safely.")
