@@ -2,6 +2,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,6 +54,14 @@ def test_a_killed_process_loses_its_item_alone() -> None:
     done, _ = outcomes([1, 4, 2, 5, 6], jobs=2)
     assert "its process died" in str(done[4].error)
     assert {item: outcome.result for item, outcome in done.items() if item != 4} == {1: 1, 2: 4, 5: 25, 6: 36}
+
+
+def test_another_thread_than_the_main_one_can_run_tasks() -> None:
+    done: list[dict[int, Outcome[int, int]]] = []
+    scheduler = threading.Thread(target=lambda: done.append(outcomes([1, 2], jobs=2)[0]))
+    scheduler.start()
+    scheduler.join()
+    assert [outcome.result for outcome in done[0].values()] in ([1, 4], [4, 1])
 
 
 def stop_at_the_first_progress(item: int, progress: Progress) -> int:
