@@ -51,7 +51,7 @@ def auditor() -> None:
 
     \b
     auditor demo                            make a small fleet, attack it, audit it
-    auditor calibrate clean_logs/*.mcap     learn thresholds from clean recordings
+    auditor calibrate clean_logs/*.mcap     make thresholds from clean recordings
     auditor scan fleet_logs/*.mcap          audit recordings
     auditor query incidents                 query the store
     auditor report                          write the incident page

@@ -161,7 +161,7 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Arithmetic of psmnet on a GPU.",
         ),
         click.option("--device", default="cpu", show_default=True, help="Where a network runs: cpu, cuda or cuda:1."),
-        click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity that psmnet looks for."),
+        click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity that psmnet finds."),
         click.option(
             "--align-corners/--no-align-corners",
             default=None,

@@ -64,8 +64,7 @@ def show_audit(
 ) -> None:
     """Print the summary of some recordings, or of all; as a table with the columns a person wants, and incidents.
 
-    `judged` are the measurements that were judged just now: verdicts that others keep from earlier are not shown, only
-    said to be there.
+    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
 

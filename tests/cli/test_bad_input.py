@@ -96,7 +96,7 @@ def test_a_rig_file_that_names_other_topics_is_refused_with_their_names(
     assert "/elsewhere" in line
 
 
-def test_thresholds_of_another_rig_kind_are_refused_unless_asked_for(
+def test_thresholds_of_another_rig_kind_are_refused_without_transfer(
     clean: Path, store: Path, tmp_path: Path, capfd
 ) -> None:
     other = write_drive(tmp_path / "other.mcap", count=6, positions_m=(0.9, 0.7, 0.4, 0.0))

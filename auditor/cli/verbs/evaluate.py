@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.pipeline.workers import Progress
 
-Asked = TypeVar("Asked")
+SomeTask = TypeVar("SomeTask")
 
 _STREET_FRAMES = 50
 _FIRST_STREET = 1000
@@ -27,9 +27,9 @@ _FIRST_STREET = 1000
 @click.command("evaluate", short_help="The paper's tables on your own clean logs.")
 @click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
 @click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and evaluate on them too.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="What attacks are drawn from.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random attacks.")
 @click.option(
-    "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked anew."
+    "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked again."
 )
 @click.option(
     "--attack-every",
@@ -44,7 +44,7 @@ _FIRST_STREET = 1000
     "patterns",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="A picture of a laser pattern to lay over the images; may be given again.",
+    help="An image of a laser pattern to lay over the camera images; may be given again.",
 )
 @click.option(
     "--detector",
@@ -90,7 +90,7 @@ def command(
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
     and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
-    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects tells how often objects that
+    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects says how often objects that
     sensors see do not match. Evaluations with several matchers in one store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.evaluation import EvaluateTask, Recorded, Street, Task, evaluate_source, experiments_of, judge_cases  # noqa: PLC0415 - heavy
@@ -133,7 +133,9 @@ def command(
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 
 
-def _evaluate_all(evaluate: "Callable[[Asked, Progress], Evaluated]", tasks: "Sequence[Asked]", jobs: int) -> bool:
+def _evaluate_all(
+    evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]", jobs: int
+) -> bool:
     """Measure all; False where something could not be."""
     from auditor.pipeline.workers import run_all  # noqa: PLC0415
 
