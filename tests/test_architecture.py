@@ -137,7 +137,9 @@ def test_nothing_outside_the_command_line_prints_or_exits() -> None:
 
 def test_no_modules_and_no_boxes_import_each_other_in_a_circle() -> None:
     circles = []
-    for graph in ({module: set(imports(path)) for module, path in modules().items()}, arrows()):
+    # The front door names the API for type checkers only: it imports nothing until a name is used.
+    between_modules = {module: set(imports(path)) for module, path in modules().items() if module != PACKAGE.name}
+    for graph in (between_modules, arrows()):
         try:
             TopologicalSorter(graph).prepare()
         except CycleError as error:

@@ -1,14 +1,13 @@
-"""The command line: one small module a verb, imported when it is asked for."""
+"""The command line: one small module a verb, imported when that verb runs."""
 
 import importlib
 import sys
-import traceback
 from collections.abc import Sequence
-from enum import IntEnum
 
 import click
 
 from auditor import __version__
+from auditor.cli.exit_codes import Exit
 from auditor.errors import AuditorError
 
 VERBS = (
@@ -27,17 +26,6 @@ VERBS = (
     "train-matcher",
 )
 """In the order in which a newcomer meets them; each is a module of this package with a command of its name."""
-
-
-class Exit(IntEnum):
-    """Exit codes: what a script that runs an audit needs to know."""
-
-    CLEAN = 0
-    FINDINGS = 1
-    FAILED = 2
-    INCOMPLETE = 3
-    FINDINGS_INCOMPLETE = 4
-    INTERRUPTED = 130
 
 
 class _Verbs(click.Group):
@@ -63,9 +51,9 @@ def auditor() -> None:
 
     \b
     auditor demo                            make a small fleet, attack it, audit it
-    auditor calibrate clean_logs/*.mcap     learn thresholds from clean recordings
+    auditor calibrate clean_logs/*.mcap     make thresholds from clean recordings
     auditor scan fleet_logs/*.mcap          audit recordings
-    auditor query incidents                 ask the store
+    auditor query incidents                 query the store
     auditor report                          write the incident page
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
@@ -74,9 +62,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code; every expected failure ends in one line on stderr."""
     try:
         return _run(arguments)
-    except Exception:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would say that something was found
+    except Exception:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
+        import traceback  # noqa: PLC0415 - keeps --help quick
+
         traceback.print_exc()
-        click.echo("auditor: this is a defect of auditor: please report what stands above", err=True)
+        click.echo("auditor: this is a defect of auditor: please report the lines above", err=True)
         return Exit.FAILED
 
 

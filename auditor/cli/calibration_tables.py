@@ -22,7 +22,7 @@ _LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "rai
 
 
 def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
-    """The thresholds of the robust method at r, one row an element."""
+    """The thresholds of the robust method at r, one row a pair check."""
     from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
 
     rows = list(_pair_checks(calibration, system, r))
@@ -51,13 +51,16 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
 def show_left_out(
     calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
 ) -> None:
-    """How often clean recordings are raised by thresholds of the others, by both methods; `names` are by recording."""
+    """How often each clean recording is raised by thresholds of the others, by both methods; `names` are by id."""
     from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
     frames = sum(one.frames for one in calibration.clean)
     if len(calibration.recordings) < 2:
-        say(f"one clean recording of {frames} frames: nothing can be held out to tell how often others would be raised")
+        say(
+            f"one clean recording of {frames} frames: no other can judge it, so how often others would be raised is "
+            "unknown"
+        )
         return
     robust = leave_one_out_robust(calibration, system, r)
     paper = leave_one_out_paper(calibration, Statistic.GATED, r)
@@ -65,8 +68,8 @@ def show_left_out(
         _table(robust, paper, names)
     hours = sum(one.hours for one in robust)
     say(
-        f"held out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: {_share(robust)} "
-        f"and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
+        f"leave-one-recording-out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: "
+        f"{_share(robust)} and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
     _warn_of_incidents(robust, names)
     say(f"{frames} clean frames resolve r = 0 and r from {1 / frames:.2g} up")
@@ -120,7 +123,7 @@ def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mappi
     ]
     worst = sorted(rows, key=lambda row: (-row["raised"], -row["raised by paper"]))[:_MOST_ROWS]
     whole = {column: sum(row[column] for row in rows) for column in _LEFT_OUT_COLUMNS[1:]}
-    title = "Held out: each recording judged by the others"
+    title = "Leave-one-recording-out: each recording judged by the others"
     if len(rows) > len(worst):
         title += f"; the {len(worst)} raised most of {len(rows)}"
     print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
@@ -136,8 +139,8 @@ def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -
     if suspects:
         more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
         say(
-            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: look at "
-            "them before you trust these thresholds, and leave out what is not clean: it hides attacks like its own"
+            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
+            "them before you use these thresholds, and leave out what is not clean: it hides attacks like its own"
         )
 
 

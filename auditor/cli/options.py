@@ -21,13 +21,13 @@ DEFAULT_STORE = Path("audit")
 
 
 class FiniteRange(click.FloatRange):
-    """A number within limits; "nan" and "inf", which Python reads as numbers, are none."""
+    """A number within limits; "nan" and "inf", which Python reads as numbers, are refused."""
 
     def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number. Fails as click does."""
         number = super().convert(value, param, ctx)
         if not isfinite(number):
-            self.fail(f"{value!r} is no number", param, ctx)
+            self.fail(f"{value!r} is not a number", param, ctx)
         return float(number)
 
 
@@ -99,18 +99,13 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What one recording may take; the command gets `budget`, a function from a path to its Limits."""
+    """What one recording may take; the command gets `limits`, a function from a path to its Limits."""
 
     @wraps(command)
     def collected(*, time_limit: float | None, memory_limit: float, **others: Any) -> Any:  # noqa: ANN401
-        from auditor.pipeline.workers import Limits, limits_of  # noqa: PLC0415 - keeps --help quick
+        from auditor.pipeline.many import limits_by_size  # noqa: PLC0415 - keeps --help quick
 
-        def budget(path: Path) -> Limits:
-            files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
-            size_bytes = sum(file.stat().st_size for file in files)
-            return limits_of(size_bytes, seconds=time_limit, memory_mb=memory_limit)
-
-        return command(budget=budget, **others)
+        return command(limits=limits_by_size(time_limit, memory_limit), **others)
 
     for option in (
         click.option(
@@ -166,7 +161,7 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Arithmetic of psmnet on a GPU.",
         ),
         click.option("--device", default="cpu", show_default=True, help="Where a network runs: cpu, cuda or cuda:1."),
-        click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity that psmnet looks for."),
+        click.option("--max-disparity", type=click.IntRange(min=16), help="Largest disparity that psmnet finds."),
         click.option(
             "--align-corners/--no-align-corners",
             default=None,
@@ -180,7 +175,7 @@ def matcher_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """How recordings are measured, side by side; the command gets `measuring`, a Measuring."""
+    """How recordings are measured, side by side; the command gets `measuring`, a MeasureSettings."""
 
     @wraps(command)
     def collected(
@@ -189,13 +184,13 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         network: "MatcherOptions",
         rig: Path | None,
         origin_of: "Callable[[Path], Origin]",
-        budget: "Callable[[Path], Limits]",
+        limits: "Callable[[Path], Limits]",
         jobs: int,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
-        from auditor.cli.measuring import Measuring  # noqa: PLC0415 - keeps --help quick
+        from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        return command(measuring=Measuring(matcher, network, rig, origin_of, budget, jobs), **others)
+        return command(measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs), **others)
 
     return matcher_options(rig_option(origin_options(budget_options(jobs_option(collected)))))
 
@@ -222,12 +217,12 @@ method_option = click.option(
     type=click.Choice(["robust", "paper"]),
     default="robust",
     show_default=True,
-    help="Five witnesses and joint identification, or disparity errors and Algorithm 2.",
+    help="Five checks and joint identification, or disparity errors and Algorithm 2.",
 )
 
 
 recount_option = click.option(
-    "--recount", is_flag=True, help="Work statistics out anew from the stored cells, in today's windows."
+    "--recount", is_flag=True, help="Compute statistics again from the stored cells, in today's windows."
 )
 
 

@@ -39,7 +39,7 @@ def emit(table: "Table", form: str, title: str = "") -> None:
 def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
     """Print rows as a table.
 
-    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows is said
+    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows stands
     once, above; what is too wide even so becomes several tables, and rows one below the other where a column is.
     """
     from rich.console import Console  # noqa: PLC0415
@@ -102,7 +102,7 @@ def _groups(columns: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> li
 
 
 def _brief(column: str, value: object) -> object:
-    """A value with its ids cut to beginnings that still tell them apart, and that queries take as parameters."""
+    """A value with its ids cut to beginnings that are still unique, and that queries take as parameters."""
     if isinstance(value, str):
         return value[:_BRIEF_ID] if column.endswith("_id") else value
     if isinstance(value, list | tuple):

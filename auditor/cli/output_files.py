@@ -1,4 +1,4 @@
-"""Where a command may write: what is there already is somebody's work, unless the same command made it."""
+"""Where a command may write: an existing file is kept, unless the same command made it."""
 
 from pathlib import Path
 
@@ -17,13 +17,13 @@ def check_new(target: Path) -> None:
 def check_page(target: Path) -> None:
     """Raises SettingError where there is something else than a page that auditor wrote."""
     if target.exists() and not _is_page(target):
-        raise _foreign(target, "no page that auditor wrote")
+        raise _foreign(target, "not a page that auditor wrote")
 
 
 def check_thresholds(target: Path) -> None:
     """Raises SettingError where there is something else than a thresholds artefact."""
     if target.exists() and not _is_thresholds(target):
-        raise _foreign(target, "no thresholds artefact")
+        raise _foreign(target, "not a thresholds artefact")
 
 
 def _foreign(target: Path, what: str) -> SettingError:

@@ -1,18 +1,59 @@
-"""What an audit prints: one row a recording, and the incidents."""
+"""What an audit prints: a line for each recording, then one row a recording, and the incidents."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli.output import emit, print_rows, say, shown
+from auditor.cli.exit_codes import Tally
+from auditor.cli.output import emit, print_rows, progress, say, shown
 
 if TYPE_CHECKING:
+    from auditor.pipeline.many import Batch, Judged
+    from auditor.pipeline.measure import Measured
     from auditor.store import Store
 
 _RECORDING_COLUMNS = ("recording", "frames", "audited", "clean", "attacked", "unidentified", "sensors", "r")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "margin")
+
+
+def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
+    """Measure a batch, print what became of each recording, and return what is measured, in the order given."""
+    from auditor.pipeline.many import measure_all, was_examined  # noqa: PLC0415 - keeps --help quick
+
+    for error in batch.errors:
+        say(f"auditor: {error}")
+        tally.failed = True
+    measured = {}
+    with progress(len(batch.tasks), "measuring") as (advanced, finished):
+        for outcome in measure_all(batch, advanced):
+            if outcome.error is not None:
+                finished(f"auditor: {outcome.error}")
+                tally.incomplete |= was_examined(outcome.error)
+                tally.failed = True
+            elif outcome.result is not None:
+                measured[outcome.item] = outcome.result
+                how = "measured" if outcome.result.fresh else "measured before"
+                finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
+                for warning in outcome.result.calibration_warnings:
+                    finished(f"{outcome.item}: WARNING: {warning}")
+    return [measured[task] for task in batch.tasks if task in measured]
+
+
+def show_judging(results: "Iterable[Judged]", tally: Tally) -> list[str]:
+    """Print what could not be judged or not fully audited, and why; return the measurements that were judged."""
+    judged = []
+    for one in results:
+        for remark in (*one.warnings, *([one.error] if one.error else [])):
+            say(f"{one.recording}: {remark}")
+        tally.failed |= one.error is not None
+        tally.incomplete |= one.error is None and not one.complete
+        tally.found |= one.found
+        if one.judgement is not None:
+            tally.audited = True
+            judged.append(one.measurement_id)
+    return judged
 
 
 def show_audit(
@@ -23,8 +64,7 @@ def show_audit(
 ) -> None:
     """Print the summary of some recordings, or of all; as a table with the columns a person wants, and incidents.
 
-    `judged` are the measurements that were judged just now: verdicts that others keep from earlier are not shown, only
-    said to be there.
+    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
 

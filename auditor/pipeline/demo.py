@@ -1,4 +1,4 @@
-"""A small fleet, made and attacked here, so that a newcomer sees a whole audit without any data of their own."""
+"""The recordings of `auditor demo`: a small fleet, rendered and attacked, for a first audit without own data."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _WRITERS = {".mcap": write_mcap, ".bag": write_bag, ".db3": write_db3}
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle of the fleet: its name, and the number that its sensors' flaws are drawn from."""
+    """A vehicle of the fleet: its name, and the seed of its sensors' flaws."""
 
     name: str
     number: int
@@ -26,7 +26,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Take:
-    """One recording of the demo: a drive along a street of its own, with a sensor attacked or none.
+    """One recording of the demo: a drive along a street of its own, with one sensor attacked or none.
 
     `attacked_frames` count from the recording's first.
     """
@@ -48,7 +48,7 @@ _HIT = range(4, 11)
 
 
 def fleet(folder: Path) -> tuple[tuple[Take, ...], tuple[Take, ...]]:
-    """What the vehicles recorded while nobody attacked them, and what they recorded afterwards on other streets."""
+    """The clean recordings of the vehicles, and later ones on other streets, some of them attacked."""
     clean = (
         Take(folder / "alder_day.mcap", _ALDER, 2001, "residential"),
         Take(folder / "birch_day.bag", _BIRCH, 2002, "city"),
@@ -102,5 +102,5 @@ def _attacked(frame: Frame, attacker: Attacker) -> Frame:
 
 
 def _labels(attackers: list[Attacker]) -> Iterator[AttackLabel]:
-    """Known only once the frames have gone by."""
+    """Read after the frames: only then are the labels known."""
     yield from (attacker.label for attacker in attackers if attacker.label is not None)

@@ -1,4 +1,4 @@
-"""Calibrations from what stores hold, and the judging of it: no recording is needed."""
+"""Calibrations from stored measurements, and verdicts on stored measurements: no recording is read."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.errors import ThresholdsError
+from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.faults import Observed, frozen, strengths
@@ -33,8 +33,8 @@ class Criteria:
     """How verdicts are to be reached.
 
     `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` works the robust method's
-    statistics out anew from the stored cells.
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` computes the robust
+    method's statistics again from the stored cells. Raises SettingError for what the paper's method does not have.
     """
 
     r: Decimal
@@ -44,6 +44,17 @@ class Criteria:
     transfer: bool = False
     strict: bool = False
     recount: bool = False
+
+    def __post_init__(self) -> None:
+        if self.method is Method.ROBUST:
+            return
+        remedy = "leave it away, or judge with --method robust"
+        if self.incidents_per_hour is not None:
+            what = "the paper's method has no score that incidents per hour could set"
+            raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
+        if self.recount:
+            what = "the paper's method has no statistics that come from cells"
+            raise SettingError(what, where="--recount", remedy=remedy)
 
 
 def system_of(rig: Rig) -> System:
@@ -56,7 +67,7 @@ def calibrate(
 ) -> Calibration:
     """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
 
-    `frames` restricts it to these frame numbers of each measurement, `recount` works their statistics out anew from the
+    `frames` restricts it to these frame numbers of each measurement, `recount` computes their statistics again from the
     stored cells. Raises ThresholdsError where kinds or procedures differ or nothing was measured.
     """
     clean: list[CleanFrames] = []
@@ -103,7 +114,7 @@ def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool
 
 
 def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
-    """How strongly the stored symptoms of each frame speak for each cause."""
+    """The fault score of each frame for each cause, (F,), from the stored fault features."""
     seen = store.load_fault_features(measurement)
     observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
     return strengths(observed, seen.stamps_ns, rig.sensors)
@@ -115,7 +126,7 @@ def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRati
 
 
 def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
-    """(F, M) local ratios worked out anew from the stored cells, as a scan works them out from the images.
+    """(F, M) windowed ratios computed again from the stored cells, as a scan computes them from the images.
 
     For measurements made before windows were changed. Statistics without cells stay as they were measured.
     """
@@ -160,7 +171,7 @@ def judge_measurement(
 ) -> StoredJudgement:
     """Judge every frame of a measurement and keep the verdicts, which are its current ones from then on.
 
-    `current` is what `store.current_judgements()` says: whoever judges many measurements reads it once for all. Raises
+    `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
     ThresholdsError where the thresholds do not fit and StoreError where r has more decimals than the store keeps.
     """
     stored = store.measurement(measurement)
@@ -182,8 +193,7 @@ def judge_measurement(
     if criteria.strict:
         _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
     before = (store.current_judgements() if current is None else current).get(measurement)
-    recounted = criteria.recount and criteria.method is Method.ROBUST
-    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before), recounted)
+    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before), criteria.recount)
     if calibration.calibration_id not in store.ids("calibrations"):
         store.write_calibration(calibration)
     return store.write_judgement(judgement, rows)
@@ -199,7 +209,7 @@ def _after(before: StoredJudgement | None) -> datetime:
 def _robust(
     calibration: Calibration, system: System, r: Decimal, incidents_per_hour: float | None, *, transferred: bool
 ) -> RobustThresholds:
-    """The same for all measurements of one rig, and dear where every recording is judged by the others."""
+    """The same for all measurements of one rig, and slow where each clean recording is judged by the others."""
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
@@ -225,17 +235,17 @@ def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: i
             where=where,
             remedy=f"take r = 0 or at least {1 / fewest:.2g}, or calibrate on more clean frames",
         )
-    if not tells_incidents(calibration, criteria):
+    if not resolves_incidents(calibration, criteria):
         hours = clean_hours(calibration)
         raise ThresholdsError(
-            f"{criteria.incidents_per_hour:g} incidents an hour cannot be told from none with {hours:.2g} hours of "
-            "clean frames",
+            f"{criteria.incidents_per_hour:g} incidents an hour are not resolvable with {hours:.2g} hours of clean "
+            "frames: they would be judged as 0",
             where=where,
             remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
         )
 
 
-def tells_incidents(calibration: Calibration, criteria: Criteria) -> bool:
-    """False where the clean frames are too few to tell the allowed incidents an hour from none."""
+def resolves_incidents(calibration: Calibration, criteria: Criteria) -> bool:
+    """False where the clean frames are too few for the allowed incidents an hour, which are judged as 0 then."""
     allowed = criteria.incidents_per_hour
     return not allowed or allowed * clean_hours(calibration) >= 1

@@ -1,7 +1,7 @@
-"""The chain for one recording, from its messages to a finished measurement: above the rooms, it knows them all."""
+"""One recording, from its messages to finished measurements in a store: one for each of its rigs."""
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -47,13 +47,19 @@ from auditor.recordings import (
     survey,
     synchronise,
 )
-from auditor.store import MeasurementRecord, Picture, RecordingRecord, Store, StoredMeasurement, measurement_id
+from auditor.store import (
+    FramesWriter,
+    MeasurementRecord,
+    Picture,
+    RecordingRecord,
+    Store,
+    StoredMeasurement,
+    measurement_id,
+)
 
-_CHECKED_FRAMES = 3
-_CHECKED_TO_FIT = (0, 11, 5)  # first, end and step
+_PREFLIGHT_FRAMES = 3
+_CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
 _VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
-
-
 _UNKNOWN = Origin()
 
 
@@ -61,7 +67,8 @@ _UNKNOWN = Origin()
 class MeasureTask:
     """One recording to be measured into a store.
 
-    `rig` is a rig.toml that stands in for what the recording says; what `origin` knows goes before it, too.
+    `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
+    says of its vehicle, day and drive.
     """
 
     recording: Path
@@ -141,28 +148,18 @@ def _measure(
     store: Store,
     progress: Callable[[str, int], None],
 ) -> None:
+    """Measure a recording with one rig; what is kept becomes visible with the last write."""
     started = perf_counter()
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    pair_checks = rig_pair_checks(rig)
-    pictures, fault_features, check = PictureBook(), FaultFeatures(), CalibrationCheck()
+    thumbnails, check = PictureBook(), CalibrationCheck()
     stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, progress)
-    with store.frames_writer(known, rig) as writer, closing(measure_stream(stream, rig, matcher)) as measured:
-        for done, item in enumerate(measured, start=1):
-            if isinstance(item, Skipped):
-                writer.skip(item)
-            else:
-                measurement, evidence = item
-                ratios = windowed_ratios(pair_checks, measurement.cells, measurement.shares)
-                seen = replace(
-                    measurement,
-                    fault_features=fault_features.update(evidence),
-                    regions=localise(evidence, candidates(pair_checks, ratios)),
-                )
-                writer.add(seen, ratios)
-                pictures.offer(measurement, evidence)
-                check.offer(evidence, seen.fault_features)
+    with (
+        store.frames_writer(known, rig) as writer,
+        closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check)) as measured,
+    ):
+        for done in measured:
             progress(recording.path.name, done)
         if writer.measured == 0:
             raise RecordingError(
@@ -170,7 +167,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
-        for number, picture in pictures.pages():
+        for number, picture in thumbnails.pages():
             store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         writer.commit(
             MeasurementRecord(
@@ -189,12 +186,40 @@ def _measure(
         )
 
 
+def _measure_frames(
+    stream: FrameStream,
+    rig: Rig,
+    matcher: Matcher,
+    writer: FramesWriter,
+    thumbnails: PictureBook,
+    check: CalibrationCheck,
+) -> Generator[int]:
+    """Measure and write every frame; yields how many frames, skipped ones included, are done."""
+    pair_checks, fault_features = rig_pair_checks(rig), FaultFeatures()
+    with closing(measure_stream(stream, rig, matcher)) as measured:
+        for done, item in enumerate(measured, start=1):
+            if isinstance(item, Skipped):
+                writer.skip(item)
+            else:
+                counted, evidence = item
+                ratios = windowed_ratios(pair_checks, counted.cells, counted.shares)
+                measurement = replace(
+                    counted,
+                    fault_features=fault_features.update(evidence),
+                    regions=localise(evidence, candidates(pair_checks, ratios)),
+                )
+                writer.add(measurement, ratios)
+                thumbnails.offer(counted, evidence)
+                check.offer(evidence, measurement.fault_features)
+            yield done
+
+
 def calibration_warnings_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
     """What of a rig does not fit the first frames of a recording, one sentence a piece."""
     use_one_thread()
     matcher, check = find_matcher("sgbm"), CalibrationCheck()
     frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
-    for frame in islice(frames, *_CHECKED_TO_FIT):
+    for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
         check.look(evidence, FaultFeatures().update(evidence))
     return check.warnings()
@@ -232,7 +257,7 @@ def _preflight(
 ) -> None:
     """Say what a network will cost, and what looks wrong on the first frames, before its long work begins."""
     count = sum(1 for _ in recording.messages({rig.topic(rig.n)}))
-    first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _CHECKED_FRAMES))
+    first = list(islice((frame for frame in frames if isinstance(frame, Frame)), _PREFLIGHT_FRAMES))
     for remark in preflight(matcher, rig, first, count):
         progress(remark, 0)
 

@@ -1,4 +1,8 @@
-"""What one task may take before its process is ended."""
+"""Tasks in processes of their own: several at a time, each within its limits, each with an outcome of its own.
+
+A task reports its progress through a pipe. The parent reads it, checks every running process against its limits, and
+kills what exceeds them. An error, or the death of a process, is the outcome of its task alone.
+"""
 
 import multiprocessing
 import os
@@ -22,13 +26,27 @@ from pebble import ProcessExpired, ProcessPool
 from auditor.errors import AuditorError, LimitError
 
 MEMORY_MB = 4096
-
+"""Memory that one task may take, if nobody says otherwise."""
 
 SILENT_S = 600.0
-
+"""Time that a task without a time limit may take between two frames."""
 
 SECONDS_A_MB = 0.1
 """Reading at 10 MB/s: what must be read before the first frame comes may be as large as the recording."""
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+Progress = Callable[[str, int], None]
+"""Called with what is being done and how many frames are done; with none done yet, it is a remark for people."""
+
+_POLL_S = 0.1
+_PRELOADED = ["auditor.pipeline.measure"]
+_LONGEST_WHAT = 200
+"""A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
+can leave none behind."""
+
+_progress_pipe: "Connection[Any, Any]"  # set once in each worker process: the way to its parent
 
 
 @dataclass(frozen=True)
@@ -60,37 +78,13 @@ def limits_of(size_bytes: int, *, seconds: float | None = None, memory_mb: float
 
 
 def memory_mb(pid: int) -> float:
-    """What a process has in memory; 0 where it is gone, or the system does not tell."""
+    """The memory of a process; 0 where it is gone, or the system does not say."""
     try:
         status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return 0.0
     _, found, rest = status.partition("VmRSS:")
     return int(rest.split()[0]) / 1024 if found else 0.0
-
-
-Item = TypeVar("Item")
-
-
-Result = TypeVar("Result")
-
-
-Progress = Callable[[str, int], None]
-"""Called with what is being done and how many frames are done; with none done yet, it is a remark for people."""
-
-
-_POLL_S = 0.1
-
-
-_PRELOADED = ["auditor.pipeline.measure"]
-
-
-_LONGEST_WHAT = 200
-"""A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
-can leave none behind."""
-
-
-_progress_pipe: "Connection[Any, Any]"  # set once in each worker process, where a task finds the way to its parent
 
 
 @dataclass(frozen=True)
@@ -118,7 +112,7 @@ def run_all(
     if limits is None and (jobs == 1 or len(items) == 1):
         for item in items:
             yield _run_here(task, item, on_progress)
-    else:
+    elif items:
         yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
 
 
@@ -172,7 +166,7 @@ class _Run(Generic[Item, Result]):
         ):
             futures: dict[Future[Any], int] = {}
             try:
-                with _uninterrupted():  # a worker that is half started would be nobody's
+                with _uninterrupted():  # a worker that is half started would never be stopped
                     for index, item in enumerate(self._items):
                         futures[pool.schedule(_run_there, args=[self._task, item, index])] = index
                 while futures:
@@ -243,7 +237,10 @@ def _context() -> ForkServerContext:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C inside the block counts at its end."""
+    """Ctrl-C inside the block counts at its end; it reaches the main thread only, so others have nothing to do."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     pressed: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
     try:
@@ -262,7 +259,7 @@ def _start_worker(progress: "Connection[Any, Any]") -> None:
 
 
 def _end_with_parent() -> None:
-    """Where the parent is killed nobody wants the result."""
+    """A worker whose parent was killed has no use for its result."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait_for([parent.sentinel])
@@ -276,7 +273,7 @@ def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int)
 
 
 def _run(task: Callable[[Item, Progress], Result], item: Item, progress: Progress) -> Result:
-    """Run the task; what nobody foresaw is its item's error, too, in one line that can be reported."""
+    """Run the task; an unforeseen error is its item's error, too, in one line that can be reported."""
     try:
         return task(item, progress)
     except AuditorError:

@@ -19,7 +19,7 @@ def store(tmp_path: Path) -> Store:
     return new_store(tmp_path)
 
 
-def said(store: Store, capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[str, str]:
+def printed(store: Store, capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[str, str]:
     """What a query prints, with exit code 0."""
     capfd.readouterr()
     assert run(["query", *arguments, "--store", str(store.folder)]) == 0
@@ -39,23 +39,23 @@ def commands_in(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in found if not line.startswith("auditor: ")]
 
 
-def test_no_rows_are_no_silence(store, capfd):
+def test_no_rows_of_judged_recordings_say_no_more(store, capfd):
     add_recording(store)
-    out, err = said(store, capfd, "incidents", "recording=drive.mcap")
+    out, err = printed(store, capfd, "incidents", "recording=drive.mcap")
     assert out.strip() == "(no rows)"
     assert "not judged" not in err
 
 
 def test_no_rows_for_want_of_verdicts_say_so(store, capfd):
-    assert "nothing has been measured" in said(store, capfd, "incidents")[1]
+    assert "nothing has been measured" in printed(store, capfd, "incidents")[1]
     add_recording(store, "a.mcap", judged=False)
     add_recording(store, "b.mcap")
-    out, err = said(store, capfd, "incidents")
+    out, err = printed(store, capfd, "incidents")
     assert "(no rows)" in out
     assert "1 of 2 measurements is not judged" in err
-    assert "not judged" in said(store, capfd, "--sql", "SELECT * FROM verdicts WHERE kind = 'attacked'")[1]
-    assert "not judged" not in said(store, capfd, "skipped")[1]
-    assert json.loads(said(store, capfd, "incidents", "--format", "json")[0]) == []
+    assert "not judged" in printed(store, capfd, "--sql", "SELECT * FROM verdicts WHERE kind = 'attacked'")[1]
+    assert "not judged" not in printed(store, capfd, "skipped")[1]
+    assert json.loads(printed(store, capfd, "incidents", "--format", "json")[0]) == []
 
 
 @pytest.mark.parametrize("recording", ["nosuch", ""])
@@ -80,11 +80,11 @@ def test_a_calibration_that_is_not_there_is_refused_with_a_command_that_lists_th
         assert known in capfd.readouterr().out
 
 
-def test_a_wrong_calibration_is_told_before_anything_is_measured(tmp_path, capfd, monkeypatch):
+def test_a_wrong_calibration_is_refused_before_anything_is_measured(tmp_path, capfd, monkeypatch):
     def measure_all(*_: object) -> None:
         raise AssertionError("it was measured")
 
-    monkeypatch.setattr("auditor.cli.measuring.measure_all", measure_all)
+    monkeypatch.setattr("auditor.pipeline.many.measure_all", measure_all)
     err = refused(capfd, "scan", tmp_path / "drive.mcap", "--calibration", "zzz", "--store", tmp_path / "new")
     assert "auditor calibrate" in err
     assert not (tmp_path / "new").exists()
@@ -115,15 +115,15 @@ def test_what_a_store_finds_attacked_is_not_calibrated_on(store, capfd):
     assert "from 1 clean recordings" in shown.out
 
 
-def test_a_recording_with_held_out_incidents_is_warned_of(store, capfd):
+def test_a_recording_with_incidents_by_the_thresholds_of_the_others_is_warned_of(store, capfd):
     for name, attacks in (("a.mcap", ()), ("b.mcap", ()), ("hit.mcap", ATTACK)):
         add_recording(store, name, attacks=attacks, labelled=False, judged=False)
     assert run(["calibrate", str(store.folder), "-r", "0", "--store", str(store.folder)]) == 0
     err = capfd.readouterr().err
-    assert re.search(r"WARNING: judged by the others there are incidents in hit\.mcap \(\d+\): look", err)
+    assert re.search(r"WARNING: judged by the others there are incidents in hit\.mcap \(\d+\): check", err)
 
 
-def test_sql_errors_tell_what_may_be_meant(store, capfd):
+def test_sql_errors_say_what_may_be_meant(store, capfd):
     for sql, hint in (
         ("SELECT * FROM verdict", 'Did you mean "verdicts"?'),
         ("SELECT kindd FROM verdicts", "Candidate bindings:"),
@@ -143,7 +143,7 @@ def test_a_query_without_its_parameter_and_a_view_say_what_to_write(store, capfd
 
 def test_the_list_fits_the_terminal_and_leaves_out_what_only_pages_ask(store, capfd, monkeypatch):
     monkeypatch.setenv("COLUMNS", "70")
-    out, _ = said(store, capfd)
+    out, _ = printed(store, capfd)
     assert max(map(len, out.splitlines())) <= 70
     assert "report_frames" not in out
     assert "incidents  " in out
@@ -151,22 +151,22 @@ def test_the_list_fits_the_terminal_and_leaves_out_what_only_pages_ask(store, ca
 
 def test_a_wide_answer_cuts_ids_and_says_once_what_is_the_same(store, capfd, monkeypatch):
     ids = {name: add_recording(store, name) for name in ("a.mcap", "b.mcap")}
-    out, _ = said(store, capfd, "summary")
+    out, _ = printed(store, capfd, "summary")
     assert all(known not in out and known[:12] in out for known in ids.values())
     above, *_ = out.splitlines()
     assert above.startswith("the same in all 2 rows: vehicle car 7, ")
     assert "vehicle" not in out.removeprefix(above)
     assert max(map(len, out.removeprefix(above).splitlines())) <= output.WIDEST_TABLE
-    recordings = json.loads(said(store, capfd, "summary", "--format", "json")[0])
+    recordings = json.loads(printed(store, capfd, "summary", "--format", "json")[0])
     assert {row["measurement_id"] for row in recordings} == set(ids.values()), "programs get them whole"
     prefix = recordings[0]["recording_id"][:12]
-    [row] = json.loads(said(store, capfd, "summary", f"recording={prefix}", "--format", "json")[0])
+    [row] = json.loads(printed(store, capfd, "summary", f"recording={prefix}", "--format", "json")[0])
     assert row["name"] == recordings[0]["name"]
     monkeypatch.setattr(output, "WIDEST_TABLE", 70)
-    out, _ = said(store, capfd, "summary")
+    out, _ = printed(store, capfd, "summary")
     assert max(len(line.rstrip()) for line in out.splitlines()[1:]) <= 70
     monkeypatch.undo()
-    short, _ = said(store, capfd, "--sql", "SELECT measurement_id, 1 AS one FROM measurements")
+    short, _ = printed(store, capfd, "--sql", "SELECT measurement_id, 1 AS one FROM measurements")
     assert all(known in short for known in ids.values()), "what fits is not cut"
 
 

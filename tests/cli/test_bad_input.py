@@ -96,7 +96,7 @@ def test_a_rig_file_that_names_other_topics_is_refused_with_their_names(
     assert "/elsewhere" in line
 
 
-def test_thresholds_of_another_rig_kind_are_refused_unless_asked_for(
+def test_thresholds_of_another_rig_kind_are_refused_without_transfer(
     clean: Path, store: Path, tmp_path: Path, capfd
 ) -> None:
     other = write_drive(tmp_path / "other.mcap", count=6, positions_m=(0.9, 0.7, 0.4, 0.0))
@@ -142,12 +142,12 @@ def test_a_thresholds_file_that_is_none_is_refused(clean: Path, store: Path, tmp
     [
         (["scan", "--matcher", "magic"], "no matcher is called 'magic'"),
         (["scan", "-r", "1.5"], "not between 0 and 1"),
-        (["scan", "-r", "often"], "no number"),
-        (["scan", "--incidents-per-hour", "inf"], "'inf' is no number"),
-        (["scan", "--incidents-per-hour", "nan"], "'nan' is no number"),
-        (["scan", "--min-coverage", "nan"], "'nan' is no number"),
+        (["scan", "-r", "often"], "write it as 0.01 or 1%"),
+        (["scan", "--incidents-per-hour", "inf"], "'inf' is not a number"),
+        (["scan", "--incidents-per-hour", "nan"], "'nan' is not a number"),
+        (["scan", "--min-coverage", "nan"], "'nan' is not a number"),
         (["scan", "--incidents-per-hour", "1", "--method", "paper"], "leave it away"),
-        (["calibrate", "--frames", "20"], "no range of frames"),
+        (["calibrate", "--frames", "20"], "is not a range of frames"),
         (["calibrate", "--frames", "900:901"], "no disparity errors"),
     ],
 )
@@ -255,7 +255,7 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, sto
     assert "80 frames" in again.stderr
 
 
-def test_what_nobody_foresaw_ends_in_2_and_not_in_the_code_of_findings(
+def test_an_unforeseen_error_ends_in_2_and_not_in_the_code_of_findings(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def defect(*_: object, **__: object) -> None:
@@ -263,6 +263,6 @@ def test_what_nobody_foresaw_ends_in_2_and_not_in_the_code_of_findings(
 
     monkeypatch.setattr("auditor.cli.auditor.main", defect)
     assert run(["scan"]) == 2
-    told = capfd.readouterr().err
-    assert "ZeroDivisionError" in told
-    assert told.rstrip().endswith("please report what stands above")
+    message = capfd.readouterr().err
+    assert "ZeroDivisionError" in message
+    assert message.rstrip().endswith("please report the lines above")

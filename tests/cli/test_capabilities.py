@@ -2,26 +2,26 @@ from auditor.cli.capabilities import capabilities, short_pairs
 from tests.making.scenes import plane_rig
 
 
-def test_four_sensors_name_one_and_close_cameras_do_not_deny_the_lidar():
+def test_four_sensors_name_one_and_close_cameras_do_not_check_the_lidar():
     rig = plane_rig((0.6, 0.1, 0.0))
     assert short_pairs(rig) == [(2, 3)]
-    first, denied, short = capabilities(rig)
+    first, checked, short = capabilities(rig)
     assert "up to 1 attacked sensor at once" in first
-    assert denied.startswith("only S_1 and S_3 can deny the LiDAR")
+    assert checked.startswith("only S_1 and S_3 can check the LiDAR")
     assert short.endswith("S_2 and S_3")
 
 
-def test_three_sensors_name_nobody():
+def test_three_sensors_identify_none():
     first, *_ = capabilities(plane_rig((0.6, 0.0)))
     assert "with three sensors its sensor cannot be identified" in first
 
 
-def test_wide_pairs_deny_the_lidar_and_narrow_ones_alone_cannot():
-    assert capabilities(plane_rig((0.9, 0.6, 0.0)))[1] == "the LiDAR can be denied by S_1 and S_3, S_2 and S_3"
+def test_wide_pairs_check_the_lidar_and_narrow_ones_alone_cannot():
+    assert capabilities(plane_rig((0.9, 0.6, 0.0)))[1] == "the LiDAR is checked by S_1 and S_3, S_2 and S_3"
     assert capabilities(plane_rig((0.1, 0.05, 0.0)))[1].startswith("no pair of cameras is wide enough")
 
 
-def test_without_a_lidar_nothing_is_said_of_it():
+def test_without_a_lidar_the_cameras_checks_are_described():
     lines = capabilities(plane_rig((0.9, 0.6, 0.3, 0.0), lidar=False))
     assert short_pairs(plane_rig((0.1, 0.05, 0.02, 0.0), lidar=False)) == []
     assert len(lines) == 2

@@ -1,4 +1,4 @@
-"""`auditor inspect` tells where every message went and how the sensors' clocks lie."""
+"""`auditor inspect` shows where every message went and how the sensors' clocks lie."""
 
 import json
 from dataclasses import replace
@@ -22,7 +22,7 @@ def moved(frame: Frame, by_ns: int) -> Frame:
     return replace(frame, stamp_ns=frame.stamp_ns + by_ns, images=images, cloud=cloud)
 
 
-def test_late_starters_offsets_jumps_and_the_balance_are_told(
+def test_late_starters_offsets_jumps_and_the_balance_are_shown(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     frames = list(drive_frames(RIG, 40))
@@ -32,8 +32,8 @@ def test_late_starters_offsets_jumps_and_the_balance_are_told(
         frames[number] = moved(replace(frame, images=images), -100 * PERIOD_NS if number >= 30 else 0)
     write_mcap(tmp_path / "a.mcap", RIG, frames)
     assert run(["inspect", str(tmp_path / "a.mcap"), "--format", "json"]) == 0
-    [told] = json.loads(capfd.readouterr().out)
-    [rig] = told["rigs"]
+    [described] = json.loads(capfd.readouterr().out)
+    [rig] = described["rigs"]
     sensors = {sensor["sensor"]: sensor for sensor in rig["sensors"]}
     for sensor in sensors.values():
         skipped = sum(sensor["skipped"].values())
@@ -44,7 +44,7 @@ def test_late_starters_offsets_jumps_and_the_balance_are_told(
     assert rig["clock_jumps"] == 1
     assert rig["period_ms"] == 100
     assert rig["frames"] + sum(rig["skipped"].values()) == 40
-    assert any("jumps back" in problem for problem in told["problems"])
+    assert any("jumps back" in problem for problem in described["problems"])
     assert run(["inspect", str(tmp_path / "a.mcap")]) == 0
     shown = capfd.readouterr().out
     assert "offset_ms" in shown

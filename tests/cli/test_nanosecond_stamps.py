@@ -1,4 +1,4 @@
-"""Real clocks tick in nanoseconds: a recording with such stamps is audited, asked about and reported."""
+"""Real clocks tick in nanoseconds: a recording with such stamps is audited, queried and reported."""
 
 import csv
 import importlib.util
@@ -33,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def asked(folder: Path, capfdbinary: pytest.CaptureFixture[bytes], *arguments: str) -> bytes:
+def answered(folder: Path, capfdbinary: pytest.CaptureFixture[bytes], *arguments: str) -> bytes:
     """What a query prints, with exit code 0."""
     capfdbinary.readouterr()
     assert run(["query", *arguments, "--store", str(folder / "audit")]) == 0
@@ -45,27 +45,27 @@ def test_pandas_which_alone_has_a_type_for_nanoseconds_is_not_there():
 
 
 def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):
-    told = {form: asked(folder, capfdbinary, "incidents", "--format", form) for form in FORMATS}
-    assert FROM_UTC in told["table"].decode()
-    [row] = json.loads(told["json"])
+    printed = {form: answered(folder, capfdbinary, "incidents", "--format", form) for form in FORMATS}
+    assert FROM_UTC in printed["table"].decode()
+    [row] = json.loads(printed["json"])
     assert (row["from_utc"], row["from_ns"]) == (FROM_UTC, START_NS + 5 * PERIOD_NS)
-    [row] = csv.DictReader(io.StringIO(told["csv"].decode()))
+    [row] = csv.DictReader(io.StringIO(printed["csv"].decode()))
     assert (row["from_utc"], row["from_ns"]) == (FROM_UTC, str(START_NS + 5 * PERIOD_NS))
-    [moment] = pq.read_table(pa.BufferReader(told["parquet"])).column("from_utc")
+    [moment] = pq.read_table(pa.BufferReader(printed["parquet"])).column("from_utc")
     assert moment.value == START_NS + 5 * PERIOD_NS
 
 
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("name", [known.name for known in list_queries()])
 def test_every_query_answers(name, form, folder, capfdbinary):
-    assert asked(folder, capfdbinary, name, *(["frame=7"] if name == "frame" else []), "--format", form)
+    assert answered(folder, capfdbinary, name, *(["frame=7"] if name == "frame" else []), "--format", form)
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_a_moment_of_ones_own_sql_is_told(form, folder, capfdbinary):
+def test_a_moment_of_ones_own_sql_is_printed(form, folder, capfdbinary):
     sql = "SELECT make_timestamp_ns(stamp_ns) AS moment, [moment] AS moments FROM verdicts ORDER BY frame LIMIT 1"
-    told = asked(folder, capfdbinary, "--sql", sql, "--format", form)
-    assert form == "parquet" or b"2011-09-26T13:02:25.964389445Z" in told
+    printed = answered(folder, capfdbinary, "--sql", sql, "--format", form)
+    assert form == "parquet" or b"2011-09-26T13:02:25.964389445Z" in printed
 
 
 @pytest.mark.parametrize("method", ["robust", "paper"])

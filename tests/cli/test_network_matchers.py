@@ -1,4 +1,4 @@
-"""Networks as matchers from the command line: told what they cost, written down with what they ran on."""
+"""Networks as matchers from the command line: their cost is printed, and the store says what they ran on."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What is there already is not written over, unless the same command made it; and nothing is written in vain."""
+"""An existing file is not written over, unless the same command made it, and a refused command writes nothing."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def mine(tmp_path: Path) -> Path:
     return tmp_path / "mine.mcap"
 
 
-def told(capfd: pytest.CaptureFixture[str]) -> str:
+def error_line(capfd: pytest.CaptureFixture[str]) -> str:
     """The one line of an error."""
     [line] = [line for line in capfd.readouterr().err.splitlines() if line.startswith("auditor: ")]
     return line
@@ -37,9 +37,9 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize("verb", ["calibrate", "report"])
 def test_out_spares_what_the_command_did_not_make(verb: str, store: Path, mine: Path, capfd) -> None:
     command = [verb, *([str(store), "-r", "0"] if verb == "calibrate" else []), "--store", str(store)]
-    for target, is_what in ((mine, "is no "), (mine.parent, "is a folder")):
+    for target, is_what in ((mine, "is not "), (mine.parent, "is a folder")):
         assert run([*command, "--out", str(target)]) == 2
-        assert f"{target}: it exists already and {is_what}" in told(capfd)
+        assert f"{target}: it exists already and {is_what}" in error_line(capfd)
     assert mine.read_bytes() == MINE
     for _ in range(2):  # what it made itself it makes again
         assert run([*command, "--out", str(mine.parent / "own")]) == 0
@@ -48,7 +48,7 @@ def test_out_spares_what_the_command_did_not_make(verb: str, store: Path, mine: 
 def test_a_pattern_after_out_costs_no_recording_and_no_work(clean: Path, mine: Path, tmp_path: Path, capfd) -> None:
     """The shell makes one `--out` and many recordings of `--out clean_logs/*.mcap`."""
     assert run(["calibrate", "--store", str(tmp_path / "audit"), "--out", str(mine), str(clean)]) == 2
-    assert "no thresholds artefact" in told(capfd)
+    assert "not a thresholds artefact" in error_line(capfd)
     assert mine.read_bytes() == MINE
     assert not (tmp_path / "audit").exists()
 
@@ -60,7 +60,7 @@ def test_a_rig_file_that_somebody_corrected_is_not_written_over(clean: Path, tmp
     rig.write_text("corrected by hand")
     for target in (rig, tmp_path):
         assert run(["inspect", str(clean), "--write-rig", str(target)]) == 2
-        assert "it exists already" in told(capfd)
+        assert "it exists already" in error_line(capfd)
     assert rig.read_text() == "corrected by hand"
 
 
@@ -68,7 +68,7 @@ def test_one_rig_file_cannot_be_that_of_two_recordings(clean: Path, tmp_path: Pa
     write_drive(tmp_path / "other.mcap", count=3, positions_m=(0.9, 0.0))
     rig = tmp_path / "rig.toml"
     assert run(["inspect", str(clean), str(tmp_path / "other.mcap"), "--write-rig", str(rig)]) == 2
-    assert "these are 2 recordings" in told(capfd)
+    assert "these are 2 recordings" in error_line(capfd)
     assert not rig.exists()
 
 
@@ -83,7 +83,7 @@ def test_a_bad_rig_file_is_the_command_s_error_and_makes_no_store(
     if content is not None:
         rig.write_text(content)
     assert run([verb, str(clean), "--rig", str(rig), "--store", str(tmp_path / "audit")]) == 2
-    assert str(rig) in told(capfd)
+    assert str(rig) in error_line(capfd)
     assert not (tmp_path / "audit").exists()
 
 
@@ -103,7 +103,7 @@ def test_an_attack_that_attacks_nothing_is_an_error_and_writes_nothing(
     options: list[str], says: str, clean: Path, tmp_path: Path, capfd
 ) -> None:
     assert run(["attack", str(clean), str(tmp_path / "a.mcap"), "--on", "S_1", *options]) == 2
-    assert says in told(capfd)
+    assert says in error_line(capfd)
     assert not list(tmp_path.iterdir())
 
 
@@ -113,5 +113,5 @@ def test_mcap_is_not_written_under_another_ending(
     verb: list[str], name: str, clean: Path, tmp_path: Path, capfd
 ) -> None:
     assert run([*verb, str(clean), str(tmp_path / name)]) == 2
-    assert "recordings are written as MCAP; call it b.mcap" in told(capfd)
+    assert "recordings are written as MCAP; call it b.mcap" in error_line(capfd)
     assert not list(tmp_path.iterdir())

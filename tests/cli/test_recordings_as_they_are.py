@@ -20,7 +20,7 @@ def rows(sql: str, store: Path, capfd: pytest.CaptureFixture[str]) -> list[dict[
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_frames_before_each_cut_are_audited_and_the_loss_is_told(
+def test_the_frames_before_each_cut_are_audited_and_the_loss_is_printed(
     kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     scan = scan_cuts(tmp_path, kind, FRAMES, PLACES, lambda: capfd.readouterr().out)
@@ -81,8 +81,8 @@ def test_vehicle_date_and_drive_come_from_the_path_from_options_and_from_the_rec
     assert run([*scan, *pattern]) == 3
     assert [(row["vehicle"], row["date"]) for row in rows(known, store, capfd)] == [("alder", "2026-01-31")] * 2
     assert run([*scan, "--vehicle", "birch", "--drive", "0009"]) == 3
-    told = [(row["vehicle"], row["date"], row["drive"]) for row in rows(known, store, capfd)]
-    assert told == [("birch", "2026-01-31", "0009")] * 2, "what is not given anew stays"
+    found = [(row["vehicle"], row["date"], row["drive"]) for row in rows(known, store, capfd)]
+    assert found == [("birch", "2026-01-31", "0009")] * 2, "what is not given anew stays"
     assert run([*scan, "--path-pattern", "{date}/alder/*/*.mcap"]) == 2
     assert "is not a date" in capfd.readouterr().err
     assert run([*scan, "--path-pattern", "{colour}/*.mcap"]) == 2

@@ -146,22 +146,22 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
     capfd.readouterr()
     scan = ["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store), "--incidents-per-hour"]
     assert run([*scan, "1"]) == 1
-    assert "too few to tell so many incidents" in capfd.readouterr().err
+    assert "too few clean frames for that incident rate: judged as at 0" in capfd.readouterr().err
     sql = "SELECT incidents_per_hour, score_threshold FROM judgements"
     assert run(["query", "--store", str(store), "--format", "json", "--sql", sql]) == 0
     assert json.loads(capfd.readouterr().out) == [{"incidents_per_hour": 1.0, "score_threshold": 0.0}]
     assert run([*scan, "1", "--strict"]) == 2
-    assert "cannot be told from none" in capfd.readouterr().err
+    assert "1 incidents an hour are not resolvable with" in capfd.readouterr().err
     assert run([*scan, "1", "--method", "paper"]) == 2
     assert "--incidents-per-hour" in capfd.readouterr().err
 
 
-def test_calibrating_says_what_is_held_out_or_that_nothing_can_be(
+def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
     fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     clean, quiet = str(fleet / "clean.mcap"), str(fleet / "quiet.bag")
     assert run(["calibrate", clean, "-r", "0", "--store", str(tmp_path / "one")]) == 0
-    assert "nothing can be held out" in capfd.readouterr().err
+    assert "no other can judge it" in capfd.readouterr().err
     assert run(["calibrate", clean, quiet, "-r", "0", "--store", str(tmp_path / "two")]) == 0
     shown = capfd.readouterr()
     assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames raised" in shown.err
@@ -170,7 +170,7 @@ def test_calibrating_says_what_is_held_out_or_that_nothing_can_be(
 
 
 @pytest.mark.parametrize("method", ["robust", "paper"])
-def test_three_sensors_detect_but_name_nobody(method: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_three_sensors_detect_but_name_none(method: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for name, positions, lidar, sensor in (("two", (0.6, 0.0), True, 1), ("three", (0.6, 0.3, 0.0), False, 2)):
         store = tmp_path / name
         how = {"positions_m": positions, "lidar": lidar, "count": 12}

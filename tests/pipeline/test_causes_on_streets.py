@@ -59,7 +59,7 @@ def test_a_wall_is_an_attack_on_the_lidar(street: Street) -> None:
     assert {(verdict.kind, verdict.attacked) for verdict in street.verdicts(walls)} == {(VerdictKind.ATTACKED, (0,))}
 
 
-def test_rain_is_told_and_no_finding_and_a_wall_in_it_is_an_attack(street: Street) -> None:
+def test_rain_is_named_and_no_finding_and_a_wall_in_it_is_an_attack(street: Street) -> None:
     rain = on(LIDAR, Rain(10, seed=1), street.rig)
     wet = list(map(rain, street.frames))
     for verdict in street.verdicts(wet):

@@ -5,10 +5,10 @@ from decimal import Decimal
 
 import pytest
 
-from auditor.cli.judging import Judging, Tally, judge_all
 from auditor.errors import StoreError
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
+from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
 from auditor.store.queries import run_sql
@@ -74,10 +74,11 @@ def test_nothing_is_kept_of_a_judgement_whose_r_has_too_many_decimals(tmp_path):
 
 
 @pytest.mark.parametrize("method", Method)
-def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_symptoms(tmp_path, reads, method):
+def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_fault_features(tmp_path, reads, method):
     store, known = judged(tmp_path, 7)
     reads.clear()
-    judge_all(Store.open(store.folder), known, Judging(ZERO, method=method), Tally())
+    results = list(judge_all(Store.open(store.folder), known, JudgeSettings(Criteria(ZERO, method))))
+    assert [one.measurement_id for one in results if one.judgement] == known
     opened = Counter(reads)
     of_each = (
         "measurements",

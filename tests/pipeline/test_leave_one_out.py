@@ -52,16 +52,16 @@ def measured(tmp_path_factory):
 def test_held_out_frames_and_incidents_are_those_of_a_scan(measured):
     store, known = measured
     everything = calibrate([(store, measurement) for measurement in known.values()])
-    told = {one.recording: (one.raised, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
+    found = {one.recording: (one.raised, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
     scanned = {}
     for recording, measurement in known.items():
         others = calibrate([(store, other) for other in known.values() if other != measurement])
         counts = judge_measurement(store, measurement, others, Criteria(R)).counts
         incidents = run_query(store, "incidents", {"recording": recording})
         scanned[recording] = sum(counts[kind] for kind in FINDINGS), len(incidents)
-    assert told == scanned
-    assert sum(raised > 0 for raised, _ in told.values()) == 2
-    assert max(incidents for _, incidents in told.values()) > 1
+    assert found == scanned
+    assert sum(raised > 0 for raised, _ in found.values()) == 2
+    assert max(incidents for _, incidents in found.values()) > 1
 
 
 def test_a_calibration_remembers_which_sensors_were_missing_or_frozen(measured):

@@ -2,6 +2,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,35 +25,43 @@ def square(item: int, progress: Progress) -> int:
 
 
 def outcomes(items: Sequence[int], jobs: int) -> tuple[dict[int, Outcome[int, int]], list[tuple[int, str, int]]]:
-    heard: list[tuple[int, str, int]] = []
+    reported: list[tuple[int, str, int]] = []
     done = {
-        o.item: o for o in run_all(square, items, jobs, lambda item, what, count: heard.append((item, what, count)))
+        o.item: o for o in run_all(square, items, jobs, lambda item, what, count: reported.append((item, what, count)))
     }
-    return done, heard
+    return done, reported
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_every_item_has_an_outcome_and_an_error_stays_with_its_item(jobs: int) -> None:
-    done, heard = outcomes([1, 2, 3, 5], jobs)
+    done, reported = outcomes([1, 2, 3, 5], jobs)
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 2: 4, 3: None, 5: 25}
     assert str(done[3].error) == "3: cannot be read"
-    assert (2, "squaring", 2) in heard
+    assert (2, "squaring", 2) in reported
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_what_nobody_foresaw_is_its_item_s_error_in_one_line(jobs: int) -> None:
+def test_an_unforeseen_error_is_its_item_s_error_in_one_line(jobs: int) -> None:
     done, _ = outcomes([1, 7, 5], jobs)
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 7: None, 5: 25}
-    told = str(done[7].error)
-    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (engines/test_processes.py:")
-    assert "please report" in told
-    assert "\n" not in told
+    message = str(done[7].error)
+    assert message.startswith("7: auditor failed on it: ValueError: 7 is no square (pipeline/test_workers.py:")
+    assert "please report" in message
+    assert "\n" not in message
 
 
 def test_a_killed_process_loses_its_item_alone() -> None:
     done, _ = outcomes([1, 4, 2, 5, 6], jobs=2)
     assert "its process died" in str(done[4].error)
     assert {item: outcome.result for item, outcome in done.items() if item != 4} == {1: 1, 2: 4, 5: 25, 6: 36}
+
+
+def test_another_thread_than_the_main_one_can_run_tasks() -> None:
+    done: list[dict[int, Outcome[int, int]]] = []
+    scheduler = threading.Thread(target=lambda: done.append(outcomes([1, 2], jobs=2)[0]))
+    scheduler.start()
+    scheduler.join()
+    assert [outcome.result for outcome in done[0].values()] in ([1, 4], [4, 1])
 
 
 def stop_at_the_first_progress(item: int, progress: Progress) -> int:

@@ -1,1 +1,1 @@
-"""One module a verb, imported when it is asked for."""
+"""One module a verb, imported when that verb runs."""

@@ -27,7 +27,7 @@ class _Sensor(click.ParamType[int]):
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
         found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
         if not found:
-            self.fail(f"{value!r} is no sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
         return int(found[1])
 
 
@@ -52,7 +52,7 @@ class _Sensor(click.ParamType[int]):
 @click.option(
     "--pattern",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="Picture of a laser pattern for --kind pattern.",
+    help="Image of a laser pattern for --kind pattern.",
 )
 @click.option(
     "--strength",
@@ -142,14 +142,14 @@ def _check_span(from_s: float | None, to_s: float | None) -> None:
 
 
 def _labels(attackers: "list[Attacker]", start_ns: int) -> "Iterator[AttackLabel]":
-    """What was done, known only once the recording has gone by. Raises SettingError for a sensor that was spared."""
+    """The ground truth, read after the recording. Raises SettingError for a sensor that was not attacked."""
     for attacker in attackers:
         if attacker.label is None:
-            raise _spared(attacker, start_ns)
+            raise _not_attacked(attacker, start_ns)
         yield attacker.label
 
 
-def _spared(attacker: "Attacker", start_ns: int) -> SettingError:
+def _not_attacked(attacker: "Attacker", start_ns: int) -> SettingError:
     sensor = f"S_{attacker.plan.sensor}"
     if attacker.newest_ns is None:
         return SettingError(f"no data of {sensor} could be decoded, so nothing was attacked", where="--on")

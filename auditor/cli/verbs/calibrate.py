@@ -1,6 +1,5 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
-from collections.abc import Iterator
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
@@ -8,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.cli.measuring import Measuring
-    from auditor.store import Store, StoredJudgement
+    from auditor.pipeline.many import MeasureSettings
+    from auditor.store import Store
 
 
 class _Frames(click.ParamType[range]):
@@ -29,7 +29,7 @@ class _Frames(click.ParamType[range]):
         except ValueError:
             chosen = range(0)
         if not colon or not chosen:
-            self.fail(f"{value!r} is no range of frames: write 0:20 for the first twenty", param, ctx)
+            self.fail(f"{value!r} is not a range of frames: write 0:20 for the first twenty", param, ctx)
         return chosen
 
 
@@ -51,31 +51,31 @@ def command(
     method: str,
     frames: range | None,
     out: Path | None,
-    measuring: "Measuring",
+    measuring: "MeasureSettings",
     form: str,
     *,
     strict: bool,
     recount: bool,
 ) -> int:
-    """Learn thresholds from recordings that are known to be clean, or from the clean measurements of stores.
+    """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
-    Of a store's measurements those with incidents are left out, and so is whatever carries the ground truth of an
-    attack; recordings that are given themselves are taken at their word.
+    A store's measurements with incidents are left out, and so is every recording that carries the ground truth of an
+    attack. Recordings that are named themselves are taken as clean.
 
     \b
     auditor calibrate clean_logs/*.mcap
     auditor calibrate drive.mcap --frames 0:200 -r 0
 
-    The artefact keeps what was measured of every clean frame, so that thresholds at any r and by both methods follow
-    from it. It holds for one rig kind, matcher and setting, and is refused for others. Each recording is also judged by
-    the others: how often they raise it is what the thresholds will do on roads that they have not seen.
+    The artefact keeps the statistics of every clean frame, so that thresholds at any r and by both methods follow from
+    it. It holds for one rig kind, matcher and setting, and is refused for others. Each recording is also judged by the
+    others: the frames that then exceed a threshold show how often other roads will.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.judging import Tally  # noqa: PLC0415
-    from auditor.cli.measuring import measure_all  # noqa: PLC0415
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
-    from auditor.errors import ThresholdsError  # noqa: PLC0415
-    from auditor.pipeline.judge import calibrate, system_of  # noqa: PLC0415
+    from auditor.cli.summary import show_measuring  # noqa: PLC0415
+    from auditor.pipeline.judge import system_of  # noqa: PLC0415
+    from auditor.pipeline.many import calibrate_on, choose_clean, find_batch  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:
@@ -86,28 +86,25 @@ def command(
     opened = [Store.open(path) for path in stores]
     given: list[tuple[Store, str]] = []
     if recordings:
-        measured = measure_all(recordings, store, tally, measuring)
+        measured = show_measuring(find_batch(recordings, store, measuring), tally)
         given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
-    clean = [one for kept in opened for one in _cleared(kept, {known for _, known in given})]
-    clean += [(kept, known) for kept, known in given if _is_clean(kept, known)]
-    if not clean:
-        raise ThresholdsError(
-            "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
-        )
-    calibration = calibrate(clean, frames, recount=recount)
+    clean = choose_clean(given, opened)
+    for reason in clean.left_out:
+        say(reason)
+    calibration = calibrate_on(clean, frames, recount=recount)
     fewest = min(len(samples) for samples in calibration.samples.values())
     _check_resolution(r, fewest, strict=strict)
     kept = Store.open(store, create=True)
     kept.write_calibration(calibration)
     if out:
         write_calibration(calibration, out)
-    one, known = clean[0]
+    one, known = clean.chosen[0]
     system = system_of(one.rig(one.measurement(known).rig_id))
     if method == "robust":
         show_robust(calibration, system, r, form)
     else:
         show_paper(calibration, kept, r, form)
-    show_left_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean))
+    show_left_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean.chosen))
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
 
 
@@ -115,39 +112,6 @@ def _name(store: "Store", measurement: str) -> tuple[str, str]:
     """The id of a measurement's recording, and what the user calls it."""
     recording_id = store.measurement(measurement).recording_id
     return recording_id, store.recording(recording_id).name
-
-
-def _is_clean(store: "Store", measurement: str) -> bool:
-    """False, and said so, where the recording carries the ground truth of an attack."""
-    from auditor.cli.judging import recording_name  # noqa: PLC0415
-
-    attacked = bool(store.labels(store.measurement(measurement).recording_id))
-    if attacked:
-        say(f"{recording_name(store, measurement)}: left out: it carries the ground truth of an attack")
-    return not attacked
-
-
-def _cleared(store: "Store", given: set[str]) -> "Iterator[tuple[Store, str]]":
-    """What a store holds beside the measurements `given` that neither labels nor verdicts speak against."""
-    judgements = store.current_judgements()
-    for known in store.ids("measurements"):
-        if known not in given and _is_clean(store, known) and _is_cleared(store, known, judgements.get(known)):
-            yield store, known
-
-
-def _is_cleared(store: "Store", measurement: str, judgement: "StoredJudgement | None") -> bool:
-    """False, and said so, where the store's own verdicts speak against a measurement that nobody called clean."""
-    from auditor.cli.judging import recording_name  # noqa: PLC0415
-
-    if judgement is None or not judgement.in_incidents:
-        return True
-    count = judgement.in_incidents
-    say(
-        f"{recording_name(store, measurement)}: left out: by its current verdicts (method {judgement.method}, "
-        f"r = {judgement.r}) {count} frame{' is' if count == 1 else 's are'} in incidents; if it is known to be clean, "
-        "give the recording itself, or judge the store again (auditor judge) where the verdicts were wrong"
-    )
-    return False
 
 
 def _check_resolution(r: Decimal, fewest: int, *, strict: bool) -> None:

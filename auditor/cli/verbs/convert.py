@@ -1,4 +1,4 @@
-"""`auditor convert`: any recording it reads becomes MCAP."""
+"""`auditor convert`: any recording that auditor reads becomes MCAP."""
 
 from pathlib import Path
 

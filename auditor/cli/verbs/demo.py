@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import print_rows, progress, say
 
 if TYPE_CHECKING:
@@ -45,14 +46,13 @@ def command(folder: Path, method: str, jobs: int) -> int:
     Everything lands in the folder: the recordings, the store, the page. Exits with 0 when the audit names exactly the
     sensors that were attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.measuring import Measuring, measure_all  # noqa: PLC0415
-    from auditor.cli.summary import show_audit  # noqa: PLC0415
-    from auditor.measurement.disparity.matchers import MatcherOptions  # noqa: PLC0415
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.model.verdict import Method  # noqa: PLC0415
     from auditor.pipeline.demo import fleet  # noqa: PLC0415
-    from auditor.pipeline.judge import calibrate  # noqa: PLC0415
+    from auditor.pipeline.judge import Criteria, calibrate  # noqa: PLC0415
+    from auditor.pipeline.many import JudgeSettings, MeasureSettings, find_batch, judge_all  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
-    from auditor.recordings import Origin  # noqa: PLC0415
     from auditor.reporting import render_incident_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
@@ -61,19 +61,19 @@ def command(folder: Path, method: str, jobs: int) -> int:
     store = folder / "audit"
     tally = Tally()
     _record((*clean, *suspected), jobs)
-    measuring = Measuring("sgbm", MatcherOptions(), None, lambda _: Origin(), lambda _: Limits(), jobs)
-    learnt = measure_all([take.file for take in clean], store, tally, measuring)
+    measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
+    references = show_measuring(find_batch([take.file for take in clean], store, measuring), tally)
     kept = Store.open(store)
-    calibration = calibrate([(kept, known) for one in learnt for known in one.measurement_ids])
+    calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
     kept.write_calibration(calibration)
-    audited = measure_all([take.file for take in suspected], store, tally, measuring)
-    judging = Judging(Decimal(0), calibration.calibration_id, method, strict=True, min_coverage=1)
-    judge_all(kept, [known for one in audited for known in one.measurement_ids], judging, tally)
+    audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
+    judging = JudgeSettings(Criteria(Decimal(0), Method(method), strict=True), calibration, min_coverage=1)
+    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), tally)
     show_audit(kept, "table", {one.recording_id for one in audited})
     exact = _compare(kept, suspected)
     page = render_incident_report(kept, out=store / "reports" / "incident.html")
     click.echo(f"The incident page: {page}")
-    click.echo(f"Ask further:       auditor query --store {store}")
+    click.echo(f"Query the store:   auditor query --store {store}")
     return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
 
 

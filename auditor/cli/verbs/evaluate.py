@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import emit, format_option, progress, say
 from auditor.errors import SettingError
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.pipeline.workers import Progress
 
-Asked = TypeVar("Asked")
+SomeTask = TypeVar("SomeTask")
 
 _STREET_FRAMES = 50
 _FIRST_STREET = 1000
@@ -26,9 +27,9 @@ _FIRST_STREET = 1000
 @click.command("evaluate", short_help="The paper's tables on your own clean logs.")
 @click.argument("recordings", nargs=-1, metavar="[RECORDING]...", type=click.Path(path_type=Path))
 @click.option("--synthetic", type=click.IntRange(min=1), metavar="N", help="Make N streets and evaluate on them too.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="What attacks are drawn from.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random attacks.")
 @click.option(
-    "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked anew."
+    "--draws", type=click.IntRange(min=1), default=1, show_default=True, help="How often each frame is attacked again."
 )
 @click.option(
     "--attack-every",
@@ -43,7 +44,7 @@ _FIRST_STREET = 1000
     "patterns",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="A picture of a laser pattern to lay over the images; may be given again.",
+    help="An image of a laser pattern to lay over the camera images; may be given again.",
 )
 @click.option(
     "--detector",
@@ -89,13 +90,13 @@ def command(
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
     and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
-    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects tells how often objects that
+    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects says how often objects that
     sensors see do not match. Evaluations with several matchers in one store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.measuring import shared  # noqa: PLC0415
     from auditor.evaluation import EvaluateTask, Recorded, Street, Task, evaluate_source, experiments_of, judge_cases  # noqa: PLC0415 - heavy
     from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
+    from auditor.pipeline.many import share_threads  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
     from auditor.store import Store, run_query  # noqa: PLC0415
 
@@ -112,7 +113,7 @@ def command(
     if not sources:
         return Exit.FAILED
     Store.open(store, create=True)
-    network, jobs = shared(network, jobs)
+    network, jobs = share_threads(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
     tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
@@ -132,7 +133,9 @@ def command(
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 
 
-def _evaluate_all(evaluate: "Callable[[Asked, Progress], Evaluated]", tasks: "Sequence[Asked]", jobs: int) -> bool:
+def _evaluate_all(
+    evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]", jobs: int
+) -> bool:
     """Measure all; False where something could not be."""
     from auditor.pipeline.workers import run_all  # noqa: PLC0415
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     help="How it is printed.",
 )
 def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | None, form: str) -> int:
-    """Read recordings through and tell their topics, their health, the rigs in them and what these can identify.
+    """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
 
     Where the messages of each sensor went adds up: read = used + unused + damaged + skipped.
 
@@ -36,7 +36,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     auditor inspect night.mcap --write-rig vehicle.toml
     auditor inspect night.mcap --rig vehicle.toml
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
@@ -158,7 +158,7 @@ def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
         "rectified_to": None if view is None else {"size_px": _size(view.rig.cameras[0]), "focal_px": view.focal_px},
         "triples": [list(triple) for triple in rig.triples],
         "max_attacked": rig.max_attacked,
-        "abilities": capabilities(rig),
+        "capabilities": capabilities(rig),
         "pairs_without_depth": [list(pair) for pair in short_pairs(rig)],
         "frames": health.frames,
         "skipped": dict(health.skipped),
@@ -211,7 +211,7 @@ def _show(description: dict[str, Any]) -> None:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
         print_rows(rows, columns, title=f"Rig {rig['kind']}")
-        for line in rig["abilities"]:
+        for line in rig["capabilities"]:
             click.echo(f"  {line}")
         click.echo()
         for line in _geometry(rig):
@@ -243,10 +243,10 @@ def _frames(rig: dict[str, Any]) -> str:
 def _geometry(rig: dict[str, Any]) -> Iterator[str]:
     if rig["rectified_to"]:
         size, focal = rig["rectified_to"]["size_px"], rig["rectified_to"]["focal_px"]
-        shown = f"pictures of {size} px, focal length {focal:.0f} px"
+        shown = f"images of {size} px, focal length {focal:.0f} px"
         if rig["beside_line_px"]:
             beside = ", ".join(f"{name} by {rows:.1f} px" for name, rows in rig["beside_line_px"].items())
-            yield f"not on one line ({beside} at 10 m): rectified pair by pair, and brought back to {shown}"
+            yield f"not on one line ({beside} at 10 m): rectified pair by pair, and mapped to {shown}"
         else:
             yield f"not rectified as recorded: measured on rectified {shown}"
     for warning in rig["calibration_warnings"]:

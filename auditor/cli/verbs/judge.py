@@ -14,7 +14,7 @@ from auditor.cli.output import format_option
 @options.recount_option
 @options.judging_options
 @format_option
-def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to Judging
+def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library
     """Judge everything in a store again: another r, other thresholds, no recordings needed.
 
     \b
@@ -24,20 +24,16 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
 
     The new verdicts become the current ones; earlier ones stay in the store. What could not be judged now is not shown.
 
-    --recount is for measurements made by an auditor with other windows: what they keep in cells is counted in today's
-    windows before it is judged. What was measured stays as it is, and a judgement says that it was recounted. Its
+    --recount is for measurements made by an auditor with other windows: their stored cells are counted in today's
+    windows before they are judged. What was measured stays as it is, and a judgement says that it was recounted. Its
     thresholds must be made with today's windows, too (auditor calibrate --recount).
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Judging, Tally, judge_all  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.summary import show_audit  # noqa: PLC0415
-    from auditor.errors import StoreError  # noqa: PLC0415
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import show_audit, show_judging  # noqa: PLC0415
+    from auditor.pipeline.library import judge  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    kept = Store.open(store)
-    ids = kept.ids("measurements")
-    if not ids:
-        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
-    tally = Tally()
-    judged = judge_all(kept, ids, Judging(**judging), tally)
+    kept, tally = Store.open(store), Tally()
+    judged = show_judging(judge(kept, **judging), tally)
     show_audit(kept, form, judged=judged)
     return tally.exit_code()

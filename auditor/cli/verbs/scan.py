@@ -9,7 +9,7 @@ from auditor.cli import options
 from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
-    from auditor.cli.measuring import Measuring
+    from auditor.pipeline.many import MeasureSettings
 
 
 @click.command("scan", short_help="Audit recordings: the main job.")
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 def command(
     recordings: tuple[Path, ...],
     store: Path,
-    measuring: "Measuring",
+    measuring: "MeasureSettings",
     *,
     measure_only: bool,
     form: str,
-    **judging: Any,  # noqa: ANN401 - handed on to Judging, which declares them
+    **judging: Any,  # noqa: ANN401 - handed on to judge_settings, which declares them
 ) -> int:
     """Audit recordings: measure every frame, judge it, and name the attacked sensors.
 
@@ -37,14 +37,15 @@ def command(
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
     these. What the store has measured already is not measured again.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.judging import Judging, Tally, judge_all, named_calibration  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.measuring import measure_all  # noqa: PLC0415
-    from auditor.cli.summary import show_audit  # noqa: PLC0415
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.pipeline.library import judge_settings  # noqa: PLC0415
+    from auditor.pipeline.many import find_batch, judge_all  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    how, tally, judged = Judging(**judging), Tally(), list[str]()
-    named_calibration(store, how.calibration)  # a wrong name is told before hours of measuring, not after
-    measured = measure_all(recordings, store, tally, measuring)
+    settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
+    tally, judged = Tally(), list[str]()
+    measured = show_measuring(find_batch(recordings, store, measuring), tally)
     if not measured:
         return tally.exit_code()
     kept = Store.open(store)
@@ -53,6 +54,6 @@ def command(
         say("measured only: no verdicts were reached; auditor judge reaches them")
         tally.incomplete = True
     else:
-        judged = judge_all(kept, ids, how, tally)
+        judged = show_judging(judge_all(kept, ids, settings), tally)
     show_audit(kept, form, {one.recording_id for one in measured}, judged)
     return tally.exit_code()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli import Exit, options
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.output import print_rows, progress, say
 from auditor.errors import SettingError
 
@@ -29,7 +30,7 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
     "--validate",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="A clean recording to try the network on, not to train on; may be given again.",
+    help="A clean recording to validate the network on, not to train on; may be given again.",
 )
 @click.option(
     "--out",
@@ -53,7 +54,7 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
     type=int,
     default=128,
     show_default=True,
-    help="Largest disparity that it looks for, in pixels of the image.",
+    help="Largest disparity that it finds, in pixels of the image.",
 )
 @click.option("--full-resolution", is_flag=True, help="Match every pixel, not every second one each way.")
 @click.option(
@@ -70,7 +71,7 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 @click.option(
     "--validate-every", type=int, default=100, show_default=True, help="Steps from one checkpoint to the next."
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="What chance is drawn from.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random draws.")
 @click.option("--device", default="cpu", show_default=True, help="Where it is trained: cpu, cuda or cuda:1.")
 @options.rig_option
 @click.option(
@@ -100,8 +101,8 @@ def command(
     auditor train-matcher clean_logs/*.mcap --synthetic 400 --full-resolution --width 32 --max-disparity 192
         --crop 256 512 --steps 20000 --device cuda
 
-    It learns from a pair of cameras a frame, in grey. After interruptions the same command goes on where it was. The
-    curve tells the share of pixels over 3 px, on streets and recordings that were held out, beside that of sgbm.
+    It is trained on a pair of cameras a frame, in grey. After interruptions the same command goes on where it was. The
+    curve shows the share of pixels over 3 px on validation streets and recordings, beside that of sgbm.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - heavy
     from auditor.recordings import find_recordings  # noqa: PLC0415
@@ -111,7 +112,7 @@ def command(
         raise SettingError("nothing to train on", where="train-matcher", remedy="name recordings, or give --synthetic")
     if not validate and synthetic is None:
         raise SettingError(
-            "nothing to try the network on", where="train-matcher", remedy="give --validate, or --synthetic"
+            "nothing to validate the network on", where="train-matcher", remedy="give --validate, or --synthetic"
         )
     training = psmnet_module("psmnet", "auditor.training")
     chosen = training.TrainingSettings(
@@ -129,15 +130,15 @@ def command(
         return [SampleTask(source, samples, frames) for source in sources]
 
     left_out_streets = -(-synthetic // _LEFT_OUT_SHARE) if synthetic else 0
-    learnt = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
-    made = _make([*learnt, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs)
-    learning = training_set(made[: len(learnt)], made[len(learnt) :])
-    tried = ", ".join(f"{len(files)} of {kind}" for kind, files in learning.validation.items())
-    say(f"{len(learning.training)} samples to train on; tried on {tried}")
+    for_training = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
+    made = _make([*for_training, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs)
+    training_samples = training_set(made[: len(for_training)], made[len(for_training) :])
+    validated = ", ".join(f"{len(files)} of {kind}" for kind, files in training_samples.validation.items())
+    say(f"{len(training_samples.training)} samples to train on; validated on {validated}")
 
     training.use_threads(jobs)
     points: list[Point] = []
-    for some in train_on(learning, replace(chosen, samples=learning.known), out):
+    for some in train_on(training_samples, replace(chosen, samples=training_samples.known), out):
         points += some
         for point in some:
             say(_line(point))

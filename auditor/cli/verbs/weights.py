@@ -5,12 +5,12 @@ from pathlib import Path
 
 import click
 
-from auditor.cli import Exit
+from auditor.cli.exit_codes import Exit
 
 
-@click.group("weights", short_help="Look into PSMNet checkpoints, convert them safely.")
+@click.group("weights", short_help="Inspect PSMNet checkpoints, convert them safely.")
 def command() -> None:
-    """Look into checkpoints of PSMNet and convert them; nothing in a file is ever run.
+    """Inspect checkpoints of PSMNet and convert them; nothing in a file is ever run.
 
     \b
     auditor weights inspect pretrained_model_KITTI2015.tar
@@ -21,7 +21,7 @@ def command() -> None:
 @command.command("inspect")
 @click.argument("file", type=click.Path(path_type=Path))
 def inspect(file: Path) -> int:
-    """Tell what a checkpoint holds, and whether it can be used."""
+    """Show what a checkpoint holds, and whether it can be used."""
     from auditor.cli.output import shown  # noqa: PLC0415 - keeps --help quick
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415
 

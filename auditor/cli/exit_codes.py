@@ -1,0 +1,33 @@
+"""Exit codes: what a script that runs an audit needs to know."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Exit(IntEnum):
+    """How a command ended; a newcomer finds the list under `auditor --help`."""
+
+    CLEAN = 0
+    FINDINGS = 1
+    FAILED = 2
+    INCOMPLETE = 3
+    FINDINGS_INCOMPLETE = 4
+    INTERRUPTED = 130
+
+
+@dataclass
+class Tally:
+    """What the exit code depends on, gathered over all recordings of a command."""
+
+    found: bool = False
+    incomplete: bool = False
+    audited: bool = False
+    failed: bool = False
+
+    def exit_code(self) -> Exit:
+        """0 to 4: see Exit. Without a single recording that could be examined, the command could not run."""
+        if self.failed and not self.audited and not self.incomplete:
+            return Exit.FAILED
+        if self.found:
+            return Exit.FINDINGS_INCOMPLETE if self.incomplete or self.failed else Exit.FINDINGS
+        return Exit.INCOMPLETE if self.incomplete or self.failed else Exit.CLEAN

@@ -1,0 +1,346 @@
+"""The functions of `import auditor`: the steps of an audit with plain arguments, each a few lines over the rooms.
+
+Keywords have the names, meanings and defaults of the options of the command line. Paths may be text.
+"""
+
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from pathlib import Path
+from typing import TypeVar
+
+from auditor import recordings as reading
+from auditor.errors import AuditorError, QueryError, SettingError, StoreError
+from auditor.identification.thresholds import parse_r
+from auditor.measurement import measure as measure_frame
+from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher
+from auditor.model.calibration import Calibration
+from auditor.model.frames import Frame
+from auditor.model.measurement import Measurement, Statistic
+from auditor.model.rig import Rig
+from auditor.model.verdict import Method
+from auditor.pipeline.judge import Criteria
+from auditor.pipeline.many import (
+    Batch,
+    Judge,
+    Judged,
+    JudgeSettings,
+    MeasureSettings,
+    calibrate_on,
+    choose_clean,
+    find_batch,
+    judge_all,
+    limits_by_size,
+    listing_calibrations,
+    measure_all,
+    named_calibration,
+)
+from auditor.pipeline.measure import Measured, rigs_of
+from auditor.pipeline.workers import MEMORY_MB
+from auditor.recordings import FrameStream, Recording
+from auditor.store import Store, list_views, run_query, run_sql
+from auditor.store import query as find_query
+from auditor.store.export import Table
+
+PathLike = str | Path
+Rate = Decimal | float | str
+"""The designated false-alarm rate r: 0.01, "0.01" or "1%"."""
+Choice = TypeVar("Choice", Method, Statistic)
+Progress = Callable[[object, str, int], None]
+"""Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
+
+
+# Reading and measuring
+
+
+def open_recording(path: PathLike) -> Recording:
+    """Open one recording (a file or a folder) for reading, as a context manager.
+
+    Raises RecordingError where it is missing, empty, unreadable or of no known kind.
+    """
+    return reading.open_recording(Path(path))
+
+
+def find_rigs(recording: Recording, rig_file: PathLike | None = None) -> tuple[Rig, ...]:
+    """The rigs of a recording: from its calibration and transforms, or the one of a rig.toml or camchain.yaml.
+
+    Raises RigError where no three sensors overlap, or where the rig file does not fit the recording.
+    """
+    return rigs_of(reading.survey(recording), Path(rig_file) if rig_file is not None else None)
+
+
+def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> FrameStream:
+    """The frames of a recording, in order; each iteration reads it again. What cannot be a frame comes as `Skipped`.
+
+    Images are (H, W) uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
+    """
+    return reading.synchronise(recording, rig, reading.survey(recording), colour=colour)
+
+
+def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
+    """Count the inconsistent pixels of every triple (Eq. 2), and compute the statistics of the five checks.
+
+    `counts` follow `rig.triples`, None where a sensor was missing. Raises RigError where the cameras have no view in
+    common, and SettingError for an unknown matcher.
+    """
+    found = find_matcher(matcher) if isinstance(matcher, str) else matcher
+    return measure_frame(frame, rig, found)[0]
+
+
+# Calibrating, scanning, judging
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration, which the store keeps, a sentence for each recording left out of it, and what went wrong."""
+
+    calibration: Calibration
+    left_out: tuple[str, ...]
+    errors: tuple[AuditorError, ...]
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """What became of one recording: measured and judged once for each of its rigs, or the error that ended it."""
+
+    recording: str
+    measured: Measured | None = None
+    judged: tuple[Judged, ...] = ()
+    error: AuditorError | None = None
+
+    @property
+    def found(self) -> bool:
+        """True where frames belong to an incident."""
+        return any(one.found for one in self.judged)
+
+    @property
+    def complete(self) -> bool:
+        """True where everything was measured and judged: only then does nothing found mean clean."""
+        return bool(self.judged) and all(one.complete for one in self.judged)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about the recording's calibration, its gaps, and the thresholds."""
+        measured = self.measured.calibration_warnings if self.measured else ()
+        return (*measured, *(warning for one in self.judged for warning in one.warnings))
+
+
+def calibrate(
+    sources: PathLike | Iterable[PathLike],
+    *,
+    store: PathLike = "audit",
+    frames: range | None = None,
+    matcher: str = "sgbm",
+    network: MatcherOptions = NO_NETWORK,
+    rig: PathLike | None = None,
+    jobs: int | None = None,
+    time_limit: float | None = None,
+    memory_limit: float = MEMORY_MB,
+    on_progress: Progress | None = None,
+) -> Calibrated:
+    """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
+
+    They are measured into `store`, which keeps the calibration. `frames` restricts it to these frame numbers of each.
+    Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
+    """
+    paths = _paths(sources)
+    folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
+    outcomes = list(measure_all(batch, on_progress or _silent))
+    kept = Store.open(folder, create=True)
+    given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
+    clean = choose_clean(given, stores)
+    calibration = calibrate_on(clean, frames)
+    kept.write_calibration(calibration)
+    failed = (outcome.error for outcome in outcomes if outcome.error is not None)
+    return Calibrated(calibration, clean.left_out, (*batch.errors, *failed))
+
+
+def scan(
+    recordings: PathLike | Iterable[PathLike],
+    *,
+    store: PathLike = "audit",
+    calibration: str | None = None,
+    r: Rate = "0.01",
+    method: Method | str = Method.ROBUST,
+    min_coverage: float = 0.99,
+    matcher: str = "sgbm",
+    network: MatcherOptions = NO_NETWORK,
+    rig: PathLike | None = None,
+    jobs: int | None = None,
+    time_limit: float | None = None,
+    memory_limit: float = MEMORY_MB,
+    on_progress: Progress | None = None,
+) -> Iterator[Scanned]:
+    """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
+
+    `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits. `jobs`
+    recordings (None: as many as cores) are measured at a time, each in a process of its own that may take
+    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again.
+
+    A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
+    before any work: SettingError, ThresholdsError, RigError, StoreError.
+    """
+    folder = Path(store)
+    judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage)
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
+
+
+def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterator[Scanned]:
+    for error in batch.errors:
+        yield Scanned(error.where, error=error)
+    if not batch.tasks:
+        return
+    judge = Judge(Store.open(batch.tasks[0].store), judging)
+    for outcome in measure_all(batch, on_progress):
+        if outcome.result is None:
+            yield Scanned(str(outcome.item), error=outcome.error)
+        else:
+            judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
+            yield Scanned(str(outcome.item), outcome.result, judged)
+
+
+def judge(
+    store: Store | PathLike = "audit",
+    *,
+    calibration: str | None = None,
+    r: Rate = "0.01",
+    method: Method | str = Method.ROBUST,
+    statistic: Statistic | str = Statistic.GATED,
+    incidents_per_hour: float | None = None,
+    transfer: bool = False,
+    strict: bool = False,
+    recount: bool = False,
+    min_coverage: float = 0.99,
+) -> Iterator[Judged]:
+    """Judge every measurement of a store again, without its recordings, and yield what became of each.
+
+    The new verdicts become the current ones. Raises before any work: SettingError, ThresholdsError where no
+    calibration has that name, and StoreError where nothing has been measured.
+    """
+    kept = _opened(store)
+    measurements = kept.ids("measurements")
+    if not measurements:
+        raise StoreError("nothing has been measured", where=store, remedy="measure recordings with auditor scan")
+    settings = judge_settings(
+        kept.folder,
+        calibration,
+        r,
+        method,
+        statistic,
+        incidents_per_hour,
+        transfer=transfer,
+        strict=strict,
+        recount=recount,
+        min_coverage=min_coverage,
+    )
+    return judge_all(kept, measurements, settings)
+
+
+def judge_settings(
+    store: Path,
+    calibration: str | None = None,
+    r: Rate = "0.01",
+    method: Method | str = Method.ROBUST,
+    statistic: Statistic | str = Statistic.GATED,
+    incidents_per_hour: float | None = None,
+    *,
+    transfer: bool = False,
+    strict: bool = False,
+    recount: bool = False,
+    min_coverage: float = 0.99,
+) -> JudgeSettings:
+    """The settings of a call. Raises SettingError, and ThresholdsError for an unknown calibration."""
+    criteria = Criteria(
+        parse_r(str(r)),
+        _one_of(Method, method),
+        _one_of(Statistic, statistic),
+        incidents_per_hour,
+        transfer=transfer,
+        strict=strict,
+        recount=recount,
+    )
+    return JudgeSettings(criteria, named_calibration(store, calibration), min_coverage)
+
+
+def _one_of(kind: type[Choice], value: str) -> Choice:
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(kind)
+        raise SettingError(
+            f"there is no {kind.__name__.lower()} {value!r}", where="judging", remedy=f"use one of: {known}"
+        ) from None
+
+
+def query(
+    store: Store | PathLike, name: str | None = None, /, *, sql: str | None = None, **parameters: object
+) -> Table:
+    """The answer of a query by its name and parameters, or of one SELECT statement over the store's views.
+
+    The answer is a `pyarrow.Table`; `rows_of` makes rows of it. Raises QueryError where there is no such query, a
+    parameter does not fit, names nothing in the store, or the SQL is not allowed, and StoreError.
+    """
+    if (name is None) == (sql is None):
+        raise QueryError("give the name of a query or sql, and not both", where="query")
+    if sql is not None:
+        return run_sql(_opened(store), sql)
+    assert name is not None
+    _refuse_view(name)
+    wanted, kept = find_query(name), _opened(store)
+    _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
+    return run_query(kept, name, parameters)
+
+
+def _refuse_view(name: str) -> None:
+    if name in {view.name for view in list_views()}:
+        raise QueryError(
+            "it is a view, not a query",
+            where=name,
+            remedy=f'auditor query --sql "FROM {name} LIMIT 20" shows rows of it',
+        )
+
+
+def _refuse_unknown(store: Store, query: str, parameters: Mapping[str, object]) -> None:
+    """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
+    recording, calibration = parameters.get("recording"), parameters.get("calibration")
+    if recording is not None and not store.recordings_called(str(recording)):
+        raise QueryError(
+            f"no recording has the name or id {recording!r}",
+            where=f"query {query}",
+            remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
+        )
+    if calibration is not None and not store.calibrations_called(str(calibration)):
+        raise QueryError(
+            f"no calibration has an id that begins with {calibration!r}",
+            where=f"query {query}",
+            remedy=listing_calibrations(store.folder),
+        )
+
+
+def _settings(
+    matcher: str,
+    network: MatcherOptions,
+    rig: PathLike | None,
+    jobs: int | None,
+    time_limit: float | None,
+    memory_limit: float,
+) -> MeasureSettings:
+    limits = limits_by_size(time_limit, memory_limit)
+    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits)
+    return settings if jobs is None else replace(settings, jobs=jobs)
+
+
+def _paths(sources: PathLike | Iterable[PathLike]) -> list[Path]:
+    return [Path(sources)] if isinstance(sources, str | Path) else [Path(path) for path in sources]
+
+
+def _opened(store: Store | PathLike) -> Store:
+    return store if isinstance(store, Store) else Store.open(store)
+
+
+def _silent(item: object, what: str, frames: int) -> None:
+    """Progress that nobody asked for."""

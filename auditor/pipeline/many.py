@@ -1,0 +1,290 @@
+"""Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
+
+import os
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
+from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
+from auditor.model.calibration import Calibration
+from auditor.model.verdict import VerdictKind
+from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement, resolves_incidents
+from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
+from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
+from auditor.recordings import Origin, check_rig_file, find_recordings
+from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
+
+_MOST_DAMAGE = 3  # pieces of damage in one warning
+_NO_THRESHOLDS = (
+    "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
+    "make some from clean recordings with auditor calibrate"
+)
+
+
+# Measuring
+
+
+def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> Callable[[Path], Limits]:
+    """The budgets of each recording: without a time limit they depend on its size."""
+
+    def limits(path: Path) -> Limits:
+        files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
+        size_bytes = sum(file.stat().st_size for file in files)
+        return limits_of(size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
+
+    return limits
+
+
+def _unknown_origin(_: Path) -> Origin:
+    return Origin()
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
+
+    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration.
+    """
+
+    matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
+    rig: Path | None = None
+    origin_of: Callable[[Path], Origin] = _unknown_origin
+    limits: Callable[[Path], Limits] = field(default_factory=limits_by_size)
+    jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Recordings that are to be measured into a store, and an error for each path that holds none."""
+
+    tasks: tuple[MeasureTask, ...]
+    errors: tuple[RecordingError, ...]
+    settings: MeasureSettings
+
+
+def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) -> Batch:
+    """Find the recordings at some paths, in the order given; make the store where there are any.
+
+    Raises SettingError for an unknown matcher or an origin that cannot be read, RigError for a rig file that cannot be
+    read, and StoreError: these are errors of the whole command, not of each recording.
+    """
+    find_matcher(settings.matcher, settings.network)
+    if settings.rig:
+        check_rig_file(settings.rig)
+    found = find_recordings(paths)
+    if not found.recordings:
+        return Batch((), found.errors, settings)
+    Store.open(store, create=True)
+    network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
+    tasks = tuple(
+        MeasureTask(path, store, settings.matcher, network, settings.rig, settings.origin_of(path))
+        for path in found.recordings
+    )
+    return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs))
+
+
+def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, int]:
+    """How many processes match side by side: the CPU's threads are shared among them, a GPU is not."""
+    if network.device != "cpu":
+        return network, 1
+    return replace(network, threads=max(1, len(os.sched_getaffinity(0)) // jobs)), jobs
+
+
+def measure_all(
+    batch: Batch, on_progress: Callable[[object, str, int], None]
+) -> Iterator[Outcome[MeasureTask, Measured]]:
+    """Measure the recordings of a batch and yield their outcomes as they finish; every error names its recording.
+
+    `on_progress` is called with the recording, what is being done, and the number of frames done.
+    """
+    limits = batch.settings.limits
+    outcomes = run_all(
+        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
+    )
+    for outcome in outcomes:
+        error = outcome.error.located(outcome.item) if outcome.error is not None else None
+        yield replace(outcome, error=error)
+
+
+def was_examined(error: AuditorError) -> bool:
+    """True where a recording could be read but not audited, or took too much: the error says what is missing."""
+    return isinstance(error, RigError | LimitError)
+
+
+# Calibrating
+
+
+@dataclass(frozen=True)
+class CleanMeasurements:
+    """Measurements to calibrate on, each with its store, and a sentence for each that is left out."""
+
+    chosen: tuple[tuple[Store, str], ...]
+    left_out: tuple[str, ...]
+
+
+def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
+    """The measurements `given` as clean and those that `stores` hold beside them.
+
+    Left out is what carries the ground truth of an attack and, of the stores', what their current verdicts put into
+    incidents.
+    """
+    known = {measurement for _, measurement in given}
+    reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
+    reasons += [(store, one, _attacked(store, one)) for store, one in given]
+    chosen = tuple((store, one) for store, one, reason in reasons if not reason)
+    left_out = (f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in reasons if reason)
+    return CleanMeasurements(chosen, tuple(left_out))
+
+
+def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recount: bool = False) -> Calibration:
+    """The calibration that clean measurements give, see `judge.calibrate`. Raises ThresholdsError."""
+    if not clean.chosen:
+        raise ThresholdsError(
+            "no clean recording to calibrate on", remedy="give recordings that are known to be free of attacks"
+        )
+    return calibrate(clean.chosen, frames, recount=recount)
+
+
+def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
+    """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
+    judgements = store.current_judgements()
+    for measurement in store.ids("measurements"):
+        if measurement not in given:
+            yield measurement, _attacked(store, measurement) or _in_incidents(judgements.get(measurement))
+
+
+def _attacked(store: Store, measurement: str) -> str:
+    labels = store.labels(store.measurement(measurement).recording_id)
+    return "it carries the ground truth of an attack" if labels else ""
+
+
+def _in_incidents(judgement: StoredJudgement | None) -> str:
+    if judgement is None or not judgement.in_incidents:
+        return ""
+    count = judgement.in_incidents
+    return (
+        f"by its current verdicts (method {judgement.method}, r = {judgement.r}) "
+        f"{count} frame{' is' if count == 1 else 's are'} in incidents; if it is known to be clean, give the recording "
+        "itself, or judge the store again (auditor judge) where the verdicts were wrong"
+    )
+
+
+# Judging
+
+
+@dataclass(frozen=True)
+class JudgeSettings:
+    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it.
+
+    Below `min_coverage`, the share of frames that could be judged, a recording counts as not fully audited.
+    """
+
+    criteria: Criteria
+    calibration: Calibration | None = None
+    min_coverage: float = 0.99
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What became of one measurement: a judgement, an error, or neither where the store has no thresholds for it.
+
+    `recording` is the name of its recording. `complete` is False where something was not audited: `warnings`, which
+    are sentences, say what.
+    """
+
+    recording: str
+    measurement_id: str
+    judgement: StoredJudgement | None = None
+    error: AuditorError | None = None
+    warnings: tuple[str, ...] = ()
+    complete: bool = False
+
+    @property
+    def found(self) -> bool:
+        """True where frames belong to an incident."""
+        return self.judgement is not None and self.judgement.in_incidents > 0
+
+
+class Judge:
+    """Judges measurements of one store; its calibrations and current judgements are read once."""
+
+    def __init__(self, store: Store, settings: JudgeSettings) -> None:
+        self._store = store
+        self._settings = settings
+        self._calibrations = [] if settings.calibration else store.calibrations()
+        self._current = store.current_judgements()
+
+    def judge(self, measurement: str) -> Judged:
+        """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
+        store, criteria = self._store, self._settings.criteria
+        name = recording_name(store, measurement)
+        calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+        if calibration is None:
+            return Judged(name, measurement, warnings=(_NO_THRESHOLDS,))
+        try:
+            judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
+        except AuditorError as error:
+            return Judged(name, measurement, error=error)
+        gaps = tuple(_gaps(store.measurement(measurement), judgement, self._settings.min_coverage))
+        warnings = (*_unresolved(judgement), *gaps, *_unresolved_incidents(calibration, criteria))
+        return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps)
+
+
+def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
+    """Judge measurements of a store one by one."""
+    judge = Judge(store, settings)
+    return (judge.judge(measurement) for measurement in measurements)
+
+
+def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
+    if not judgement.resolvable:
+        yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
+
+
+def _unresolved_incidents(calibration: Calibration, criteria: Criteria) -> Iterator[str]:
+    if not resolves_incidents(calibration, criteria):
+        yield "too few clean frames for that incident rate: judged as at 0"
+
+
+def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
+    """What of a recording was not audited."""
+    audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
+    due = measurement.frames - measurement.skipped.get("edge", 0)
+    if audited < min_coverage * due:
+        yield f"{audited} of {due} frames audited"
+    damaged = sum(topic.damaged for topic in measurement.balance)
+    if measurement.damage or damaged:
+        yield f"damaged: {'; '.join(measurement.damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}"
+
+
+def recording_name(store: Store, measurement: str) -> str:
+    """What the user calls the recording of a measurement."""
+    return store.recording(store.measurement(measurement).recording_id).name
+
+
+def named_calibration(folder: Path, name: str | None) -> Calibration | None:
+    """The calibration of a name: a file, or an id of the store in a folder or the beginning of one; None of None.
+
+    Raises ThresholdsError where there is none, also where there is no store yet.
+    """
+    if name is None:
+        return None
+    if Path(name).is_file():
+        return read_calibration(Path(name))
+    store = Store.open(folder) if Store.is_at(folder) else None
+    matching = store.calibrations_called(name) if store else []
+    if store is None or len(matching) != 1:
+        what = "several calibrations begin so" if matching else "no calibration has that id, and no file that name"
+        known = store is not None and bool(store.ids("calibrations"))
+        remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
+        raise ThresholdsError(what, where=name or "--calibration", remedy=remedy)
+    return store.calibration(matching[0])
+
+
+def listing_calibrations(folder: Path) -> str:
+    """A command that lists the calibrations of a store."""
+    sql = "SELECT DISTINCT calibration_id, kind, matcher, calibrated_at FROM calibrations"
+    return f'auditor query --store {shlex.quote(str(folder))} --sql "{sql}" lists them'

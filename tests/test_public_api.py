@@ -1,0 +1,59 @@
+"""What `import auditor` offers, and what it does not load before it is used."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import auditor
+
+HEAVY = ("click", "cv2", "duckdb", "jinja2", "mcap", "numpy", "pyarrow", "rich", "rosbags", "torch")
+
+
+def imported_by(program: str) -> set[str]:
+    """The heavy packages that a program imports, in a process of its own."""
+    lines = f"import sys\n{program}\nprint('imported:', *({set(HEAVY)} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+def test_importing_auditor_loads_no_heavy_package() -> None:
+    assert imported_by("import auditor; dir(auditor)") == set()
+
+
+def test_the_help_of_the_command_line_loads_click_and_no_other_heavy_package() -> None:
+    assert imported_by("from auditor.cli import run; run(['--help'])") == {"click"}
+
+
+@pytest.mark.parametrize("name", auditor.__all__)
+def test_every_name_of_the_api_is_there_and_listed(name: str) -> None:
+    assert getattr(auditor, name) is not None
+    assert name in dir(auditor)
+
+
+def test_a_name_that_is_none_of_the_api_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'judge_everything'"):
+        _ = auditor.judge_everything
+
+
+def test_type_checkers_see_the_names_where_they_are_imported_from() -> None:
+    tree = ast.parse(Path(auditor.__file__).read_text(encoding="utf-8"))
+    typed = {
+        alias.name: node.module
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in ast.walk(block)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    names = [name for name in auditor.__all__ if name != "__version__"]
+    assert sorted(typed) == sorted(names)
+    for name, module in typed.items():
+        assert getattr(auditor, name) is getattr(sys.modules[str(module)], name), name
+
+
+def test_every_function_and_class_of_the_api_is_documented() -> None:
+    undocumented = [name for name in auditor.__all__ if callable(one := getattr(auditor, name)) and not one.__doc__]
+    assert undocumented == []
