@@ -19,7 +19,10 @@ from tests.benchmarks.robust_faults import on, taken
 from tests.benchmarks.robust_watching import measured
 
 FRAMES = 4
-LEARNT_ON, TILTED = 1001, 1003  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration
+CALIBRATED_ON, TILTED = (
+    1001,
+    1003,
+)  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +31,16 @@ class Street:
 
     rig: Rig
     frames: list[Frame]
-    learnt: RobustThresholds
+    thresholds: RobustThresholds
 
     def verdicts(self, frames: Iterable[Frame]) -> list[Verdict]:
         """The verdicts on frames as they were changed."""
-        return judged(measured(frames, self.rig), self.learnt, self.rig)
+        return judged(measured(frames, self.rig), self.thresholds, self.rig)
 
 
 @pytest.fixture(scope="module")
 def street() -> Street:
-    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (LEARNT_ON, TILTED))
+    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (CALIBRATED_ON, TILTED))
     tilt = other.vehicle.lidar.tilt
     assert np.rad2deg(np.arccos((np.trace(tilt) - 1) / 2)) > 0.1
     return Street(other.rig, list(other.frames()), learn([measured(one.frames(), one.rig)], one.rig))
