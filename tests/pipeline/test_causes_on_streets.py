@@ -19,15 +19,13 @@ from tests.benchmarks.robust_faults import on, taken
 from tests.benchmarks.robust_watching import measured
 
 FRAMES = 4
-CALIBRATED_ON, TILTED = (
-    1001,
-    1003,
-)  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration
+# Two vehicles, each with a street of its own; the LiDAR of the second lies well beside its calibration.
+CALIBRATED_ON, TILTED = 1001, 1003
 
 
 @dataclass(frozen=True, eq=False)
 class Street:
-    """The frames of a vehicle, and what another one's clean frames teach."""
+    """The frames of a vehicle, and the thresholds from another one's clean frames."""
 
     rig: Rig
     frames: list[Frame]
@@ -46,7 +44,7 @@ def street() -> Street:
     return Street(other.rig, list(other.frames()), learn([measured(one.frames(), one.rig)], one.rig))
 
 
-def test_a_lidar_that_has_always_been_a_little_askew_is_no_finding(street: Street) -> None:
+def test_a_lidar_that_has_always_been_a_little_tilted_is_no_finding(street: Street) -> None:
     assert {verdict.kind for verdict in street.verdicts(street.frames)} == {VerdictKind.CLEAN}
 
 
