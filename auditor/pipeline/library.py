@@ -343,4 +343,4 @@ def _opened(store: Store | PathLike) -> Store:
 
 
 def _silent(item: object, what: str, frames: int) -> None:
-    """Progress that nobody asked for."""
+    """The default of `on_progress`."""

@@ -26,7 +26,7 @@ from pebble import ProcessExpired, ProcessPool
 from auditor.errors import AuditorError, LimitError
 
 MEMORY_MB = 4096
-"""Memory that one task may take, if nobody says otherwise."""
+"""Memory that one task may take by default."""
 
 SILENT_S = 600.0
 """Time that a task without a time limit may take between two frames."""

@@ -1,4 +1,4 @@
-"""What the store answers can be read, and no silence or old verdict is taken for a finding of today."""
+"""Answers of the store can be read, and neither missing rows nor earlier verdicts pass for results of today."""
 
 import json
 import re
@@ -27,7 +27,7 @@ def printed(store: Store, capfd: pytest.CaptureFixture[str], *arguments: str) ->
 
 
 def refused(capfd: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """What is said where a command could not run."""
+    """The message of a command that could not run."""
     capfd.readouterr()
     assert run([str(argument) for argument in arguments]) == 2
     return capfd.readouterr().err

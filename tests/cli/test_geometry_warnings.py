@@ -25,7 +25,7 @@ def drive() -> SyntheticDrive:
 
 @pytest.fixture(scope="module")
 def bent(drive: SyntheticDrive, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording by cameras that nobody rectified, whose calibration says so."""
+    """A recording by cameras that are not rectified, whose calibration says so."""
     crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 1)))
     path = tmp_path_factory.mktemp("bent") / "bent.mcap"
     write_mcap(path, crooked.rig, crooked.frames())
@@ -42,12 +42,12 @@ def test_a_recording_that_is_not_rectified_is_scanned_and_inspected(
     assert run(["inspect", str(bent)]) == 0
     assert "not rectified as recorded" in capfd.readouterr().out
     assert run(["scan", str(bent), "--measure-only", "--store", str(tmp_path / "audit")]) == 3
-    said = capfd.readouterr().err
-    assert "2 frames measured" in said
-    assert "WARNING" not in said
+    printed = capfd.readouterr().err
+    assert "2 frames measured" in printed
+    assert "WARNING" not in printed
 
 
-def test_pictures_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack(
+def test_images_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack(
     bent: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with_rig = str(tmp_path / "rig.toml")
@@ -58,10 +58,10 @@ def test_pictures_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack
     scan = ["scan", str(bent), "--measure-only", "--rig", with_rig, "--store", str(tmp_path / "audit")]
     for how in ("measured", "measured before"):  # the store keeps what did not fit
         assert run(scan) == 3
-        said = capfd.readouterr().err
-        assert f"2 frames {how}" in said
-        assert "WARNING: the pictures of camera_" in " ".join(said.split())
-        assert "wrong rectification flag" in " ".join(said.split())
+        printed = capfd.readouterr().err
+        assert f"2 frames {how}" in printed
+        assert "WARNING: the pictures of camera_" in " ".join(printed.split())
+        assert "wrong rectification flag" in " ".join(printed.split())
 
 
 def test_a_lidar_that_was_moved_is_a_warning_at_inspect(

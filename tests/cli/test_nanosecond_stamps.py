@@ -1,4 +1,4 @@
-"""Real clocks tick in nanoseconds: a recording with such stamps is audited, queried and reported."""
+"""Real clocks count nanoseconds: a recording with such stamps is audited, queried and reported."""
 
 import csv
 import importlib.util

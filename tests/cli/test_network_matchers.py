@@ -29,8 +29,8 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("weights") / "tiny.pt"
-    said = {"align_corners": True, "max_disparity": 64, "step": 2, "colour": False}
-    torch.save({"state_dict": ruled_state(2), "psmnet": said}, path)
+    described = {"align_corners": True, "max_disparity": 64, "step": 2, "colour": False}
+    torch.save({"state_dict": ruled_state(2), "psmnet": described}, path)
     return path
 
 

@@ -1,4 +1,4 @@
-"""A vehicle whose cameras do not stand on one line, from its recordings to who is attacked."""
+"""A vehicle whose cameras do not stand on one line, from its recordings to the attacked sensors."""
 
 import json
 from collections.abc import Iterator
@@ -40,11 +40,11 @@ def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixt
     write_mcap(Path(clean), street(0).rig, street(0).frames())
     write_mcap(Path(tested), street(1).rig, attacked(street(1)))
     assert run(["inspect", clean]) == 0
-    said = " ".join(capfd.readouterr().out.split())
-    assert "up to 1 attacked sensor at once can be identified" in said
-    assert "not on one line (S_2 by 4.2 px at 10 m): rectified pair by pair" in said
-    assert "WARNING" not in said
-    assert "left out" not in said
+    printed = " ".join(capfd.readouterr().out.split())
+    assert "up to 1 attacked sensor at once can be identified" in printed
+    assert "not on one line (S_2 by 4.2 px at 10 m): rectified pair by pair" in printed
+    assert "WARNING" not in printed
+    assert "left out" not in printed
     assert run(["calibrate", clean, "-r", "0.05", "--store", store]) == 0
     assert run(["scan", tested, "-r", "0.05", "--store", store]) == 1
     capfd.readouterr()
@@ -53,5 +53,5 @@ def test_each_attacked_sensor_is_named(tmp_path: Path, capfd: pytest.CaptureFixt
     print([(row["first_frame"], row["last_frame"], row["kind"], row["attacked"]) for row in incidents])
     named = [row for row in incidents if row["attacked"]]
     assert [row["attacked"] for row in named] == [[1], [2], [3], [LIDAR]]
-    # The means over half a second take a frame until they tell one attack from the next.
+    # The means over half a second take a frame to follow from one attack to the next.
     assert sum(row["last_frame"] - row["first_frame"] + 1 for row in named) >= 4 * 4 - 1

@@ -53,7 +53,7 @@ def test_a_pattern_after_out_costs_no_recording_and_no_work(clean: Path, mine: P
     assert not (tmp_path / "audit").exists()
 
 
-def test_a_rig_file_that_somebody_corrected_is_not_written_over(clean: Path, tmp_path: Path, capfd) -> None:
+def test_a_rig_file_that_was_corrected_is_not_written_over(clean: Path, tmp_path: Path, capfd) -> None:
     rig = tmp_path / "rig.toml"
     assert run(["inspect", str(clean), "--write-rig", str(rig)]) == 0
     assert f"the rig is in {rig}" in capfd.readouterr().err

@@ -82,7 +82,7 @@ def test_vehicle_date_and_drive_come_from_the_path_from_options_and_from_the_rec
     assert [(row["vehicle"], row["date"]) for row in rows(known, store, capfd)] == [("alder", "2026-01-31")] * 2
     assert run([*scan, "--vehicle", "birch", "--drive", "0009"]) == 3
     found = [(row["vehicle"], row["date"], row["drive"]) for row in rows(known, store, capfd)]
-    assert found == [("birch", "2026-01-31", "0009")] * 2, "what is not given anew stays"
+    assert found == [("birch", "2026-01-31", "0009")] * 2, "what is not given again stays"
     assert run([*scan, "--path-pattern", "{date}/alder/*/*.mcap"]) == 2
     assert "is not a date" in capfd.readouterr().err
     assert run([*scan, "--path-pattern", "{colour}/*.mcap"]) == 2

@@ -19,31 +19,32 @@ from tests.benchmarks.lasting_faults import on, taken
 from tests.benchmarks.measured_series import measured
 
 FRAMES = 4
-LEARNT_ON, TILTED = 1001, 1003  # vehicles with streets of their own; the LiDAR of one lies well beside its calibration
+# Two vehicles, each with a street of its own; the LiDAR of the second lies well beside its calibration.
+CALIBRATED_ON, TILTED = 1001, 1003
 
 
 @dataclass(frozen=True, eq=False)
 class Street:
-    """The frames of a vehicle, and what another one's clean frames teach."""
+    """The frames of a vehicle, and the thresholds from another one's clean frames."""
 
     rig: Rig
     frames: list[Frame]
-    learnt: RobustThresholds
+    thresholds: RobustThresholds
 
     def verdicts(self, frames: Iterable[Frame]) -> list[Verdict]:
         """The verdicts on frames as they were changed."""
-        return judged(measured(frames, self.rig), self.learnt, self.rig)
+        return judged(measured(frames, self.rig), self.thresholds, self.rig)
 
 
 @pytest.fixture(scope="module")
 def street() -> Street:
-    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (LEARNT_ON, TILTED))
+    one, other = (make_drive(seed, FRAMES, vehicle=seed) for seed in (CALIBRATED_ON, TILTED))
     tilt = other.vehicle.lidar.tilt
     assert np.rad2deg(np.arccos((np.trace(tilt) - 1) / 2)) > 0.1
     return Street(other.rig, list(other.frames()), learn([measured(one.frames(), one.rig)], one.rig))
 
 
-def test_a_lidar_that_has_always_been_a_little_askew_is_no_finding(street: Street) -> None:
+def test_a_lidar_that_has_always_been_a_little_tilted_is_no_finding(street: Street) -> None:
     assert {verdict.kind for verdict in street.verdicts(street.frames)} == {VerdictKind.CLEAN}
 
 

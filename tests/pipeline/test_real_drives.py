@@ -102,7 +102,7 @@ def _off_px(frame: Frame, rig: Rig, check: int, depth_m: np.ndarray) -> np.ndarr
     z = depth_m[view.row, view.column]
     known = z > 0
     u, v, z = view.column[known], view.row[known], z[known]
-    P, P_witness = rig.camera(3).projection, rig.camera(check).projection
+    P, P_source = rig.camera(3).projection, rig.camera(check).projection
     points = np.linalg.solve(P[:, :3], np.stack([u * z, v * z, z]) - P[:, 3:])
-    seen = P_witness[:, :3] @ points + P_witness[:, 3:]
+    seen = P_source[:, :3] @ points + P_source[:, 3:]
     return np.abs(view.disparity_px(check)[known] - (u - seen[0] / seen[2]))

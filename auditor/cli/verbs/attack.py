@@ -62,7 +62,7 @@ class _Sensor(click.ParamType[int]):
     help="How bright a facula is: 255, 510 or 2000 grey levels at its centre.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Decides size and place.")
-@click.option("--moving", is_flag=True, help="Draw size and place anew for every frame.")
+@click.option("--moving", is_flag=True, help="Draw size and place again for every frame.")
 @click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
 @click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
 @options.rig_option
