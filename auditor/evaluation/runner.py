@@ -131,7 +131,7 @@ class Run(ABC):
             "experiment": experiment.name,
             "seed": task.seed if experiment.drawn else None,
             "draws": task.draws if experiment.drawn else None,
-            "stretch": chunk,
+            "chunk": chunk,
             "attack_every": task.attack_every if experiment.attacks else None,
         }
 

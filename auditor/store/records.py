@@ -104,11 +104,11 @@ class FrameErrors:
 
 @dataclass(frozen=True, eq=False)
 class FrameRatios:
-    """The local ratios of a measurement's F measured frames, skipped ticks left out.
+    """The windowed ratios of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_elements(rig)`, NaN where
-    it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`, the
-    latter -1 where the sensor was not there.
+    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_pair_checks(rig)`, NaN
+    where it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`,
+    the latter -1 where the sensor was not there.
     """
 
     frames: NDArray[np.int64]
@@ -195,5 +195,5 @@ def content_id(*parts: object) -> str:
 
 
 def to_utc(moment: datetime.datetime) -> datetime.datetime:
-    """The same moment as the tables keep it: UTC, which is not said again in every row."""
+    """The same moment as the tables keep it: UTC without a time zone."""
     return moment.astimezone(datetime.UTC).replace(tzinfo=None)

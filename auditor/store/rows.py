@@ -50,7 +50,7 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
 
 
 def pair_check_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's elements, in their order."""
+    """The rows of a rig's pair checks, in their order."""
     for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
         yield {
             "rig_id": rig.rig_id,
@@ -166,7 +166,7 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "attacked": list(verdict.attacked),
         "named": None if verdict.named is None else list(verdict.named),
         "out_of_system": list(verdict.out_of_system),
-        "margin": verdict.margin,
+        "gap": verdict.gap,
         "reason": verdict.reason or None,
         "evidence": [evidence._asdict() for evidence in verdict.evidence],
         "alternatives": [{"attacked": list(a.attacked), "worse_by": a.worse_by} for a in verdict.alternatives],

@@ -41,7 +41,7 @@ _VERSION_KEY = b"schema_version"
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its SQL type, its unit where it has one, and what it says in one sentence."""
+    """One column: its SQL type, its unit where it has one, and its meaning in one sentence."""
 
     name: str
     type: str

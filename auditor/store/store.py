@@ -135,7 +135,7 @@ class Store:
         return RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
 
     def write_rig(self, rig: Rig) -> None:
-        """Keep a rig, its triples and its elements."""
+        """Keep a rig, its triples and its pair checks."""
         write_rows("pair_checks", self.path("pair_checks", rig.rig_id), pair_check_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
@@ -208,17 +208,17 @@ class Store:
         return read_errors(self.path("frames", measurement_id), rig, statistic)
 
     def load_ratios(self, measurement_id: str) -> FrameRatios:
-        """The local ratios and fingerprints of a finished measurement."""
+        """The windowed ratios and fingerprints of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_ratios(self.path("frames", measurement_id), rig)
 
     def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
-        """The counts of a finished measurement on their grids, frame by frame: enough to work out local ratios anew."""
+        """The counts of a finished measurement on their grids, frame by frame: enough to recount windowed ratios."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_cells(self.path("cells", measurement_id), rig)
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
-        """The symptoms of a finished measurement's frames; all NaN where it is older than they are."""
+        """The fault features of a finished measurement's frames; all NaN where it is older than they are."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_fault_features(
             self.path("frames", measurement_id), self.path("fault_features", measurement_id), rig
@@ -261,7 +261,7 @@ class Store:
     def write_judgement(
         self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]
     ) -> StoredJudgement:
-        """Keep a judgement and its verdicts, each with its frame number and stamp, and say what was kept.
+        """Keep a judgement and its verdicts, each with its frame number and stamp, and return what was kept.
 
         The verdicts are written first, the judgement last; then it is the measurement's current one, unless another is
         dated later.
@@ -367,6 +367,6 @@ def _check_marker(marker: Path) -> None:
         raise StoreError("it is no store's", where=marker, remedy="name another folder")
     version = content.get("schema_version")
     if not isinstance(version, int):
-        raise StoreError("it does not say its schema version", where=marker)
+        raise StoreError("it has no schema version", where=marker)
     if version > SCHEMA_VERSION:
         raise newer_version(version, marker.parent)

@@ -146,7 +146,7 @@ def _check_version(schema: pa.Schema, path: Path) -> None:
 
 
 def newer_version(version: int, where: Path) -> StoreError:
-    """What is said of a file or store that a newer auditor has written."""
+    """The error for a file or store that a newer auditor has written."""
     return StoreError(
         f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
         where=where,

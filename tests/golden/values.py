@@ -46,7 +46,7 @@ CHUNK_FRAMES = range(14, 28)
 STANDS_STILL = range(25, 28), 3
 """From the first of these frames on the sensor shows the same image."""
 COLUMNS = (
-    "frame, e, kind, attacked, named, out_of_system, margin, reason, evidence, alternatives, causes, finding,"
+    "frame, e, kind, attacked, named, out_of_system, gap, reason, evidence, alternatives, causes, finding,"
     " finding_attacked"
 )
 ATTACKED = {
@@ -83,12 +83,12 @@ def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
             if counts is not None
         },
         "statistics": {
-            f"{e.witness.value} {e.i} {e.k}": ratio
+            f"{e.check.value} {e.i} {e.k}": ratio
             for e, ratio in zip(pair_checks, _ratios(measured, rig), strict=True)
             if ratio is not None
         },
         "cells": {
-            f"{e.witness.value} {e.i} {e.k}": [
+            f"{e.check.value} {e.i} {e.k}": [
                 int(measured.cells[e].valid.sum()),
                 int(measured.cells[e].inconsistent.sum()),
             ]
@@ -194,7 +194,7 @@ def _write() -> None:
     FRAME.write_text(
         f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
         "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
-        "# cells: the sums over the grid, valid and against.\n"
+        "# cells: the sums over the grid, valid and inconsistent.\n"
         + "".join(
             _section(f'["{case}".{subject}]', table)
             for case, tables in figures.items()

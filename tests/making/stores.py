@@ -153,11 +153,11 @@ def add_judgement(
     return record.judgement_id
 
 
-def make_verdict(rig, kind, margin=0.1):
+def make_verdict(rig, kind, gap=0.1):
     e = "0" * len(rig.triples)
     if kind.isdigit():
-        return Verdict(VerdictKind.ATTACKED, e, attacked=(int(kind),), named=(int(kind),), margin=margin)
-    return Verdict(KINDS[kind], e, margin=margin, reason="a reason" if kind in "ns" else "")
+        return Verdict(VerdictKind.ATTACKED, e, attacked=(int(kind),), named=(int(kind),), gap=gap)
+    return Verdict(KINDS[kind], e, gap=gap, reason="a reason" if kind in "ns" else "")
 
 
 def skip(number, reason="no LiDAR", sensor=0):

@@ -48,8 +48,8 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     assert np.isnan(values[1, 0]).all()
     assert seen.level.tolist() == [[10, 20, 30]] * 2
     assert seen.saturated.tolist() == [[0.25] * 3] * 2
-    [row] = run_sql(store, "SELECT k, row_aligned, difference, turned FROM fault_features WHERE frame = 3").to_pylist()
-    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "turned": 0.7}
+    [row] = run_sql(store, "SELECT k, row_aligned, difference, rotated FROM fault_features WHERE frame = 3").to_pylist()
+    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "rotated": 0.7}
 
 
 def test_a_measurement_older_than_symptoms_and_regions_has_none(tmp_path):
@@ -94,7 +94,7 @@ def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     measurement_id = add_measurement(store, rig, [make_measurement(rig, n) for n in range(2)])
     causes = (FaultHypothesis(Cause.RAIN, 0, 0.75), FaultHypothesis(Cause.DARK, None, 0.25))
     verdicts = [
-        (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", margin=0.1, causes=causes[: n + 1])) for n in range(2)
+        (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", gap=0.1, causes=causes[: n + 1])) for n in range(2)
     ]
     record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), judged_at=NOON)
     store.write_judgement(record, verdicts)

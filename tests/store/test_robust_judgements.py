@@ -35,7 +35,9 @@ def judged(tmp_path):
     rng = np.random.default_rng(3)
     ratios = rng.uniform(0, 0.4, (FRAMES, len(ELEMENTS)))
     ratios[rng.random(ratios.shape) < 0.05] = np.nan
-    ratios[10:20, [place for place, e in enumerate(ELEMENTS) if e.check == "unlike" and e.i == 1]] = 0.9
+    ratios[
+        10:20, [place for place, e in enumerate(ELEMENTS) if e.check == "photometric_inconsistency" and e.i == 1]
+    ] = 0.9
     given = [[None if np.isnan(x) else x for x in row] for row in ratios.tolist()]
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f, ratios=row) for f, row in enumerate(given)])
