@@ -23,6 +23,7 @@ VERBS = (
     "query",
     "report",
     "parameters",
+    "store",
     "weights",
     "train-matcher",
 )

@@ -86,7 +86,7 @@ def read_calibration(path: Path) -> Calibration:
             remedy=_AGAIN,
         )
     try:
-        calibration = _calibration(rows)
+        calibration = calibration_of(rows)
     except (TypeError, ValueError) as error:
         raise ThresholdsError(f"it is no calibration ({error})", where=path, remedy=_AGAIN) from error
     if calibration.calibration_id != calibration_id(calibration):
@@ -157,7 +157,8 @@ def _order(item: tuple[tuple[str, int, int, int], object]) -> tuple[str, int, in
     return statistic, -k, i, j
 
 
-def _calibration(rows: list[dict[str, Any]]) -> Calibration:
+def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
+    """The calibration of the rows of its file, unchecked. Raises TypeError and ValueError where they are none."""
     first = rows[0]
     kind = first["rig_kind"]
     return Calibration(

@@ -82,6 +82,20 @@ class PartFile:
 
 
 @contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Wait until no other process holds the lock of a folder, and hold it. Raises StoreError."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise StoreError(f"it cannot be opened ({error.strerror})", where=folder) from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
 def part_file(target: Path) -> Iterator[PartFile]:
     """A file under way that is discarded at the end of the block unless it was committed. Raises StoreError."""
     part = PartFile(target)

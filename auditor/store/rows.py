@@ -116,6 +116,10 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "judging_version": judgement.rules.judging_version,
+        "auditor_version": judgement.rules.auditor_version,
+        "rules": judgement.rules.digest,
+        "judging_settings": judgement.rules.settings,
         "schema_version": SCHEMA_VERSION,
         **_threshold_columns(thresholds, rig),
     }
@@ -151,6 +155,8 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         counts=counts,
         in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
         recounted=bool(row["recounted"]),
+        judging_version=row["judging_version"],
+        rules=row["rules"],
     )
 
 

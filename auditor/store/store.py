@@ -13,7 +13,8 @@ from auditor.model.measurement import Region, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.files import checked_id, finished, is_part, remove_abandoned
+from auditor.store.marker import MARKER, check_marker, write_marker
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
@@ -43,11 +44,9 @@ from auditor.store.rows import (
     triple_rows,
     verdict_row,
 )
-from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.tables import newer_version, read_rows, read_table, write_rows, writing
+from auditor.store.schema import TABLES
+from auditor.store.tables import read_rows, read_table, write_rows, writing
 
-MARKER = "store.json"
-_FORMAT = "auditor store"
 MANIFESTS = {
     "frames": "measurements",
     "cells": "measurements",
@@ -75,15 +74,13 @@ class Store:
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
         """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
 
-        Raises StoreError where the folder holds something else, or a store of a newer version.
+        Raises StoreError where the folder holds something else, or a store of another version.
         """
         folder = Path(path).expanduser().resolve()
-        marker = folder / MARKER
-        if not marker.exists():
+        if not (folder / MARKER).exists():
             _check_free(folder, create=create)
-            text = json.dumps({"format": _FORMAT, "schema_version": SCHEMA_VERSION})
-            write_whole(marker, text.encode() + b"\n")
-        _check_marker(marker)
+            write_marker(folder)
+        check_marker(folder)
         store = cls(folder)
         if create:
             store.remove_abandoned()
@@ -356,17 +353,3 @@ def _check_free(folder: Path, *, create: bool) -> None:
         )
     if not create:
         raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")
-
-
-def _check_marker(marker: Path) -> None:
-    try:
-        content = json.loads(marker.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise StoreError(f"it cannot be read ({error})", where=marker) from error
-    if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise StoreError("it is no store's", where=marker, remedy="name another folder")
-    version = content.get("schema_version")
-    if not isinstance(version, int):
-        raise StoreError("it has no schema version", where=marker)
-    if version > SCHEMA_VERSION:
-        raise newer_version(version, marker.parent)

@@ -13,10 +13,11 @@ from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import Verdict, VerdictKind
 from auditor.store.evaluation_tables import CaseFeatures
 from auditor.store.measurement_tables import matched_pairs
-from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 
 PERIOD_NS = 100_000_000
+RULES = JudgingRules("d" * 12, "{}", "0.0")
 PROCEDURE = Procedure("sgbm", '{"half":true}')
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 KINDS = {
@@ -138,7 +139,7 @@ def add_judgement(
 ):
     """Verdicts from one character a frame: c, u, n, s, or the number of the one attacked sensor; ' ' for none."""
     record = JudgementRecord(
-        measurement_id, method, make_thresholds(rig, **thresholds), judged_at=NOON + timedelta(minutes=minutes)
+        measurement_id, method, make_thresholds(rig, **thresholds), RULES, judged_at=NOON + timedelta(minutes=minutes)
     )
     verdicts = [
         (

@@ -11,6 +11,7 @@ from auditor.store.queries import run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
     NOON,
+    RULES,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -96,7 +97,7 @@ def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     verdicts = [
         (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", gap=0.1, causes=causes[: n + 1])) for n in range(2)
     ]
-    record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), judged_at=NOON)
+    record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), RULES, NOON)
     store.write_judgement(record, verdicts)
     told = "S_0 sees drops all around, as in rain (0.75)"
     rows = run_sql(store, "SELECT causes_in_words(causes) AS told FROM verdicts ORDER BY frame").to_pylist()

@@ -16,6 +16,7 @@ from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
     NOON,
+    RULES,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -50,7 +51,7 @@ def judged(tmp_path):
     series = FrameSeries.of_recording(loaded.stamps_ns, loaded.ratios, present, loaded.fingerprints, {})
     verdicts = judge_frames(series, system, thresholds)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
-    store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     return store, known, verdicts, scores(loaded.ratios, scales)
 
 
@@ -91,7 +92,7 @@ def test_a_frame_that_the_half_second_does_not_confirm_names_no_sensor_in_the_su
     confirmed = replace(make_verdict(RIG, "1"), finding=Finding(VerdictKind.ATTACKED, (1,)))
     thresholds = RobustThresholds("c" * 32, Decimal(0), {}, {}, resolvable=True)
     rows = [(f, f, verdict) for f, verdict in enumerate((alone, confirmed, make_verdict(RIG, "c")))]
-    kept = store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    kept = store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     assert kept == store.current_judgements()[known]
     (row,) = run_query(store, "summary").to_pylist()
     assert (row["attacked"], row["attacked_sensors"]) == (2, [1])

@@ -29,6 +29,7 @@ from tests.making.stores import (
     NOON,
     PERIOD_NS,
     PROCEDURE,
+    RULES,
     add_frames,
     add_judgement,
     add_measurement,
@@ -286,7 +287,7 @@ def test_an_answer_without_a_name_differs_from_nobody_named(tmp_path):
         (0, 0, Verdict(VerdictKind.UNIDENTIFIED, "1--", named=None, out_of_system=(2,))),
         (1, 1, Verdict(VerdictKind.CLEAN, "000", named=())),
     ]
-    store.write_judgement(JudgementRecord(measurement_id, "m", make_thresholds(rig), NOON), verdicts)
+    store.write_judgement(JudgementRecord(measurement_id, "m", make_thresholds(rig), RULES, NOON), verdicts)
     rows = run_sql(store, "SELECT named, out_of_system, gap, reason FROM verdicts ORDER BY frame").to_pylist()
     assert rows == [
         {"named": None, "out_of_system": [2], "gap": None, "reason": None},
