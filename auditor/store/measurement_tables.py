@@ -99,21 +99,17 @@ def matched_pairs(rig: Rig) -> tuple[Pair, ...]:
 
 
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
-    """The fault features of the measured frames of a finished measurement, all NaN where it is older than they are.
-
-    Raises StoreError.
-    """
+    """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
     pairs = matched_pairs(rig)
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
-    if path.is_file():
-        table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
-        row = np.searchsorted(frames, table["frame"].to_numpy())
-        of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
-        column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
-        for name, values in columns.items():
-            values[row, column] = table[name].to_numpy()
+    table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
+    row = np.searchsorted(frames, table["frame"].to_numpy())
+    of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
+    column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
+    for name, values in columns.items():
+        values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
     level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
     return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, level, saturated)
@@ -142,9 +138,8 @@ def region_rows(measurement_id: str, frame: int, regions: Iterable[Region]) -> I
 
 
 def read_regions(path: Path, frame: int) -> list[Region]:
-    """The regions of one frame; none where the measurement is older than regions. Raises StoreError."""
-    rows = stream_rows("regions", path) if path.is_file() else ()
-    return [_region(row) for row in rows if row["frame"] == frame]
+    """The regions of one frame. Raises StoreError."""
+    return [_region(row) for row in stream_rows("regions", path) if row["frame"] == frame]
 
 
 def _region(row: Mapping[str, Any]) -> Region:
@@ -223,13 +218,8 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
 
 
 def read_ratios(path: Path, rig: Rig) -> FrameRatios:
-    """The windowed ratios of a finished frames file, its skipped ticks left out.
-
-    Raises StoreError, also where the file is older than windowed ratios.
-    """
+    """The windowed ratios of a finished frames file, its skipped ticks left out. Raises StoreError."""
     table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
-    if table["ratios"].null_count:
-        raise StoreError("it was measured before there were windowed ratios", where=path, remedy="measure it again")
     F, M, S = len(table), len(rig_pair_checks(rig)), len(rig.sensors)
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     return FrameRatios(
@@ -244,18 +234,13 @@ def read_ratios(path: Path, rig: Rig) -> FrameRatios:
 def read_coverage(
     path: Path, rig: Rig, names: Sequence[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
-    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL or not there.
+    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL.
 
     Raises StoreError.
     """
     table = _measured(path, ["frame", "stamp_ns", *names])
     shape = len(table), len(rig.sensors)
-    values = {
-        name: np.full(shape, np.nan)
-        if table[name].null_count
-        else _floats(table[name], shape[0] * shape[1], path).reshape(shape)
-        for name in names
-    }
+    values = {name: _floats(table[name], shape[0] * shape[1], path).reshape(shape) for name in names}
     return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 

@@ -215,7 +215,7 @@ class Store:
         return read_cells(self.path("cells", measurement_id), rig)
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
-        """The fault features of a finished measurement's frames; all NaN where it is older than they are."""
+        """The fault features of a finished measurement's frames."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_fault_features(
             self.path("frames", measurement_id), self.path("fault_features", measurement_id), rig
@@ -315,13 +315,8 @@ class Store:
         return finished(self.folder / MANIFESTS.get(table, table))
 
     def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names.
-
-        Measurements of older versions have only their frames.
-        """
+        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
         paths = [self.path(table, row_id) for row_id in self.ids(table)]
-        if table in WRITTEN[:-1]:
-            return [path for path in paths if path.is_file()]
         for path in paths:
             if not path.is_file():
                 raise StoreError(

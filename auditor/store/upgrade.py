@@ -108,7 +108,14 @@ def upgrade(folder: Path) -> Upgraded | None:
             raise older_version(version, folder)
         new = folder / UPGRADED
         shutil.rmtree(new, ignore_errors=True)
-        done = _Upgrade(folder, new).write()
+        try:
+            done = _Upgrade(folder, new).write()
+        except OSError as error:
+            raise StoreError(
+                f"the upgraded files cannot be written ({error.strerror or error})",
+                where=folder,
+                remedy="make room; the store is as it was",
+            ) from error
         write_marker(folder, moving=True)
         move_upgraded(folder)
     return done

@@ -201,19 +201,6 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
     assert np.array_equal(np.reshape(row["inconsistent"], (row["rows"], row["columns"])), of_it.inconsistent)
 
 
-def test_a_measurement_older_than_cells_and_local_ratios_is_still_read(tmp_path):
-    store, rig = new_store(tmp_path), make_rig(3)
-    measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
-    frames = pq.read_table(store.path("frames", measurement_id)).drop_columns(["ratios", "fingerprint"])
-    pq.write_table(frames.replace_schema_metadata({b"schema_version": b"1"}), store.path("frames", measurement_id))
-    store.path("cells", measurement_id).unlink()
-    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (1, 3)
-    assert run_sql(store, "SELECT ratio FROM ratios").column(0).null_count == len(rig_pair_checks(rig))
-    assert run_sql(store, "SELECT * FROM cells").num_rows == 0
-    with pytest.raises(StoreError, match="before there were windowed ratios; measure it again"):
-        store.load_ratios(measurement_id)
-
-
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
