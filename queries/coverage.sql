@@ -15,7 +15,7 @@
 -- column clock_jumps: How often the recording's stamps jumped back.
 -- column saturated_share: Mean share of saturated pixels of a camera.
 -- column textureless_share: Mean share of pixels of a camera without texture.
--- column unmatched_share: Mean share of pixels of a witness camera without a disparity.
+-- column unmatched_share: Mean share of pixels of a source camera without a disparity.
 -- column returns: Mean number of LiDAR points that fall into the leftmost camera's view.
 -- column fewest_returns: Smallest number of such points.
 -- column largest_skew_ms: Largest distance of its stamp, less its learnt offset, from a frame's.

@@ -5,8 +5,8 @@
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column kind: The rig kind in words.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column attacked: TRUE where labels say that a sensor of the triple was attacked, FALSE where they say that none was, NULL where the recording has no labels.
 -- column frames: Frames that were measured.

@@ -5,7 +5,7 @@
 -- param points BIGINT = 40: Recalls at which precision is averaged: 40, or 11 as in KITTI's older benchmark.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
--- column detector: Who looked for objects: the files of the networks; text from outside.
+-- column detector: What found the objects: the files of the networks; text from outside.
 -- column detector_id: What was pooled: the same networks with the same descriptions.
 -- column sensor: Whose data was looked at: lidar or reference.
 -- column label: The kind of object.

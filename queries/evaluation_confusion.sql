@@ -1,8 +1,8 @@
--- Truth against verdict, counted: everything that was said of clean and of attacked frames at one r.
+-- Truth against verdict, counted: all verdicts on clean and on attacked frames at one r.
 --
 -- param r RATE = 0.01: The designated false-alarm rate.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.

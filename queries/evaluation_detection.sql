@@ -1,17 +1,17 @@
 -- How often an attack is detected by three sensors, by method, by the sensors attacked and by r: the paper's Table I and its curves.
 --
--- Each triple of the leftmost camera is a three-sensor system of its own: with the LiDAR the paper's Scenario 1, of three cameras its Scenario 2. Thresholds come from the clean frames of the same rig kind: of all, or of those that are not held out.
+-- Each triple of the leftmost camera is a three-sensor system of its own: with the LiDAR the paper's Scenario 1, of three cameras its Scenario 2. Thresholds come from the clean frames of the same rig kind: of all, or of those that are not left out.
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column strength: Amplitude of the faculas by name.
 -- column attacked: The attacked sensors; NULL for all seven combinations together.
@@ -46,7 +46,7 @@ error AS MATERIALIZED (
     JOIN leftmost USING (rig_id)
     WHERE experiment = 'combinations' AND list_has_all([i, j, k], attacked)
 ),
-told AS (
+judged AS (
     SELECT
         setup,
         'paper' AS method,
@@ -98,7 +98,7 @@ tally AS (
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected
-    FROM told
+    FROM judged
     GROUP BY GROUPING SETS (
         (setup, method, left_out, i, j, k, strength, attacked, r),
         (setup, method, left_out, i, j, k, strength, r)

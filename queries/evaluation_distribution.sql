@@ -4,8 +4,8 @@
 -- param bins BIGINT = 40: Number of bins of equal width between 0 and 1.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column attacked: The attacked sensors; empty for clean frames.
 -- column strength: Amplitude of the faculas by name; NULL for clean frames.

@@ -4,7 +4,7 @@
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
@@ -23,7 +23,7 @@
 -- column hours: Time that the frames stand for: their number times the usual time between two; NULL where there are no two, as all that follows.
 -- column raised_an_hour: Raised frames per hour of driving.
 -- column low_an_hour: Lower end of its interval.
--- column high_an_hour: Upper end of its interval; how many incidents they make says evaluation_incidents.
+-- column high_an_hour: Upper end of its interval; evaluation_incidents counts the incidents that they make.
 WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),

@@ -1,10 +1,10 @@
 -- How often attacks and faults beyond the paper's are detected and named: laser patterns, stripes, hidden sectors, scattered points, delayed, frozen and displaced sensors, one sensor at a time.
 --
--- A sensor that hides or lags need not contradict the others: where the rate is low, disparity errors do not see it.
+-- A sensor that hides or lags need not disagree with the others: where the rate is low, disparity errors do not see it.
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.

@@ -2,7 +2,7 @@
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.

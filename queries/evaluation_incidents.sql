@@ -1,11 +1,11 @@
 -- Incidents of an evaluation, by all sensors: whether a second under attack is found as one, with whom and how soon, and how many false ones there are per hour of clean driving.
 --
--- Incidents are runs of frames of which the same is said, as in a scan; by the robust method also the half second around a frame has to raise it, a quarter of which lies ahead. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
+-- Incidents are runs of frames with the same verdict, as in a scan; by the robust method also the temporal window around a frame has to be a finding, a quarter of which lies ahead. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
--- param gap_s DOUBLE = 0.5: Frames of which the same is said and that are no further apart than this, in seconds, are one incident.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
+-- param gap_s DOUBLE = 0.5: Frames with the same verdict that are no further apart than this, in seconds, are one incident.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
@@ -44,12 +44,12 @@ pattern AS MATERIALIZED (
 answer AS MATERIALIZED (
     FROM algorithm2(pattern)
 ),
-told AS MATERIALIZED (
+judged AS MATERIALIZED (
     SELECT
         state.* EXCLUDE (triples, e, attack, size),
         'paper' AS method,
-        said_of(state.e, state.triples, answer.system, answer.named) AS said,
-        CASE WHEN said = 'attacked' THEN answer.named ELSE [] END AS identified
+        paper_verdict(state.e, state.triples, answer.system, answer.named) AS verdict,
+        CASE WHEN verdict = 'attacked' THEN answer.named ELSE [] END AS identified
     FROM state
     JOIN answer ON answer.e = state.e AND answer.triples = state.triples
     UNION ALL BY NAME
@@ -70,7 +70,7 @@ told AS MATERIALIZED (
         samples,
         resolvable_with(samples, r) AS resolvable,
         'robust' AS method,
-        window_kind AS said,
+        window_kind AS verdict,
         window_named AS identified
     FROM case_verdicts
     WHERE experiment IN ('clean', 'intervals')
@@ -87,7 +87,7 @@ placed AS MATERIALIZED (
             ELSE concat_ws('|', evaluation_id, frame // interval_frames(), draw)
         END AS line,
         *
-    FROM told
+    FROM judged
 ),
 -- `clock` counts how often the clock was set back before a frame: there no incident goes on
 clocked AS MATERIALIZED (
@@ -108,17 +108,17 @@ line AS (
 numbered AS (
     SELECT *, sum(CASE WHEN step_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END) OVER same AS run
     FROM (
-        SELECT what, line, clock, said, identified, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
+        SELECT what, line, clock, verdict, identified, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
         FROM clocked
-        WHERE said IN ('attacked', 'unidentified', 'suspect')
-        WINDOW same AS (PARTITION BY what, line, clock, said, identified ORDER BY frame)
+        WHERE verdict IN ('attacked', 'unidentified', 'suspect')
+        WINDOW same AS (PARTITION BY what, line, clock, verdict, identified ORDER BY frame)
     )
-    WINDOW same AS (PARTITION BY what, line, clock, said, identified ORDER BY frame)
+    WINDOW same AS (PARTITION BY what, line, clock, verdict, identified ORDER BY frame)
 ),
 incident AS (
     SELECT what, line, clock, identified, count(*) AS frames, min(frame) AS first_frame, min(stamp_ns) AS from_ns
     FROM numbered
-    GROUP BY what, line, clock, said, identified, run
+    GROUP BY what, line, clock, verdict, identified, run
 ),
 found AS (
     SELECT

@@ -4,15 +4,15 @@
 --
 -- param iou RATE[] = 0.5, 0.7: Intersection over union from which two objects are partners.
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
--- column detector: Who looked for objects: geometric, or the files of the networks; text from outside.
+-- column detector: What found the objects: geometric, or the files of the networks; text from outside.
 -- column detector_id: What was pooled: the same networks with the same descriptions.
 -- column left_out: What the threshold was not taken from: nothing (in sample), the block of the frame, or its recording; NULL where nothing is learnt.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column iou: Intersection over union from which two objects are partners.
 -- column r: The designated false-alarm rate; NULL where any object without a partner raises a frame.
@@ -65,7 +65,7 @@ clean AS MATERIALIZED (
 place AS (
     SELECT DISTINCT setup, detector_id, i, j, k, iou, recording_id, block FROM clean
 ),
--- one fold is what is held out together, with the samples that are left
+-- one fold is what is left out together, with the samples that are left
 fold AS (
     SELECT
         left_out,

@@ -4,12 +4,12 @@
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
 -- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
--- column sensor: What is attacked: lidar, reference or witness.
+-- column sensor: What is attacked: lidar, reference or source.
 -- column strength: Amplitude of the faculas by name; NULL for walls.
 -- column size: The wall's width in m, or the facula's R in px on an image 1242 px wide.
 -- column nominal_share: The paper's contaminated area of such a facula: pi R^2 over 1242 x 375 px.
@@ -48,7 +48,7 @@ error AS MATERIALIZED (
 visible AS (
     SELECT setup, sensor, strength, size, avg(visible_share) AS visible_share FROM error GROUP BY ALL
 ),
-told AS (
+judged AS (
     SELECT
         setup,
         'paper' AS method,
@@ -93,7 +93,7 @@ tally AS (
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected
-    FROM told
+    FROM judged
     GROUP BY ALL
 )
 SELECT

@@ -4,7 +4,7 @@
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
--- param block_frames BIGINT = 10: Frames that are held out together, in blocks of time.
+-- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
 --
 -- column kind: The rig kind in words.
 -- column synthetic: TRUE where the drives were made for the evaluation.
@@ -41,7 +41,7 @@ error AS MATERIALIZED (
     JOIN triple USING (rig_id)
     WHERE experiment = 'combinations' AND list_has_all([i, j, k], attacked) AND (i, j) IN ((0, 1), (1, 2))
 ),
-told AS (
+judged AS (
     SELECT
         setup,
         'paper' AS method,
@@ -78,7 +78,7 @@ detection AS (
         bool_and(resolvable) AS resolvable,
         coalesce(sum(cases) FILTER (raised AND scenario = 1), 0) / sum(cases) FILTER (scenario = 1) AS scenario_1,
         coalesce(sum(cases) FILTER (raised AND scenario = 2), 0) / sum(cases) FILTER (scenario = 2) AS scenario_2
-    FROM told
+    FROM judged
     GROUP BY ALL
 ),
 sized AS (

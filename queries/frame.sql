@@ -4,7 +4,7 @@
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
--- column about: What the fact is about: the frame, its verdict, a sensor, the disparity error of a triple, or the local ratio of an element.
+-- column about: What the fact is about: the frame, its verdict, a sensor, the disparity error of a triple, or the windowed ratio of a pair check.
 -- column fact: Which fact.
 -- column value: The fact as text; NULL where it was not measured or not judged.
 WITH wanted AS (
@@ -31,7 +31,7 @@ fact AS (
         {fact: 'attacked', value: CAST(attacked AS VARCHAR)},
         {fact: 'named', value: CAST(named AS VARCHAR)},
         {fact: 'out_of_system', value: CAST(out_of_system AS VARCHAR)},
-        {fact: 'margin', value: CAST(margin AS VARCHAR)},
+        {fact: 'gap', value: CAST(gap AS VARCHAR)},
         {fact: 'evidence', value: evidence_in_words(evidence)},
         {fact: 'alternatives', value: alternatives_in_words(alternatives)},
         {fact: 'causes', value: causes_in_words(causes)},

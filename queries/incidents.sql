@@ -15,10 +15,10 @@
 -- column first_frame: Number of the first frame, within the first recording.
 -- column last_frame: Number of the last frame, within the last recording.
 -- column parts: What each recording has of it, in order.
--- column strongest_frame: Number of the frame with the largest margin.
+-- column strongest_frame: Number of the frame with the largest gap.
 -- column strongest_name: The recording that it is in.
--- column strongest_margin: The largest margin of its frames.
--- column evidence: What carried it, in words: in how many of its frames, and its mean margin there.
+-- column largest_gap: The largest gap of its frames: how much better the best explanation is than the second best.
+-- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column causes: What else than an attack may lie behind it, in words.
 WITH placed AS (
@@ -42,7 +42,7 @@ line AS (
         measurement_id,
         place,
         wanted,
-        {series: series, stretch: count(*) FILTER (coalesce(anew, false)) OVER (PARTITION BY series ORDER BY place)} AS line
+        {series: series, clock: count(*) FILTER (coalesce(anew, false)) OVER (PARTITION BY series ORDER BY place)} AS line
     FROM (
         SELECT *, from_ns < lag(to_ns) OVER (PARTITION BY series ORDER BY place) - 1_000_000_000 AS anew FROM placed
     )
@@ -111,7 +111,7 @@ whole AS (
     FROM part
     GROUP BY ALL
 ),
-testimony AS (
+piece AS (
     SELECT
         line,
         kind,
@@ -119,7 +119,7 @@ testimony AS (
         run,
         check_in_words(piece.check_name, piece.i, piece.j, piece.k) AS check_name,
         count(*) AS frames,
-        avg(piece.margin) AS margin
+        avg(piece.score) AS score
     FROM (SELECT line, kind, attacked, run, unnest(evidence) AS piece FROM numbered)
     GROUP BY ALL
 ),
@@ -130,10 +130,10 @@ carried AS (
         attacked,
         run,
         string_agg(
-            format('{} in {} frame{} ({:+.2f})', check_name, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, margin),
-            ', ' ORDER BY frames * margin DESC, check_name
+            format('{} in {} frame{} ({:+.2f})', check_name, frames, CASE WHEN frames = 1 THEN '' ELSE 's' END, score),
+            ', ' ORDER BY frames * score DESC, check_name
         ) AS evidence
-    FROM testimony
+    FROM piece
     GROUP BY ALL
 )
 SELECT
@@ -152,11 +152,11 @@ SELECT
     any_value(whole.parts[1].first_frame) AS first_frame,
     any_value(whole.parts[-1].last_frame) AS last_frame,
     any_value(whole.parts) AS parts,
-    arg_max(frame, margin) AS strongest_frame,
-    arg_max(incident.name, margin) AS strongest_name,
-    max(margin) AS strongest_margin,
+    arg_max(frame, gap) AS strongest_frame,
+    arg_max(incident.name, gap) AS strongest_name,
+    max(gap) AS largest_gap,
     any_value(carried.evidence) AS evidence,
-    alternatives_in_words(arg_max(incident.alternatives, margin)) AS alternatives,
+    alternatives_in_words(arg_max(incident.alternatives, gap)) AS alternatives,
     causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
 JOIN whole USING (line, kind, attacked, run)

@@ -6,7 +6,7 @@
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column kind: clean, attacked, unidentified, suspect or not_auditable.
 -- column attacked: The sensors that the verdict names; empty unless kind is attacked.
--- column evidence: What carried the verdict, in words.
+-- column evidence: What exceeded its threshold, in words.
 -- column alternatives: The next-best explanations, in words.
 -- column causes: What else than an attack may lie behind it, in words.
 -- column truth: The sensors that labels say were attacked, ascending; empty where no label covers the frame.

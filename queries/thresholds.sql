@@ -7,8 +7,8 @@
 -- column matcher: The stereo matcher that the samples were measured with.
 -- column recordings: How many clean recordings the samples came from.
 -- column statistic: Which pixels the disparity error counts: plain or gated.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column r: The designated false-alarm rate.
 -- column N: Number of clean samples.

@@ -22,6 +22,7 @@ VERBS = (
     "query",
     "report",
     "parameters",
+    "store",
     "weights",
     "train-matcher",
 )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _RECORDING_COLUMNS = ("recording", "frames", "audited", "clean", "attacked", "unidentified", "sensors", "r")
 _UNRESOLVED = "*"
-_INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "margin")
+_INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
 
 
 def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
@@ -121,5 +121,5 @@ def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
         "from": row["first_frame"],
         "to": row["last_frame"],
         "seconds": row["seconds"],
-        "margin": row["strongest_margin"],
+        "gap": row["largest_gap"],
     }

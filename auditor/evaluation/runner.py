@@ -31,8 +31,8 @@ from auditor.evaluation.sources import CleanDrive, Source
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
+from auditor.pipeline.measure import procedure_by
 from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
@@ -125,7 +125,7 @@ class Run(ABC):
             "name": drive.name,
             "synthetic": drive.synthetic,
             "rig_id": drive.rig.rig_id,
-            "procedure": Procedure(self._matcher.name, self._matcher.settings),
+            "procedure": procedure_by(self._matcher),
             "experiment": experiment.name,
             "seed": task.seed if experiment.drawn else None,
             "draws": task.draws if experiment.drawn else None,

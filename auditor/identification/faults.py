@@ -95,7 +95,7 @@ def _turned(seen: Observed) -> Floats:
     """
     columns = seen.columns
     moved = lead(columns["rotated_only"], columns["unrotated_only"])
-    cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["turned"])
+    cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["rotated"])
     return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.turned_lidar
 
 
@@ -234,7 +234,7 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], in_several_pairs:
     alternatives. `in_several_pairs` are the cameras matched with more than one other.
     """
     fired = verdict.kind in FINDINGS
-    least = max((one.margin for one in verdict.evidence), default=0.0) - _CLEARLY if fired else 0.0
+    least = max((one.score for one in verdict.evidence), default=0.0) - _CLEARLY if fired else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if fired else _by_itself(one)))
     enough = any(
         one.score >= ENOUGH
@@ -265,7 +265,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: C
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.SOILED and hypothesis.sensor not in verdict.attacked:
         # To one pair dirt on a camera looks like light in the other: several must see it, clearer than what was raised.
-        strongest = max(one.margin for one in verdict.evidence)
+        strongest = max(one.score for one in verdict.evidence)
         seen = hypothesis.sensor in in_several_pairs and _margin(hypothesis) >= strongest
         return seen and _raises_most(hypothesis.sensor, verdict)
     if hypothesis.cause is Cause.DARK:
@@ -279,7 +279,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: C
 
 def _raises_most(sensor: int | None, verdict: Verdict) -> bool:
     """Whether a fault of a sensor can have raised at least half of the margins."""
-    fired = [(one.margin, sensor in _nameable(one)) for one in verdict.evidence]
+    fired = [(one.score, sensor in _nameable(one)) for one in verdict.evidence]
     return sum(margin for margin, own in fired if own) >= _MOSTLY * sum(margin for margin, _ in fired)
 
 

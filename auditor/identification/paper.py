@@ -32,7 +32,7 @@ def judge(
     triples: Sequence[Triple],
     sensors: Sequence[int],
     missing: frozenset[int] = frozenset(),
-    margin: float | None = None,
+    gap: float | None = None,
 ) -> Verdict:
     """The verdict on one frame of a rig with these triples and sensors, some of which may be missing.
 
@@ -43,7 +43,7 @@ def judge(
     e = without(e, triples, missing)
     system = {sensor for triple, state in zip(triples, e, strict=True) if state != NOT_MEASURED for sensor in triple}
     outside = tuple(sensor for sensor in sensors if sensor not in system)
-    verdict = Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, margin=margin)
+    verdict = Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, gap=gap)
     if not system:
         return replace(verdict, reason=_why_nothing_was_measured(sensors, missing))
     N = len(system)
@@ -92,12 +92,12 @@ def judge_frames(
             v.attacked,
             v.named,
             v.out_of_system,
-            margin,
+            gap,
             v.reason,
             _evidence(row, evidence) if ABOVE in v.e else (),
             v.alternatives,
         )
-        for e, absent, margin, row in zip(
+        for e, absent, gap, row in zip(
             _state_vectors(distances), missing, _scores_of(distances), distances, strict=True
         )
         for v in (judged(e, absent),)
@@ -128,7 +128,7 @@ def _state_vectors(distances: NDArray[np.float64]) -> list[str]:
 def _scores_of(distances: NDArray[np.float64]) -> list[float | None]:
     """The smallest measured |E - theta| of each row, None where nothing was measured."""
     smallest = np.where(np.isnan(distances), np.inf, np.abs(distances)).min(axis=1, initial=np.inf)
-    return [margin if margin < np.inf else None for margin in smallest.tolist()]
+    return [gap if gap < np.inf else None for gap in smallest.tolist()]
 
 
 def _evidence(row: NDArray[np.float64], of: Sequence[Callable[[float], Evidence]]) -> tuple[Evidence, ...]:

@@ -95,8 +95,8 @@ def name_attacked(
 ) -> list[Verdict]:
     """The verdicts on F frames from (F, M) margins z, NaN where not measured, and the sensors missing in each.
 
-    A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's
-    `margin` is the lead of the best explanation over the second best, or the largest z where three sensors tell none
+    A frame is raised where the best attack explains it better than none by more than `threshold`. The verdict's `gap`
+    is how much better the best explanation is than the second best, or the largest z where three sensors tell none
     apart; `evidence` are the raised elements, the strongest first, `named` is Algorithm 2's answer on the same states.
     `reason` says why a raised frame is not attributed, and where the LiDAR was there but could not be contradicted.
     """
@@ -149,7 +149,7 @@ def _name_alike(z: Floats, system: System, absent: frozenset[int], threshold: fl
             e=e,
             named=named(e),
             out_of_system=outside,
-            margin=float(lead[f]),
+            gap=float(lead[f]),
             reason=remarks[f],
             evidence=_evidence(z[f], system),
             alternatives=_alternatives(explanations, f, ranked[f]),
@@ -162,7 +162,7 @@ def _name_alike(z: Floats, system: System, absent: frozenset[int], threshold: fl
 
 def _fired(verdict: Verdict, attacked: tuple[int, ...], z: Floats, pair_checks: Sequence[PairCheck], N: int) -> Verdict:
     """The verdict on a frame that is raised: with the attacked sensors, or why none can be named."""
-    doubt = _doubt(z, attacked, verdict.margin or 0.0, pair_checks, N)
+    doubt = _doubt(z, attacked, verdict.gap or 0.0, pair_checks, N)
     if not doubt:
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
     likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()

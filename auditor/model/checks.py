@@ -17,17 +17,18 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """Who says something.
+    """One kind of statistic; its values are the names that the store keeps.
 
-    CONTRADICTED: both cameras of a pair deny the LiDAR. UNLIKE, LIGHT: the two cameras do not see the same. EMPTY: a
-    strip of the LiDAR's view has no points. SCATTERED: points stand alone here and there.
+    LIDAR_CONFLICT: both cameras of a pair disagree with the LiDAR. PHOTOMETRIC_INCONSISTENCY, BRIGHTNESS_DIFFERENCE:
+    the two cameras do not see the same. POINT_DROPOUT: a strip of the LiDAR's view has no points. ISOLATED_POINTS:
+    points have next to no neighbours.
     """
 
-    LIDAR_CONFLICT = "contradicted"
-    PHOTOMETRIC_INCONSISTENCY = "unlike"
-    BRIGHTNESS_DIFFERENCE = "light"
-    POINT_DROPOUT = "empty"
-    ISOLATED_POINTS = "scattered"
+    LIDAR_CONFLICT = "lidar_conflict"
+    PHOTOMETRIC_INCONSISTENCY = "photometric_inconsistency"
+    BRIGHTNESS_DIFFERENCE = "brightness_difference"
+    POINT_DROPOUT = "point_dropout"
+    ISOLATED_POINTS = "isolated_points"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
@@ -120,11 +121,11 @@ class Contrast(NamedTuple):
 class Agreement(NamedTuple):
     """LiDAR points against stereo's disparities: shares of `compared` points that agree within 1 px.
 
-    `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `turned`: with all points moved
-    by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of points
-    that agree in one of two cases and are off by more than 2 px in the other: `rotated_only` moved, `unrotated_only` as
-    they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN where it could not
-    be measured.
+    `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `rotated`: with all points
+    moved by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of
+    points that agree in one of two cases and are off by more than 2 px in the other: `rotated_only` moved,
+    `unrotated_only` as they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN
+    where it could not be measured.
     """
 
     compared: float = nan
@@ -133,7 +134,7 @@ class Agreement(NamedTuple):
     biased: float = nan
     right_px: float = nan
     down_px: float = nan
-    turned: float = nan
+    rotated: float = nan
     rotated_only: float = nan
     unrotated_only: float = nan
     before_only: float = nan

@@ -1,5 +1,6 @@
 """What is measured of a frame: counts of inconsistent pixels, coverage, and the damaged portion of a sensor."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -152,3 +153,12 @@ class Procedure:
     matcher: str
     settings: str
     counting_version: int = COUNTING_VERSION
+
+
+def procedure_of(matcher: str, settings: str, *, measuring: str, synchronising: str) -> Procedure:
+    """The procedure of a matcher and its settings (a JSON object), with the digests of all other parameters.
+
+    `measuring` is the digest of what can change a count, `synchronising` that of what makes frames.
+    """
+    values = {**json.loads(settings), "measuring": measuring, "synchronising": synchronising}
+    return Procedure(matcher, json.dumps(values, sort_keys=True, separators=(",", ":")))

@@ -10,7 +10,7 @@ JUDGING_VERSION = 1
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by five witnesses and joint identification, or as the paper does."""
+    """How verdicts are reached: by five checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"
@@ -32,15 +32,15 @@ FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKin
 class Evidence(NamedTuple):
     """One thing that speaks for an attack, and how far it lies above its threshold.
 
-    By the robust method an element's margin z; by the paper's E - theta of a triple. `check_name` is the value of a
-    Check or of a Statistic; `j` is None for elements.
+    `score` is z of a pair check by the robust method, E - theta of a triple by the paper's. `check_name` is the value
+    of a Check or of a Statistic; `j` is None for pair checks.
     """
 
     check_name: str
     i: int
     j: int | None
     k: int
-    margin: float
+    score: float
 
 
 class Alternative(NamedTuple):
@@ -86,7 +86,7 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What the half second around a raised frame says: frames of equal findings are incidents."""
+    """The verdict of the temporal window around a frame: frames of equal findings are incidents."""
 
     kind: VerdictKind
     attacked: tuple[int, ...]
@@ -96,12 +96,13 @@ class Finding(NamedTuple):
 class Verdict:
     """What is said of one frame.
 
-    `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where
-    kind is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are
-    the sensors that could not take part. `margin` is how sure it is: by the paper's method the smallest |E - theta|
-    among the measured elements, how far a disparity error would have to move to change e; by the robust method the
-    lead of the best explanation. `evidence` is the strongest first, `alternatives` the next best first; `causes` are
-    what else may lie behind it. `finding` is the robust method's, None where the frame belongs to no incident.
+    `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where kind
+    is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are the
+    sensors that could not take part. `gap` is how sure it is: by the paper's method the smallest |E - theta| among the
+    measured elements, how far a disparity error would have to move to change e; by the robust method how much better
+    the best attack set explains the frame than the second best. `evidence` is the strongest first, `alternatives` the
+    next best first; `causes` are what else may lie behind it. `finding` is the robust method's, None where the frame
+    belongs to no incident.
     """
 
     kind: VerdictKind
@@ -109,7 +110,7 @@ class Verdict:
     attacked: tuple[int, ...] = ()
     named: tuple[int, ...] | None = None
     out_of_system: tuple[int, ...] = ()
-    margin: float | None = None
+    gap: float | None = None
     reason: str = ""
     evidence: tuple[Evidence, ...] = ()
     alternatives: tuple[Alternative, ...] = ()

@@ -9,11 +9,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.faults import Observed, frozen, strengths
 from auditor.identification.paper import judge_frames as judge_by_paper
+from auditor.identification.parameters import judging_digest, judging_settings
 from auditor.identification.robust import FrameSeries, System, judge_frames
 from auditor.identification.statistics import windowed_ratios
 from auditor.identification.thresholds import check_calibration, thresholds_at
@@ -23,7 +25,7 @@ from auditor.model.frames import SensorState
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig, RigKind
 from auditor.model.verdict import CauseIn, Method, Verdict
-from auditor.store import FrameRatios, JudgementRecord, Store, StoredJudgement, make_calibration
+from auditor.store import FrameRatios, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
 Rows = list[tuple[int, int, Verdict]]
 
@@ -193,10 +195,17 @@ def judge_measurement(
     if criteria.strict:
         _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
     before = (store.current_judgements() if current is None else current).get(measurement)
-    judgement = JudgementRecord(measurement, criteria.method, thresholds, _after(before), criteria.recount)
+    judgement = JudgementRecord(
+        measurement, criteria.method, thresholds, todays_rules(), _after(before), criteria.recount
+    )
     if calibration.calibration_id not in store.ids("calibrations"):
         store.write_calibration(calibration)
     return store.write_judgement(judgement, rows)
+
+
+def todays_rules() -> JudgingRules:
+    """The rules that this auditor judges by."""
+    return JudgingRules(judging_digest(), judging_settings(), __version__)
 
 
 def _after(before: StoredJudgement | None) -> datetime:

@@ -31,9 +31,10 @@ from auditor.measurement.disparity.matchers import (
     libraries,
     preflight,
 )
+from auditor.measurement.parameters import measuring_digest
 from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Procedure
+from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.rig import Rig
 from auditor.recordings import (
     FrameStream,
@@ -47,6 +48,7 @@ from auditor.recordings import (
     survey,
     synchronise,
 )
+from auditor.recordings.parameters import synchronising_digest
 from auditor.store import (
     FramesWriter,
     MeasurementRecord,
@@ -95,6 +97,13 @@ class Measured:
     calibration_warnings: tuple[str, ...]
 
 
+def procedure_by(matcher: Matcher) -> Procedure:
+    """How this auditor measures with a matcher."""
+    return procedure_of(
+        matcher.name, matcher.settings, measuring=measuring_digest(), synchronising=synchronising_digest()
+    )
+
+
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
     """Measure every frame of a recording with each of its rigs; what is finished already is not measured again.
 
@@ -106,7 +115,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     with open_recording(task.recording) as recording:
         surveyed = survey(recording)
         rigs = rigs_of(surveyed, task.rig)
-        procedure = Procedure(matcher.name, matcher.settings)
+        procedure = procedure_by(matcher)
         ids = tuple(measurement_id(recording.recording_id, rig.rig_id, procedure) for rig in rigs)
         todo = [rig for rig, known in zip(rigs, ids, strict=True) if not store.has_measurement(known)]
         for rig in todo:

@@ -61,7 +61,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class Chart:
-    """One statistic against its theta over time, as SVG path data: E of a triple, or the local ratio of an element.
+    """One statistic against its theta over time, as an SVG path: E of a triple, or the windowed ratio of a pair check.
 
     `name` and `indices` are its label; `path` is broken where it was not measured; `above` and `below` are dots, each a
     segment of no length.
@@ -107,7 +107,7 @@ class Row:
 class Series:
     """What one chart shows: a statistic for each stamp, None where not measured, and theta, None where there is none.
 
-    `name` and `indices` say which: E and a triple, or a witness and the sensors that it is of.
+    `name` and `indices` say which: E and a triple, or a check and the sensors that it is of.
     """
 
     name: str

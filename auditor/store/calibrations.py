@@ -23,7 +23,7 @@ from auditor.store.tables import Row, read_rows, write_rows
 _AGAIN = "make one with auditor calibrate"
 _NONE = -1
 _MISSING, _FROZEN = "missing", "standing_still"
-"""What a calibration's file calls the flags of sensors; those that are never raised are not kept."""
+"""Names of the flags of sensors in a calibration's file; flags that are never set are not kept."""
 
 
 class OutdatedCalibrationError(ThresholdsError):
@@ -86,7 +86,7 @@ def read_calibration(path: Path) -> Calibration:
             remedy=_AGAIN,
         )
     try:
-        calibration = _calibration(rows)
+        calibration = calibration_of(rows)
     except (TypeError, ValueError) as error:
         raise ThresholdsError(f"it is no calibration ({error})", where=path, remedy=_AGAIN) from error
     if calibration.calibration_id != calibration_id(calibration):
@@ -108,7 +108,7 @@ def rig_kind_fields(kind: RigKind) -> dict[str, object]:
 
 
 def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
-    """The columns of a recording with what they are of: a statistic's triple, an element, or something in a sensor.
+    """The columns of a recording with what they are of: a statistic's triple, a pair check, or something in a sensor.
 
     The last is a cause, or that the sensor is missing or frozen: these have no j and no k, and no i where they are of
     all cameras: -1.
@@ -117,8 +117,8 @@ def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], ND
         yield (statistic.value, *triple), errors
     for pair_check, ratios in clean.ratios.items():
         yield (pair_check.check.value, pair_check.i, _NONE, pair_check.k), ratios
-    for (cause, sensor), strengths in clean.strengths.items():
-        yield (cause.value, _NONE if sensor is None else sensor, _NONE, _NONE), strengths
+    for (cause, sensor), scores in clean.strengths.items():
+        yield (cause.value, _NONE if sensor is None else sensor, _NONE, _NONE), scores
     for name, of_sensor in ((_MISSING, clean.missing), (_FROZEN, clean.frozen)):
         for sensor, flags in of_sensor.items():
             yield (name, sensor, _NONE, _NONE), flags.astype(np.float64)
@@ -157,7 +157,8 @@ def _order(item: tuple[tuple[str, int, int, int], object]) -> tuple[str, int, in
     return statistic, -k, i, j
 
 
-def _calibration(rows: list[dict[str, Any]]) -> Calibration:
+def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
+    """The calibration of the rows of its file, unchecked. Raises TypeError and ValueError where they are none."""
     first = rows[0]
     kind = first["rig_kind"]
     return Calibration(
@@ -177,20 +178,22 @@ def _calibration(rows: list[dict[str, Any]]) -> Calibration:
 def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
     errors: dict[tuple[Statistic, Triple], NDArray[np.float64]] = {}
     ratios: dict[PairCheck, NDArray[np.float64]] = {}
-    strengths: dict[CauseIn, NDArray[np.float64]] = {}
+    fault_scores: dict[CauseIn, NDArray[np.float64]] = {}
     flags: dict[str, dict[int, NDArray[np.bool_]]] = {_MISSING: {}, _FROZEN: {}}
     for row in rows:
         what, i, k, column = row["statistic"], row["i"], row["k"], _column(row)
         if what in set(Statistic):
             errors[Statistic(what), Triple(i, row["j"], k)] = column
         elif what in set(Cause):
-            strengths[Cause(what), i] = column
+            fault_scores[Cause(what), i] = column
         elif what in flags:
             flags[what][i] = column > 0
         else:
             ratios[PairCheck(Check(what), i, k)] = column
     stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
-    return CleanFrames(rows[0]["recording_id"], stamps_ns, errors, ratios, strengths, flags[_MISSING], flags[_FROZEN])
+    return CleanFrames(
+        rows[0]["recording_id"], stamps_ns, errors, ratios, fault_scores, flags[_MISSING], flags[_FROZEN]
+    )
 
 
 def _column(row: Mapping[str, Any]) -> NDArray[np.float64]:

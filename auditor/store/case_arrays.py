@@ -59,9 +59,9 @@ class Known:
 class Cases:
     """N cases of rigs of one kind, of which `rig` is one; NaN where something was not measured.
 
-    `ratios` are (N, M) local ratios by element; by sensor (N, S): `present`, `fingerprints`, grey `level` and
-    `saturated` share; `features` and `features_after` are (N, P, columns) symptoms of the matched pairs, of their frame
-    and of the clean one after it.
+    `ratios` are (N, M) windowed ratios by pair check; by sensor (N, S): `present`, `fingerprints`, grey `level` and
+    `saturated` share; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
+    frame and of the clean one after it.
     """
 
     rig: Rig
@@ -119,7 +119,7 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
 
 
 def _floats(column: pa.ChunkedArray) -> Floats:
-    """The elements of all lists, NaN where NULL."""
+    """The values of all lists, NaN where NULL."""
     return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
 
 

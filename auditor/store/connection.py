@@ -29,8 +29,8 @@ _CONSTANTS = {
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
-    "lowest_margin": LOWEST_SCORE,
-    "highest_margin": HIGHEST_SCORE,
+    "lowest_score": LOWEST_SCORE,
+    "highest_score": HIGHEST_SCORE,
 }
 _LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
@@ -67,16 +67,16 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
 
 
 def in_one_line(error: duckdb.Error) -> str:
-    """What DuckDB says went wrong and what may be meant instead, on one line and without its drawing of the place."""
-    said = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
-    return " ".join(said.split())
+    """DuckDB's message and suggestion on one line, without its drawing of the place."""
+    text = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
+    return " ".join(text.split())
 
 
 def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:
     """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
     Small tables are read here and now: thousands of files of one row each would else be opened whenever a view over
-    them is made. Files of large tables are opened all only where their manifest says that they differ in their columns.
+    them is made. Files of large tables are all opened only where their manifest shows that their columns differ.
     """
     present: set[str] = set()
     if paths:

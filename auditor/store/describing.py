@@ -11,7 +11,7 @@ from auditor.store.sql_files import Parameter, SqlFile, queries, views
 
 @dataclass(frozen=True)
 class Description:
-    """One view or query (`what`): what it says, its parameters where it is a query, and its columns."""
+    """One view or query (`what`): its sentences, its parameters where it is a query, and its columns."""
 
     name: str
     what: str

@@ -147,11 +147,11 @@ class EvaluationPart(Part):
 
 @dataclass(frozen=True)
 class CaseFeatures:
-    """What tells faults and frozen sensors in one case.
+    """What separates faults and frozen sensors from attacks in one case.
 
     By sensor whether it was `present`, its `fingerprint`, of cameras the mean grey `level` and `saturated_share`; None
-    where it has none. `fault_features` are the symptoms of one matched pair after the other, each in the order of
-    `symptoms.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame after this one, in
+    where it has none. `fault_features` are the fault features of one matched pair after the other, each in the order of
+    `checks.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame after this one, in
     which data of the frame before are compared as well.
     """
 
@@ -165,7 +165,7 @@ class CaseFeatures:
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """The counts of one case in the order of the rig's triples, its local ratios in that of its elements.
+    """The counts of one case in the order of the rig's triples, its windowed ratios in that of its pair checks.
 
     The other fields are as in the table `cases`.
     """
@@ -197,7 +197,7 @@ class MeasuredCase:
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """What a scan would say of one case, judged by some sensors with thresholds that hold out some clean frames.
+    """The verdict of a scan on one case, judged by some sensors with thresholds that leave out some clean frames.
 
     The fields are those of the table `case_verdicts`.
     """
@@ -220,7 +220,7 @@ class CaseVerdict:
 
 
 def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
-    """Keep what was said of the cases of one part, in place of what was said before. Raises StoreError."""
+    """Keep the verdicts on the cases of one part, in place of earlier ones. Raises StoreError."""
     rows = (
         {
             **vars(one),

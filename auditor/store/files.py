@@ -1,7 +1,7 @@
 """Files that are whole or not there: written beside their place and renamed into it.
 
 A file under way is called `.<name>.<random>.part`, which no reader's pattern matches, and its writer holds a lock on
-it. What a killed writer left has lost its lock: that is how it is told from one that is still being written.
+it. What a killed writer left has lost its lock, and what is still being written has not.
 """
 
 import fcntl
@@ -70,7 +70,7 @@ class PartFile:
 
     @contextmanager
     def reporting(self) -> Iterator[None]:
-        """Say of an OSError inside the block which file it struck and what to do."""
+        """Turn an OSError inside the block into a StoreError with the file and what to do."""
         try:
             yield
         except OSError as error:
@@ -79,6 +79,20 @@ class PartFile:
                 where=self._target,
                 remedy="make room or choose another folder; finished files are whole, run the command again to go on",
             ) from error
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Wait until no other process holds the lock of a folder, and hold it. Raises StoreError."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise StoreError(f"it cannot be opened ({error.strerror})", where=folder) from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -105,7 +119,7 @@ def open_part(path: Path) -> BinaryIO:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what killed writers left in a folder; files that somebody still writes stay."""
+    """Remove what killed writers left in a folder; files that are still being written stay."""
     for part in folder.glob(".*.part"):
         if is_part(part) and _is_abandoned(part):
             part.unlink(missing_ok=True)

@@ -33,11 +33,11 @@ from auditor.store.rows import measurement_row
 from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
 
 FrameCells = tuple[int, dict[PairCheck, Cells]]
-"""The number of a frame, and its counts by element."""
+"""The number of a frame, and its counts by pair check."""
 
 
 def cell_rows(measurement_id: str, frame: int, cells: Mapping[PairCheck, Cells], rig: Rig) -> Iterator[Row]:
-    """The rows of one frame, in the order of the rig's elements."""
+    """The rows of one frame, in the order of the rig's pair checks."""
     for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
         if pair_check in cells:
             of_it = cells[pair_check]
@@ -49,7 +49,7 @@ def cell_rows(measurement_id: str, frame: int, cells: Mapping[PairCheck, Cells],
                 "rows": rows,
                 "columns": columns,
                 "valid": of_it.valid.tobytes(),
-                "against": of_it.inconsistent.tobytes(),
+                "inconsistent": of_it.inconsistent.tobytes(),
             }
 
 
@@ -59,7 +59,7 @@ def read_cells(path: Path, rig: Rig) -> Iterator[FrameCells]:
     for frame, rows in groupby(stream_rows("cells", path), key=itemgetter("frame")):
         yield (
             frame,
-            {pair_checks[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "against")) for row in rows},
+            {pair_checks[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "inconsistent")) for row in rows},
         )
 
 
@@ -69,9 +69,9 @@ def _grid(row: Mapping[str, Any], name: str) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True, eq=False)
 class FrameFaultFeatures:
-    """The symptoms of a measurement's F measured frames, skipped ticks left out.
+    """The fault features of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `symptoms.COLUMNS` for the
+    `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `checks.COLUMNS` for the
     matched `pairs`; `level` and `saturated` are (F, C) by camera. NaN where not measured.
     """
 
@@ -94,26 +94,22 @@ def fault_feature_rows(
 
 
 def matched_pairs(rig: Rig) -> tuple[Pair, ...]:
-    """The pairs (i, k) that symptoms are of, in the order of the rig's elements."""
+    """The pairs (i, k) that fault features are of, in the order of the rig's pair checks."""
     return tuple((e.i, e.k) for e in rig_pair_checks(rig) if e.check is Check.PHOTOMETRIC_INCONSISTENCY)
 
 
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
-    """The symptoms of the measured frames of a finished measurement, all NaN where it is older than they are.
-
-    Raises StoreError.
-    """
+    """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
     pairs = matched_pairs(rig)
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
-    if path.is_file():
-        table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
-        row = np.searchsorted(frames, table["frame"].to_numpy())
-        of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
-        column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
-        for name, values in columns.items():
-            values[row, column] = table[name].to_numpy()
+    table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
+    row = np.searchsorted(frames, table["frame"].to_numpy())
+    of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
+    column = np.array([places[pair] for pair in of_pair], dtype=np.intp)
+    for name, values in columns.items():
+        values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
     level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
     return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, level, saturated)
@@ -142,9 +138,8 @@ def region_rows(measurement_id: str, frame: int, regions: Iterable[Region]) -> I
 
 
 def read_regions(path: Path, frame: int) -> list[Region]:
-    """The regions of one frame; none where the measurement is older than regions. Raises StoreError."""
-    rows = stream_rows("regions", path) if path.is_file() else ()
-    return [_region(row) for row in rows if row["frame"] == frame]
+    """The regions of one frame. Raises StoreError."""
+    return [_region(row) for row in stream_rows("regions", path) if row["frame"] == frame]
 
 
 def _region(row: Mapping[str, Any]) -> Region:
@@ -180,12 +175,12 @@ def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
 
 
 def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence[float | None], rig: Rig) -> Row:
-    """The row of a measured frame, with its local ratio by element. Raises StoreError where it does not fit the rig."""
+    """The row of a measured frame, with its windowed ratio by pair check. Raises StoreError if it does not fit."""
     M = len(rig_pair_checks(rig))
     if (len(measurement.counts), len(ratios), set(measurement.presence)) != (len(rig.triples), M, set(rig.sensors)):
         raise StoreError(
             f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
-            f"{len(rig.triples)} triples, {len(ratios)} ratios for {M} elements, "
+            f"{len(rig.triples)} triples, {len(ratios)} ratios for {M} pair checks, "
             f"sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
             where=f"measurement {measurement_id}",
         )
@@ -223,15 +218,10 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
 
 
 def read_ratios(path: Path, rig: Rig) -> FrameRatios:
-    """The local ratios of a finished frames file, its skipped ticks left out.
-
-    Raises StoreError, also where the file is older than local ratios.
-    """
+    """The windowed ratios of a finished frames file, its skipped ticks left out. Raises StoreError."""
     table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
-    if table["ratios"].null_count:
-        raise StoreError("it was measured before there were local ratios", where=path, remedy="measure it again")
     F, M, S = len(table), len(rig_pair_checks(rig)), len(rig.sensors)
-    fingerprints = _pair_checks(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
+    fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     return FrameRatios(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
@@ -244,18 +234,13 @@ def read_ratios(path: Path, rig: Rig) -> FrameRatios:
 def read_coverage(
     path: Path, rig: Rig, names: Sequence[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
-    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL or not there.
+    """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL.
 
     Raises StoreError.
     """
     table = _measured(path, ["frame", "stamp_ns", *names])
     shape = len(table), len(rig.sensors)
-    values = {
-        name: np.full(shape, np.nan)
-        if table[name].null_count
-        else _floats(table[name], shape[0] * shape[1], path).reshape(shape)
-        for name in names
-    }
+    values = {name: _floats(table[name], shape[0] * shape[1], path).reshape(shape) for name in names}
     return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 
@@ -266,19 +251,19 @@ def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
 
 
 def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
-    """The elements of all lists, NaN where NULL."""
-    return np.asarray(_pair_checks(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+    """The values of all lists, NaN where NULL."""
+    return np.asarray(_list_values(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
 
 
 def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
-    return np.asarray(_pair_checks(column, count, path).to_pylist(), dtype=np.str_)
+    return np.asarray(_list_values(column, count, path).to_pylist(), dtype=np.str_)
 
 
 def _count(counts: Counts | None, name: str) -> int | None:
     return None if counts is None else getattr(counts, name)
 
 
-def _pair_checks(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
+def _list_values(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     values = column.combine_chunks().flatten()
     if len(values) != count:
         raise StoreError(
@@ -310,7 +295,7 @@ class FramesWriter:
         return self._measured
 
     def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
-        """Take a measured frame and all that goes with it; its local ratios in the order of `rig_elements(rig)`.
+        """Take a measured frame and all that goes with it; its windowed ratios in the order of `rig_pair_checks(rig)`.
 
         Raises StoreError where they do not fit the rig.
         """

@@ -12,7 +12,7 @@ from auditor.store.store import Store
 
 
 def list_queries() -> list[SqlFile]:
-    """All queries, by name, without those that nobody but a page asks (`report_...`)."""
+    """All queries, by name, without those that are for pages only (`report_...`)."""
     return [known for known in queries().values() if not known.name.startswith("report_")]
 
 

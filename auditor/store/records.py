@@ -14,7 +14,7 @@ from auditor.errors import StoreError
 from auditor.model.calibration import RobustThresholds, Thresholds
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.verdict import VerdictKind
+from auditor.model.verdict import JUDGING_VERSION, VerdictKind
 
 _ID_DIGITS = 32
 DIGITS_OF_R = 17
@@ -104,11 +104,11 @@ class FrameErrors:
 
 @dataclass(frozen=True, eq=False)
 class FrameRatios:
-    """The local ratios of a measurement's F measured frames, skipped ticks left out.
+    """The windowed ratios of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_elements(rig)`, NaN where
-    it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`, the
-    latter -1 where the sensor was not there.
+    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_pair_checks(rig)`, NaN
+    where it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`,
+    the latter -1 where the sensor was not there.
     """
 
     frames: NDArray[np.int64]
@@ -116,6 +116,19 @@ class FrameRatios:
     ratios: NDArray[np.float64]
     states: NDArray[np.str_]
     fingerprints: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class JudgingRules:
+    """What verdicts are reached by, beside the thresholds.
+
+    `digest` and `settings` (canonical JSON) are those of all parameters that can change a verdict.
+    """
+
+    digest: str
+    settings: str
+    auditor_version: str
+    judging_version: int = JUDGING_VERSION
 
 
 @dataclass(frozen=True)
@@ -128,6 +141,7 @@ class JudgementRecord:
     measurement_id: str
     method: str
     thresholds: Thresholds | RobustThresholds
+    rules: JudgingRules
     judged_at: datetime.datetime
     recounted: bool = False
 
@@ -155,6 +169,8 @@ class JudgementRecord:
             special,
             str(thresholds.r.normalize()),
             thresholds.transferred,
+            self.rules.judging_version,
+            self.rules.digest,
             *(["recounted"] if self.recounted else []),
         )
 
@@ -164,7 +180,8 @@ class StoredJudgement:
     """A finished judgement, as the store knows it.
 
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
-    belong to an incident. `recounted` is True where its statistics came from the stored cells.
+    belong to an incident. `recounted` is True where its statistics came from the stored cells. `judging_version` is 0
+    and `rules`, the digest of the parameters, None where it was judged before rules had versions.
     """
 
     judgement_id: str
@@ -179,6 +196,8 @@ class StoredJudgement:
     counts: Mapping[VerdictKind, int]
     in_incidents: int
     recounted: bool
+    judging_version: int
+    rules: str | None
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:
@@ -195,5 +214,5 @@ def content_id(*parts: object) -> str:
 
 
 def to_utc(moment: datetime.datetime) -> datetime.datetime:
-    """The same moment as the tables keep it: UTC, which is not said again in every row."""
+    """The same moment as the tables keep it: UTC without a time zone."""
     return moment.astimezone(datetime.UTC).replace(tzinfo=None)

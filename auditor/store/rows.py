@@ -50,7 +50,7 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
 
 
 def pair_check_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's elements, in their order."""
+    """The rows of a rig's pair checks, in their order."""
     for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
         yield {
             "rig_id": rig.rig_id,
@@ -116,6 +116,10 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "judging_version": judgement.rules.judging_version,
+        "auditor_version": judgement.rules.auditor_version,
+        "rules": judgement.rules.digest,
+        "judging_settings": judgement.rules.settings,
         "schema_version": SCHEMA_VERSION,
         **_threshold_columns(thresholds, rig),
     }
@@ -151,6 +155,8 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         counts=counts,
         in_incidents=sum(counts[kind] for kind in FINDINGS) if row["in_incidents"] is None else row["in_incidents"],
         recounted=bool(row["recounted"]),
+        judging_version=row["judging_version"],
+        rules=row["rules"],
     )
 
 
@@ -166,7 +172,7 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "attacked": list(verdict.attacked),
         "named": None if verdict.named is None else list(verdict.named),
         "out_of_system": list(verdict.out_of_system),
-        "margin": verdict.margin,
+        "gap": verdict.gap,
         "reason": verdict.reason or None,
         "evidence": [evidence._asdict() for evidence in verdict.evidence],
         "alternatives": [{"attacked": list(a.attacked), "worse_by": a.worse_by} for a in verdict.alternatives],

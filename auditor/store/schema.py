@@ -9,10 +9,10 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 6
-"""Raised whenever a column is added to what scans keep. Columns are only added; a change of meaning is a new column.
+SCHEMA_VERSION = 7
+"""Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
-Evaluations go by EXPERIMENTS_VERSION.
+`upgrade` brings a store of the version before to this one.
 """
 
 TABLES = (
@@ -41,7 +41,7 @@ _VERSION_KEY = b"schema_version"
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its SQL type, its unit where it has one, and what it says in one sentence."""
+    """One column: its SQL type, its unit where it has one, and its meaning in one sentence."""
 
     name: str
     type: str

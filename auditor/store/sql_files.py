@@ -1,4 +1,4 @@
-"""SQL files that describe themselves: a comment at their head says what they answer, from what, and in which columns.
+"""SQL files that describe themselves: a comment at their head has what they answer, from what, and in which columns.
 
 -- One sentence.
 --
@@ -37,7 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class SqlFile:
-    """One view or query: what it says, its parameters, the columns it explains itself, and its SQL."""
+    """One view or query: its sentences, its parameters, the columns it explains itself, and its SQL."""
 
     name: str
     text: str

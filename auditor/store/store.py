@@ -13,7 +13,8 @@ from auditor.model.measurement import Region, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.files import checked_id, finished, is_part, remove_abandoned
+from auditor.store.marker import MARKER, check_marker, write_marker
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
@@ -43,11 +44,9 @@ from auditor.store.rows import (
     triple_rows,
     verdict_row,
 )
-from auditor.store.schema import SCHEMA_VERSION, TABLES
-from auditor.store.tables import newer_version, read_rows, read_table, write_rows, writing
+from auditor.store.schema import TABLES
+from auditor.store.tables import read_rows, read_table, write_rows, writing
 
-MARKER = "store.json"
-_FORMAT = "auditor store"
 MANIFESTS = {
     "frames": "measurements",
     "cells": "measurements",
@@ -75,15 +74,13 @@ class Store:
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
         """Open the store in a folder; `create` makes one where the folder is empty or not there yet.
 
-        Raises StoreError where the folder holds something else, or a store of a newer version.
+        Raises StoreError where the folder holds something else, or a store of another version.
         """
         folder = Path(path).expanduser().resolve()
-        marker = folder / MARKER
-        if not marker.exists():
+        if not (folder / MARKER).exists():
             _check_free(folder, create=create)
-            text = json.dumps({"format": _FORMAT, "schema_version": SCHEMA_VERSION})
-            write_whole(marker, text.encode() + b"\n")
-        _check_marker(marker)
+            write_marker(folder)
+        check_marker(folder)
         store = cls(folder)
         if create:
             store.remove_abandoned()
@@ -135,7 +132,7 @@ class Store:
         return RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
 
     def write_rig(self, rig: Rig) -> None:
-        """Keep a rig, its triples and its elements."""
+        """Keep a rig, its triples and its pair checks."""
         write_rows("pair_checks", self.path("pair_checks", rig.rig_id), pair_check_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
@@ -208,17 +205,17 @@ class Store:
         return read_errors(self.path("frames", measurement_id), rig, statistic)
 
     def load_ratios(self, measurement_id: str) -> FrameRatios:
-        """The local ratios and fingerprints of a finished measurement."""
+        """The windowed ratios and fingerprints of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_ratios(self.path("frames", measurement_id), rig)
 
     def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
-        """The counts of a finished measurement on their grids, frame by frame: enough to work out local ratios anew."""
+        """The counts of a finished measurement on their grids, frame by frame: enough to recount windowed ratios."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_cells(self.path("cells", measurement_id), rig)
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
-        """The symptoms of a finished measurement's frames; all NaN where it is older than they are."""
+        """The fault features of a finished measurement's frames."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_fault_features(
             self.path("frames", measurement_id), self.path("fault_features", measurement_id), rig
@@ -261,7 +258,7 @@ class Store:
     def write_judgement(
         self, judgement: JudgementRecord, verdicts: Iterable[tuple[int, int, Verdict]]
     ) -> StoredJudgement:
-        """Keep a judgement and its verdicts, each with its frame number and stamp, and say what was kept.
+        """Keep a judgement and its verdicts, each with its frame number and stamp, and return what was kept.
 
         The verdicts are written first, the judgement last; then it is the measurement's current one, unless another is
         dated later.
@@ -318,13 +315,8 @@ class Store:
         return finished(self.folder / MANIFESTS.get(table, table))
 
     def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names.
-
-        Measurements of older versions have only their frames.
-        """
+        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
         paths = [self.path(table, row_id) for row_id in self.ids(table)]
-        if table in WRITTEN[:-1]:
-            return [path for path in paths if path.is_file()]
         for path in paths:
             if not path.is_file():
                 raise StoreError(
@@ -356,17 +348,3 @@ def _check_free(folder: Path, *, create: bool) -> None:
         )
     if not create:
         raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")
-
-
-def _check_marker(marker: Path) -> None:
-    try:
-        content = json.loads(marker.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise StoreError(f"it cannot be read ({error})", where=marker) from error
-    if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise StoreError("it is no store's", where=marker, remedy="name another folder")
-    version = content.get("schema_version")
-    if not isinstance(version, int):
-        raise StoreError("it does not say its schema version", where=marker)
-    if version > SCHEMA_VERSION:
-        raise newer_version(version, marker.parent)

@@ -94,7 +94,7 @@ def write_rows(table: str, path: Path, rows: Iterable[Row]) -> None:
 def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """Read a file of a table; columns that it does not have yet are NULL.
 
-    Raises StoreError where it is missing, torn, or of a newer version.
+    Raises StoreError where it is missing, torn, or of another version.
     """
     schema = table_schema(table).arrow
     wanted = schema if columns is None else pa.schema([schema.field(name) for name in columns])
@@ -126,7 +126,7 @@ def read_rows(table: str, path: Path) -> list[dict[str, Any]]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """A file of a table, open for reading. Raises StoreError where it is missing, torn, or of a newer version."""
+    """A file of a table, open for reading. Raises StoreError where it is missing, torn, or of another version."""
     try:
         with pq.ParquetFile(path) as file:
             _check_version(file.schema_arrow, path)
@@ -143,10 +143,16 @@ def _check_version(schema: pa.Schema, path: Path) -> None:
         raise StoreError("it was not written by auditor", where=path)
     if version > SCHEMA_VERSION:
         raise newer_version(version, path)
+    if version < SCHEMA_VERSION:
+        raise StoreError(
+            f"it has schema version {version}, and this auditor reads version {SCHEMA_VERSION}",
+            where=path,
+            remedy="make it again, or upgrade its store with auditor store upgrade",
+        )
 
 
 def newer_version(version: int, where: Path) -> StoreError:
-    """What is said of a file or store that a newer auditor has written."""
+    """The error for a file or store that a newer auditor has written."""
     return StoreError(
         f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",
         where=where,

@@ -25,7 +25,7 @@ CREATE MACRO states_of(E, theta) AS
     );
 
 -- The usual time between two clean frames of each setup, in seconds; NULL where there are no two. A series of frames is
--- one recording by one rig; steps back, where the clock was set, say nothing. `source` names the cases.
+-- one recording by one rig; steps back, where the clock was set, do not count. `source` names the cases.
 CREATE MACRO usual_periods(source) AS TABLE
 WITH step AS (
     SELECT setup, stamp_ns - lag(stamp_ns) OVER (PARTITION BY setup, recording_id, rig_id ORDER BY frame) AS step_ns
@@ -34,7 +34,7 @@ WITH step AS (
 )
 SELECT setup, median(step_ns) FILTER (step_ns > 0) / 1e9 AS period_s FROM step GROUP BY setup;
 
--- theta by triple for the frames of each block of each recording, in sample (left_out = 'nothing') and held out: from
+-- theta by triple for the frames of each block of each recording, in sample (left_out = 'nothing') and left out: from
 -- the clean frames of all other blocks ('block') or of all other recordings ('recording'). `source` names the cases.
 CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
 WITH rate AS (
@@ -55,7 +55,7 @@ sample AS MATERIALIZED (
 block AS MATERIALIZED (
     SELECT DISTINCT setup, recording_id, block FROM sample
 ),
--- one fold is what is held out together, with the samples that are left
+-- one fold is what is left out together, with the samples that are left
 fold AS (
     SELECT 'nothing' AS left_out, setup, NULL AS fold_recording, NULL AS fold_block, position,
         list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples
@@ -171,15 +171,15 @@ JOIN threshold_of USING (setup, recording_id, block)
 WHERE list_has_all(system.system, error.attacked)
     AND (error.experiment <> 'combinations' OR len(error.attacked) <= len(system.system) - 3);
 
--- What is said of e, with Algorithm 2's answer on it: the sensors that it heard, and those that it names.
-CREATE MACRO said_of(e, triples, heard, named) AS CASE
-    WHEN heard = [] THEN 'not_auditable'
+-- The paper's verdict on e, with Algorithm 2's answer: the sensors that took part, and those that it names.
+CREATE MACRO paper_verdict(e, triples, system, named) AS CASE
+    WHEN system = [] THEN 'not_auditable'
     WHEN NOT contains(e, '1') THEN 'clean'
-    WHEN len(heard) >= 4 AND len(named) BETWEEN 1 AND len(heard) - 3 AND explains(named, e, triples) THEN 'attacked'
+    WHEN len(system) >= 4 AND len(named) BETWEEN 1 AND len(system) - 3 AND explains(named, e, triples) THEN 'attacked'
     ELSE 'unidentified'
 END;
 
--- What Algorithm 2 says of them, counted: by system, truth and verdict.
+-- Algorithm 2's verdicts on them, counted: by system, truth and verdict.
 CREATE MACRO evaluation_verdicts(source, sensors, rates, statistic, block_frames) AS TABLE
 WITH counted AS MATERIALIZED (
     SELECT
@@ -216,7 +216,7 @@ SELECT
     counted.size,
     counted.attacked,
     counted.r,
-    said_of(counted.e, counted.triples, answer.system, answer.named) AS verdict,
+    paper_verdict(counted.e, counted.triples, answer.system, answer.named) AS verdict,
     answer.named,
     contains(counted.e, '1') AS raised,
     counted.samples,
@@ -226,10 +226,10 @@ FROM counted
 JOIN answer ON answer.e = counted.e AND answer.triples = counted.triples;
 
 -- What an attacked sensor is in the system of the LiDAR, the leftmost camera k and the one farthest from it.
-CREATE MACRO attacked_role(sensor, k) AS CASE sensor WHEN 0 THEN 'lidar' WHEN k THEN 'reference' ELSE 'witness' END;
+CREATE MACRO attacked_role(sensor, k) AS CASE sensor WHEN 0 THEN 'lidar' WHEN k THEN 'reference' ELSE 'source' END;
 
--- What the robust method said of all cases, counted alike; only its own r and blocks were judged. `judged` names the
--- verdicts. What it names is what its verdict accuses.
+-- The robust method's verdicts on all cases, counted alike; only its own r and blocks were judged. `judged` names the
+-- table of verdicts.
 CREATE MACRO robust_verdicts(judged, rates, block_frames) AS TABLE
 SELECT
     setup,

@@ -58,7 +58,7 @@ by_lemma_2 AS (
     FROM reference LEFT JOIN last_reference ON last_reference.id = reference.id
     WHERE reference.k > coalesce(last_reference.k, -1)
 ),
--- Lemma 1: a 0 at (i0, j0, k) gives every other witness s_i = e_{i,i0,k}, or e_{i,j0,k} where that was not measured
+-- Lemma 1: a 0 at (i0, j0, k) gives every other source camera s_i = e_{i,i0,k}, or e_{i,j0,k} where that was not measured
 cleared AS (
     SELECT last_reference.id, last_reference.k, element.i AS i0, element.j AS j0
     FROM last_reference JOIN element ON element.id = last_reference.id AND element.p = last_reference.zero
@@ -94,9 +94,9 @@ LEFT JOIN systems USING (id)
 LEFT JOIN last_reference USING (id)
 LEFT JOIN answer USING (id);
 
--- The margin z of a local ratio; NULL where any of the three is.
-CREATE MACRO margin(ratio, theta, scale) AS
+-- The score z of a windowed ratio; NULL where any of the three is.
+CREATE MACRO z_score(ratio, theta, scale) AS
     CASE
         WHEN (ratio - theta) / scale IS NOT NULL
-            THEN least(greatest((ratio - theta) / scale, lowest_margin()), highest_margin())
+            THEN least(greatest((ratio - theta) / scale, lowest_score()), highest_score())
     END;

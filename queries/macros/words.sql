@@ -1,13 +1,13 @@
 -- Structured columns of verdicts in words.
 
--- What one piece of evidence says, without how much.
+-- One piece of evidence in words, without its score.
 CREATE MACRO check_in_words(check_name, i, j, k) AS
     CASE check_name
-        WHEN 'contradicted' THEN 'S_' || i || ' and S_' || k || ' contradict the LiDAR'
-        WHEN 'unlike' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
-        WHEN 'light' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
-        WHEN 'empty' THEN 'the LiDAR lacks points in the view of S_' || k
-        WHEN 'scattered' THEN 'points of the LiDAR stand alone here and there in the view of S_' || k
+        WHEN 'lidar_conflict' THEN 'S_' || i || ' and S_' || k || ' both disagree with the LiDAR'
+        WHEN 'photometric_inconsistency' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
+        WHEN 'brightness_difference' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
+        WHEN 'point_dropout' THEN 'the LiDAR lacks points in the view of S_' || k
+        WHEN 'isolated_points' THEN 'the LiDAR has isolated points in the view of S_' || k
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 
@@ -15,7 +15,7 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
 CREATE MACRO evidence_in_words(evidence) AS
     nullif(array_to_string(list_transform(
         evidence,
-        lambda x: check_in_words(x['check_name'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['margin'])
+        lambda x: check_in_words(x['check_name'], x['i'], x['j'], x['k']) || format(' ({:+.2f})', x['score'])
     ), ', '), '');
 
 -- Sensors as 'S_1 and S_2', or what their absence means.
@@ -29,7 +29,7 @@ CREATE MACRO alternatives_in_words(alternatives) AS
         lambda x: sensors_in_words(x['attacked'], 'no attack') || format(' (worse by {:.2f})', x['worse_by'])
     ), ', '), '');
 
--- What one cause that is not an attack says.
+-- One cause that is not an attack in words.
 CREATE MACRO cause_in_words(cause, sensor) AS
     CASE cause
         WHEN 'frozen' THEN 'S_' || sensor || ' stands still while others go on'
@@ -49,13 +49,13 @@ CREATE MACRO causes_in_words(causes) AS
             list_distinct(list_transform(
                 causes, lambda x: {'words': cause_in_words(x['cause'], x['sensor'])}
             )),
-            lambda told: {
+            lambda one: {
                 'score': list_max(list_transform(
-                    list_filter(causes, lambda x: cause_in_words(x['cause'], x['sensor']) = told['words']),
+                    list_filter(causes, lambda x: cause_in_words(x['cause'], x['sensor']) = one['words']),
                     lambda x: x['score']
                 )),
-                'words': told['words']
+                'words': one['words']
             }
         )),
-        lambda told: told['words'] || format(' ({:.2f})', told['score'])
+        lambda one: one['words'] || format(' ({:.2f})', one['score'])
     ), ', '), '');

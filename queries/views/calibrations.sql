@@ -1,8 +1,8 @@
--- One row a statistic and triple, element, or cause of a calibration, over all of its clean recordings.
+-- One row a statistic and triple, pair check, or cause of a calibration, over all of its clean recordings.
 --
--- column samples: What was measured of its clean frames, ascending: disparity errors E, local ratios, or strengths of causes.
+-- column samples: What was measured of its clean frames, ascending: disparity errors E, windowed ratios, or fault scores.
 -- column N: Number of its samples.
--- column statistic: What is counted: plain or gated, a disparity error E of a triple; the witness of an element; or a cause that is not an attack.
+-- column statistic: What is counted: plain or gated, a disparity error E of a triple; the name of a check; or a cause that is not an attack.
 SELECT
     calibration_id,
     any_value(kind) AS kind,

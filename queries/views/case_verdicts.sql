@@ -1,4 +1,4 @@
--- One row a case of an evaluation, system and way of calibrating: what a scan would say of it at r = 1 %.
+-- One row a case of an evaluation, system and way of calibrating: the verdict of a scan at r = 1 %.
 --
 -- column setup: What it was calibrated with: made alike, on one rig kind, of real or of synthetic drives.
 -- column experiment: What was tried: clean, combinations, sensitivity, further, intervals or patterns.

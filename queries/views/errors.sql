@@ -2,8 +2,8 @@
 --
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
--- column i: First witness.
--- column j: Second witness.
+-- column i: First source camera, 0 where it is the LiDAR.
+-- column j: Second source camera.
 -- column k: Reference camera.
 -- column position: Place of the triple in e, counted from 1.
 -- column valid_px: Pixels at which both disparity maps can be compared.

@@ -1,2 +1,2 @@
--- One row an element of a rig, in the order of the local ratios.
+-- One row a pair check of a rig, in the order of the windowed ratios.
 SELECT * FROM stored_pair_checks

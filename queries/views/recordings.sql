@@ -1,8 +1,8 @@
 -- One row a recording, with the drive that it is part of and where its messages went.
 --
--- Recordings are of one drive where somebody said so (one vehicle, one name of a drive), or where they are of one
--- vehicle, with the same rigs and clock, and each begins within 10 s of the end of the one before. What a relative clock
--- says does not show whether recordings follow each other.
+-- Recordings are of one drive where that was given (one vehicle, one name of a drive), or where they are of one
+-- vehicle, with the same rigs and clock, and each begins within 10 s of the end of the one before. A relative clock
+-- does not show whether recordings follow each other.
 --
 -- column drive_id: The recording that the drive begins with.
 -- column messages_read: Messages read by its latest measurement: used + unused + damaged + skipped.
@@ -31,7 +31,7 @@ numbered AS (
         *,
         CASE WHEN drive IS NULL THEN count(*) FILTER (NOT coalesce(follows, false)) OVER (
             PARTITION BY vehicle, drive, clock, rigs ORDER BY from_ns, to_ns, recording_id
-        ) END AS stretch
+        ) END AS chain
     FROM following
 ),
 named AS (
@@ -39,14 +39,14 @@ named AS (
         *,
         CASE
             WHEN drive IS NULL THEN first_value(recording_id) OVER (
-                PARTITION BY vehicle, clock, rigs, stretch, drive ORDER BY from_ns, to_ns, recording_id
+                PARTITION BY vehicle, clock, rigs, chain, drive ORDER BY from_ns, to_ns, recording_id
             )
             ELSE first_value(recording_id) OVER (PARTITION BY vehicle, drive ORDER BY from_ns, to_ns, recording_id)
         END AS drive_id
     FROM numbered
 )
 SELECT
-    * EXCLUDE (rigs, balance, follows, stretch),
+    * EXCLUDE (rigs, balance, follows, chain),
     list_sum([topic.read FOR topic IN balance]) AS messages_read,
     list_sum([topic.used FOR topic IN balance]) AS messages_used,
     list_sum([topic.unused FOR topic IN balance]) AS messages_unused,

@@ -11,7 +11,7 @@
 -- column skew_ns: Its stamp, less its learnt offset, minus the frame's stamp.
 -- column saturated_share: Share of saturated pixels of a camera.
 -- column textureless_share: Share of pixels of a camera without texture.
--- column unmatched_share: Share of pixels of a witness camera without a disparity.
+-- column unmatched_share: Share of pixels of a source camera without a disparity.
 -- column level: Mean of a camera's pixels in grey levels.
 -- column returns: LiDAR points that fall into the leftmost camera's view.
 SELECT

@@ -7,7 +7,6 @@ import pyarrow as pa
 
 RENAMED_TABLES: dict[str, str] = {"symptoms": "fault_features"}
 RENAMED_COLUMNS: dict[str, str] = {
-    "witness": "check_name",
     "in_step": "row_aligned",
     "late_i": "lagged_i",
     "late_k": "lagged_k",
@@ -16,9 +15,19 @@ RENAMED_COLUMNS: dict[str, str] = {
     "unturned_only": "unrotated_only",
     "specks_near": "isolated_near",
     "specks_beyond": "isolated_beyond",
+    "turned": "rotated",
+    "against": "inconsistent",
+    "margin": "gap",
 }
-RENAMED_WORDS: dict[str, str] = {}
-"""Old name -> new name, for rows kept before stored tables, columns (also fields of structs) and words changed.
+RENAMED_FIELDS: dict[str, str] = {"witness": "check_name", "margin": "score"}
+RENAMED_WORDS: dict[str, str] = {
+    "contradicted": "lidar_conflict",
+    "unlike": "photometric_inconsistency",
+    "light": "brightness_difference",
+    "empty": "point_dropout",
+    "scattered": "isolated_points",
+}
+"""Old name -> new name, for rows kept before stored tables, columns, fields of structs and words changed.
 
 A word is a whole value of a VARCHAR column or field.
 """
@@ -26,20 +35,22 @@ A word is a whole value of a VARCHAR column or field.
 
 def canonical(table: pa.Table) -> bytes:
     """An Arrow file of the same rows in today's names: without ids and metadata, columns by name, rows sorted."""
-    rows = sorted((renamed(row) for row in table.to_pylist()), key=lambda row: (row["frame"], repr(row)))
-    schema, sink = pa.schema(_fields(table.schema)), pa.BufferOutputStream()
+    rows = sorted(
+        (renamed(row, RENAMED_COLUMNS) for row in table.to_pylist()), key=lambda row: (row["frame"], repr(row))
+    )
+    schema, sink = pa.schema(_fields(table.schema, RENAMED_COLUMNS)), pa.BufferOutputStream()
     with pa.ipc.new_file(sink, schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as writer:
         writer.write_table(pa.Table.from_pylist(rows, schema))
     return sink.getvalue().to_pybytes()
 
 
-def renamed(value: Any) -> Any:
-    """A value, or a whole row, in today's names and without ids."""
+def renamed(value: Any, names: dict[str, str]) -> Any:
+    """A value, or a whole row, in today's names and without ids; `names` are those of its columns or fields."""
     if isinstance(value, dict):
-        named = {RENAMED_COLUMNS.get(name, name): renamed(part) for name, part in value.items()}
+        named = {names.get(name, name): renamed(part, RENAMED_FIELDS) for name, part in value.items()}
         return {name: named[name] for name in sorted(named) if not name.endswith("_id")}
     if isinstance(value, list):
-        return [renamed(part) for part in value]
+        return [renamed(part, RENAMED_FIELDS) for part in value]
     return RENAMED_WORDS.get(value, value) if isinstance(value, str) else value
 
 
@@ -60,13 +71,13 @@ def differences(old: pa.Table, new: pa.Table) -> Iterator[str]:
             yield f"column {name} is {new[name].type}, no longer {old[name].type}"
 
 
-def _fields(fields: Any) -> list[pa.Field]:
+def _fields(fields: Any, names: dict[str, str]) -> list[pa.Field]:
     """Fields in today's names, by name and without ids."""
-    named = [pa.field(RENAMED_COLUMNS.get(field.name, field.name), _type(field.type)) for field in fields]
+    named = [pa.field(names.get(field.name, field.name), _type(field.type)) for field in fields]
     return sorted((field for field in named if not field.name.endswith("_id")), key=lambda field: str(field.name))
 
 
 def _type(kind: pa.DataType) -> pa.DataType:
     if pa.types.is_list(kind):
         return pa.list_(_type(kind.value_type))
-    return pa.struct(_fields(kind)) if pa.types.is_struct(kind) else kind
+    return pa.struct(_fields(kind, RENAMED_FIELDS)) if pa.types.is_struct(kind) else kind

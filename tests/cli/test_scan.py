@@ -45,7 +45,11 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
     incidents = json.loads(capfd.readouterr().out)
     assert [(row["attacked"], row["last_frame"]) for row in incidents] == [([2], 11), ([0], 25)]
-    says = ("S_2 and S_4 do not see the same", "contradict the LiDAR") if method == "robust" else ("E_0,2,4", "E_0,1,4")
+    says = (
+        ("S_2 and S_4 do not see the same", "both disagree with the LiDAR")
+        if method == "robust"
+        else ("E_0,2,4", "E_0,1,4")
+    )
     assert all(words in row["evidence"] for words, row in zip(says, incidents, strict=True))
     assert all("worse by" in row["alternatives"] for row in incidents)
 
@@ -135,7 +139,7 @@ def test_a_store_judged_by_both_methods_answers_by_the_latest(
     assert run(["judge", str(store), "-r", "0"]) == 1
     assert run(["report", "--store", str(store), "--out", str(page)]) == 0
     assert "Method <code>robust</code> at" in page.read_text()
-    assert "contradict the LiDAR in " in page.read_text()
+    assert "both disagree with the LiDAR in " in page.read_text()
 
 
 def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(

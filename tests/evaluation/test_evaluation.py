@@ -125,7 +125,13 @@ def test_windowed_ratios_are_those_of_the_requested_triples_whose_sensors_are_th
         for e, x in zip(attacked_frame.pair_checks, attacked_frame.ratios({}, [Triple(0, 1, 4)]), strict=True)
         if x is not None
     }
-    assert asked == {("contradicted", 1, 4), ("unlike", 1, 4), ("light", 1, 4), ("empty", 0, 4), ("scattered", 0, 4)}
+    assert asked == {
+        ("lidar_conflict", 1, 4),
+        ("photometric_inconsistency", 1, 4),
+        ("brightness_difference", 1, 4),
+        ("point_dropout", 0, 4),
+        ("isolated_points", 0, 4),
+    }
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))
         measured, _ = measure(frame, RIG, matcher)

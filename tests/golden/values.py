@@ -48,7 +48,7 @@ CHUNK_FRAMES = range(14, 28)
 STANDS_STILL = range(25, 28), 3
 """From the first of these frames on the sensor shows the same image."""
 COLUMNS = (
-    "frame, e, kind, attacked, named, out_of_system, margin, reason, evidence, alternatives, causes, finding,"
+    "frame, e, kind, attacked, named, out_of_system, gap, reason, evidence, alternatives, causes, finding,"
     " finding_attacked"
 )
 ATTACKED = {
@@ -202,7 +202,7 @@ def _write() -> None:
     FRAME.write_text(
         f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
         "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
-        "# cells: the sums over the grid, valid and against.\n"
+        "# cells: the sums over the grid, valid and inconsistent.\n"
         "# features: rows, contrast, agreement with the LiDAR and isolated points, in the order of their fields.\n"
         + "".join(
             _section(f'["{case}".{subject}]', table)

@@ -13,7 +13,7 @@ from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis,
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
 JUST_ENOUGH = Scale(1.0, 0.25, 100)
-TILTED = {"turned": 0.7, "rotated_only": 80, "unrotated_only": 30}
+TILTED = {"rotated": 0.7, "rotated_only": 80, "unrotated_only": 30}
 STAMPS_NS = np.arange(FRAMES, dtype=np.int64) * 100_000_000
 HEALTHY = {
     "tracked": 60,
@@ -30,7 +30,7 @@ HEALTHY = {
     "biased": 0.8,
     "right_px": 4,
     "down_px": 0,
-    "turned": 0.79,
+    "rotated": 0.79,
     "rotated_only": 20,
     "unrotated_only": 60,
     "before_only": 10,
@@ -66,7 +66,7 @@ def likeliest(**changed):
         ({"before_only": 2, "now_only": 0}, []),
         ({"row_aligned": (0.9, 0.0), "offset_px": (0.2, 12), "offset_share": 0.9}, [(Cause.DISPLACED, 2)]),
         ({"row_aligned": 0.0, "offset_px": -12, "offset_share": 0.9}, [(Cause.DISPLACED, 3)]),
-        ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "turned": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
+        ({"bias_px": (12, 0), "agreeing": (0.0, 0.8), "biased": 0.8, "rotated": (0.02, 0.79)}, [(Cause.DISPLACED, 1)]),
         ({"rotated_only": 60, "unrotated_only": 20}, [(Cause.DISPLACED, 0)]),
         ({"rotated_only": (60, 20), "unrotated_only": (20, 60)}, []),
         ({"rotated_only": 2, "unrotated_only": 0}, []),
@@ -222,7 +222,9 @@ def test_quiet_clean_frames_leave_a_cause_at_just_enough():
     assert fault_scale([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
 
 
-def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), check="unlike", i=1, k=3, margin=2.0, **fields):
+def verdict(
+    kind=VerdictKind.ATTACKED, attacked=(1,), check="photometric_inconsistency", i=1, k=3, margin=2.0, **fields
+):
     return Verdict(kind, "1", attacked, evidence=(Evidence(check, i, None, k, margin),), **fields)
 
 
@@ -275,7 +277,7 @@ def test_darkness_is_told_where_nothing_was_raised_and_throws_no_light():
     hypotheses = weigh(CLEAN, dark)
     assert (hypotheses.kind, hypotheses.causes) == (VerdictKind.CLEAN, dark)
     assert weigh(verdict(), dark).kind is VerdictKind.SUSPECT
-    assert weigh(verdict(check="light"), dark).kind is VerdictKind.ATTACKED
+    assert weigh(verdict(check="brightness_difference"), dark).kind is VerdictKind.ATTACKED
 
 
 def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
@@ -287,10 +289,15 @@ def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
 
 def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
     turned = (FaultHypothesis(Cause.DISPLACED, 0, 1.0),)
-    cameras = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(2,), evidence=(Evidence("unlike", 2, None, 3, 2.0),))
+    cameras = replace(
+        CLEAN,
+        kind=VerdictKind.ATTACKED,
+        attacked=(2,),
+        evidence=(Evidence("photometric_inconsistency", 2, None, 3, 2.0),),
+    )
     assert weigh(cameras, turned) == cameras
     lidar = replace(
-        CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("contradicted", 2, None, 3, 2.0),)
+        CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("lidar_conflict", 2, None, 3, 2.0),)
     )
     assert weigh(lidar, turned).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, turned).kind is VerdictKind.SUSPECT
@@ -300,7 +307,7 @@ RAIN = (FaultHypothesis(Cause.RAIN, 0, 1.0),)
 
 
 def test_rain_excuses_what_stands_out_a_little_however_hard_it_rains():
-    barely, clearly = (verdict(attacked=(0,), check="contradicted", i=2, margin=margin) for margin in (0.2, 0.3))
+    barely, clearly = (verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin) for margin in (0.2, 0.3))
     weighed = weigh(barely, RAIN)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), RAIN)
     assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is told"
@@ -312,7 +319,7 @@ def test_rain_is_told_where_nothing_was_raised_and_is_no_finding():
 
 
 def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
-    for check, i in (("empty", 0), ("unlike", 1)):
+    for check, i in (("point_dropout", 0), ("photometric_inconsistency", 1)):
         identified = verdict(attacked=(i,), check=check, i=i, margin=0.5)
         assert weigh(identified, RAIN) == identified
 
@@ -337,14 +344,17 @@ def test_a_fault_is_a_finding_from_a_half_on(score, kind):
 
 @pytest.mark.parametrize(("others", "kind"), [(1.0, VerdictKind.SUSPECT), (1.01, VerdictKind.ATTACKED)])
 def test_a_fault_explains_what_it_can_have_raised_half_of(others, kind):
-    evidence = (Evidence("unlike", 1, None, 3, 1.0), Evidence("unlike", 2, None, 3, others))
+    evidence = (
+        Evidence("photometric_inconsistency", 1, None, 3, 1.0),
+        Evidence("photometric_inconsistency", 2, None, 3, others),
+    )
     fired = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(3,), evidence=evidence)
     assert weigh(fired, (FaultHypothesis(Cause.LATE, 1, 1.0),)).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(0.25, VerdictKind.SUSPECT), (0.26, VerdictKind.ATTACKED)])
 def test_rain_counts_as_a_margin_of_three_quarters_below_its_threshold(margin, kind):
-    assert weigh(verdict(attacked=(0,), check="contradicted", i=2, margin=margin), RAIN).kind is kind
+    assert weigh(verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin), RAIN).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(1.5, VerdictKind.SUSPECT), (1.51, VerdictKind.ATTACKED)])

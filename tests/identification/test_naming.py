@@ -48,9 +48,9 @@ def test_what_the_witnesses_say_together_names_the_sensor(fired, attacked, e):
 
 def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
     verdict = one({X23: 1.0, X13: 2.0})
-    assert verdict.evidence == (("contradicted", 1, None, 3, 2.0), ("contradicted", 2, None, 3, 1.0))
+    assert verdict.evidence == (("lidar_conflict", 1, None, 3, 2.0), ("lidar_conflict", 2, None, 3, 1.0))
     # {S_3} would account for nine tenths of both, but for two silent pairs at half price
-    assert verdict.margin == pytest.approx(1.3)
+    assert verdict.gap == pytest.approx(1.3)
     assert verdict.alternatives[0] == ((3,), pytest.approx(1.3))
     assert verdict.reason == ""
 
@@ -58,7 +58,7 @@ def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
 def test_a_clean_verdict_says_how_far_the_nearest_attack_is():
     verdict = one({})
     assert verdict.evidence == ()
-    assert verdict.margin == verdict.alternatives[0].worse_by == pytest.approx(0.52)  # a silent pair, and the price
+    assert verdict.gap == verdict.alternatives[0].worse_by == pytest.approx(0.52)  # a silent pair, and the price
     assert [len(other.attacked) for other in verdict.alternatives] == [1, 1]
 
 
@@ -136,8 +136,8 @@ def test_a_system_tells_attacks_on_all_but_three_of_its_sensors_apart(sensors, s
 
 
 def test_of_three_sensors_the_margin_is_the_largest_one_measured():
-    assert one({U23: 2.0, U13: 0.5, L12: np.nan}, missing=frozenset({0})).margin == 2.0
-    assert one({U23: -0.5}, missing=frozenset({0})).margin == -0.5
+    assert one({U23: 2.0, U13: 0.5, L12: np.nan}, missing=frozenset({0})).gap == 2.0
+    assert one({U23: -0.5}, missing=frozenset({0})).gap == -0.5
 
 
 def test_a_frame_at_the_score_s_threshold_is_clean():
@@ -169,7 +169,7 @@ def test_a_triple_is_measured_where_its_own_elements_are():
 def test_of_five_sensors_the_smaller_of_two_attacks_is_named_where_nothing_else_tells_them_apart():
     five = System(pair_checks_of(4, (), (), (4,)), triples_of(4, lidar=True), (0, 1, 2, 3, 4))
     verdict = one({PairCheck(Check.POINT_DROPOUT, 0, 4): 0.5}, system=five, silent=np.nan)
-    assert (verdict.kind, verdict.attacked, verdict.margin) == (VerdictKind.ATTACKED, (0,), 0.02)
+    assert (verdict.kind, verdict.attacked, verdict.gap) == (VerdictKind.ATTACKED, (0,), 0.02)
 
 
 def test_a_frame_is_raised_where_any_attack_explains_it_better_than_none():

@@ -171,7 +171,7 @@ def test_frames_are_judged_as_one_by_one():
         alone = judge(e, N4, FIVE, absent, min(measured) if measured else None)
         assert replace(verdict, evidence=()) == alone
         above = sorted((row[place] - 0.2, N4[place]) for place, state in enumerate(e) if state == "1")
-        assert [(x.check_name, x.i, x.j, x.k, pytest.approx(x.margin)) for x in verdict.evidence] == [
+        assert [(x.check_name, x.i, x.j, x.k, pytest.approx(x.score)) for x in verdict.evidence] == [
             ("gated", *triple, margin) for margin, triple in reversed(above)
         ]
 
@@ -188,12 +188,12 @@ def test_a_verdict_names_the_next_best_explanations():
 def test_the_margin_is_the_smallest_distance_from_theta():
     (verdict,) = judge_frames(np.array([[0.5, 0.25, np.nan]]), thresholds_for(N3), N3, FOUR, [frozenset()])
     assert verdict.e == "11-"
-    assert verdict.margin == pytest.approx(0.05)
+    assert verdict.gap == pytest.approx(0.05)
 
 
 def test_a_frame_with_nothing_measured_has_no_margin():
     (verdict,) = judge_frames(np.full((1, 3), np.nan), thresholds_for(N3), N3, FOUR, [frozenset()])
-    assert (verdict.kind, verdict.margin) == (VerdictKind.NOT_AUDITABLE, None)
+    assert (verdict.kind, verdict.gap) == (VerdictKind.NOT_AUDITABLE, None)
 
 
 def test_judging_leaves_the_disparity_errors_as_they_are():
@@ -243,7 +243,7 @@ def test_an_element_is_raised_above_theta_and_not_at_it(above, state):
     [verdict] = judge_frames(errors, replace(thresholds_for(N4), theta=theta), N4, FIVE, [frozenset()])
     assert verdict.e == "00" + state + "0" * (len(N4) - 3)
     assert len(verdict.evidence) == int(state)
-    assert verdict.margin == pytest.approx(abs(above), abs=1e-15)
+    assert verdict.gap == pytest.approx(abs(above), abs=1e-15)
 
 
 def test_the_evidence_of_a_raised_frame_is_what_lies_above_theta_and_nothing_that_lies_at_it():
@@ -251,7 +251,7 @@ def test_the_evidence_of_a_raised_frame_is_what_lies_above_theta_and_nothing_tha
     errors[0, :3] = 0.5, 0.25, 0.75
     theta = replace(thresholds_for(N4), theta=dict.fromkeys(N4, 0.25))
     [verdict] = judge_frames(errors, theta, N4, FIVE, [frozenset()])
-    assert [(one.i, one.j, one.k, one.margin) for one in verdict.evidence] == [(*N4[2], 0.5), (*N4[0], 0.25)]
+    assert [(one.i, one.j, one.k, one.score) for one in verdict.evidence] == [(*N4[2], 0.5), (*N4[0], 0.25)]
 
 
 def test_three_sensors_that_measured_nothing_are_not_too_few():

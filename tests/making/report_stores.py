@@ -17,12 +17,13 @@ from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.store.calibrations import make_calibration
 from auditor.store.pictures import Picture
-from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 from tests.making.clean_frames import clean_frames
 
 START_NS = 1_317_042_145_904_000_000
 PERIOD_NS = 100_000_000
+RULES = JudgingRules("d" * 12, "{}", "0.0")
 PROCEDURE = Procedure("sgbm_3way", '{"range_px":128,"scale":0.5}')
 WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC).replace(tzinfo=None)
 VALID_PX = 10_000
@@ -158,7 +159,7 @@ def _judge(store, rig, measurement_id, r):
     ]
     verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing)
     rows = zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True)
-    store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, WHEN), rows)
+    store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, RULES, WHEN), rows)
 
 
 def _picture(rig):

@@ -13,10 +13,11 @@ from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import Verdict, VerdictKind
 from auditor.store.evaluation_tables import CaseFeatures
 from auditor.store.measurement_tables import matched_pairs
-from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 
 PERIOD_NS = 100_000_000
+RULES = JudgingRules("d" * 12, "{}", "0.0")
 PROCEDURE = Procedure("sgbm", '{"half":true}')
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 KINDS = {
@@ -138,7 +139,7 @@ def add_judgement(
 ):
     """Verdicts from one character a frame: c, u, n, s, or the number of the one attacked sensor; ' ' for none."""
     record = JudgementRecord(
-        measurement_id, method, make_thresholds(rig, **thresholds), judged_at=NOON + timedelta(minutes=minutes)
+        measurement_id, method, make_thresholds(rig, **thresholds), RULES, judged_at=NOON + timedelta(minutes=minutes)
     )
     verdicts = [
         (
@@ -153,11 +154,11 @@ def add_judgement(
     return record.judgement_id
 
 
-def make_verdict(rig, kind, margin=0.1):
+def make_verdict(rig, kind, gap=0.1):
     e = "0" * len(rig.triples)
     if kind.isdigit():
-        return Verdict(VerdictKind.ATTACKED, e, attacked=(int(kind),), named=(int(kind),), margin=margin)
-    return Verdict(KINDS[kind], e, margin=margin, reason="a reason" if kind in "ns" else "")
+        return Verdict(VerdictKind.ATTACKED, e, attacked=(int(kind),), named=(int(kind),), gap=gap)
+    return Verdict(KINDS[kind], e, gap=gap, reason="a reason" if kind in "ns" else "")
 
 
 def skip(number, reason="no LiDAR", sensor=0):

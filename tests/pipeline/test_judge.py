@@ -1,17 +1,22 @@
 """Judging what a store holds: what is current afterwards, what is refused, and how much is read for it."""
 
+import json
 from collections import Counter
+from dataclasses import replace
 from decimal import Decimal
 
 import pytest
 
+import auditor
 from auditor.errors import StoreError
-from auditor.model.verdict import Method
+from auditor.identification import parameters
+from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
 from auditor.pipeline.many import JudgeSettings, judge_all
 from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
 from auditor.store.queries import run_sql
+from auditor.store.tables import read_rows
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 RIG = make_rig(3)
@@ -100,3 +105,29 @@ def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_p
         load_page(store)
         counts.append(sum(path.parent.name == "judgements" for path in reads))
     assert counts[1] == 2 * counts[0]
+
+
+@pytest.mark.parametrize("method", Method)
+def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_verdicts_and_rules(
+    tmp_path, monkeypatch, method
+):
+    store = new_store(tmp_path)
+    known = measured(store)
+    calibration = calibrate([(store, known)])
+    before = judge_measurement(store, known, calibration, Criteria(ZERO, method))
+    assert judge_measurement(store, known, calibration, Criteria(ZERO, method)).judgement_id == before.judgement_id
+    changed = replace(parameters.EXPLANATION, penalty_per_sensor=0.25)
+    others = [changed if group is parameters.EXPLANATION else group for group in parameters.JUDGING]
+    monkeypatch.setattr(parameters, "JUDGING", tuple(others))
+    after = judge_measurement(store, known, calibration, Criteria(ZERO, method))
+    assert {one.judgement_id: one.rules for one in store.judgements()} == {
+        before.judgement_id: before.rules,
+        after.judgement_id: after.rules,
+    }
+    rows = run_sql(store, "SELECT * FROM judgements ORDER BY judged_at").to_pylist()
+    assert [row["judging_version"] for row in rows] == [JUDGING_VERSION] * 2
+    assert [row["auditor_version"] for row in rows] == [auditor.__version__] * 2
+    penalties = [json.loads(row["judging_settings"])["explanation.penalty_per_sensor"] for row in rows]
+    assert penalties == [parameters.EXPLANATION.penalty_per_sensor, 0.25]
+    for judgement in (before, after):
+        assert len(read_rows("verdicts", store.path("verdicts", judgement.judgement_id))) == 6

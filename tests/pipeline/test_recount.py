@@ -51,7 +51,7 @@ def judged(store, measurement, *, recount):
     """A judgement of the attacked frames by the clean ones, and its verdicts."""
     clean = calibrate([(store, measurement)], range(2), recount=recount)
     judgement = judge_measurement(store, measurement, clean, Criteria(Decimal(0), recount=recount))
-    sql = f"SELECT kind, margin, evidence FROM verdicts WHERE judgement_id = '{judgement.judgement_id}' ORDER BY frame"
+    sql = f"SELECT kind, gap, evidence FROM verdicts WHERE judgement_id = '{judgement.judgement_id}' ORDER BY frame"
     return judgement, run_sql(store, sql).to_pylist()
 
 
@@ -71,10 +71,10 @@ def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_say
 def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_what_was_measured(scanned, monkeypatch):
     store, measurement = scanned
     before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
-    assert {"unlike", "light"} <= checks(as_measured)
+    assert {"photometric_inconsistency", "brightness_difference"} <= checks(as_measured)
     demanding = {check: statistics.Window(6, 8, 10**9) for check in statistics.WINDOWS}
     monkeypatch.setattr(statistics, "WINDOWS", demanding)
-    assert checks(judged(store, measurement, recount=True)[1]) == {"light"}
+    assert checks(judged(store, measurement, recount=True)[1]) == {"brightness_difference"}
     assert judged(store, measurement, recount=False)[1] == as_measured
     np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)
 

@@ -142,7 +142,7 @@ def test_sensitivity_and_further_attacks_equal_python(made, told):
     rows = answer(made, "evaluation_sensitivity")
     assert len(rows) == 3 * 4
     for row in rows:
-        attacked = ({"lidar": 0, "witness": 1, "reference": 4}[row["sensor"]],)
+        attacked = ({"lidar": 0, "source": 1, "reference": 4}[row["sensor"]],)
         key = "sensitivity", row["left_out"], (0, 1, 4), attacked, row["size"]
         assert (row["cases"], row["detected"]) == (expected[*key, "cases"], expected[*key, "detected"])
     rows = answer(made, "evaluation_further")

@@ -69,7 +69,7 @@ def by_paper(cases, left_out, recording, line):
 
 
 def by_robust(cases, left_out, recording, line):
-    """What is said of each frame and the half second around it, in an otherwise clean drive."""
+    """The verdicts on each frame and on the temporal window around it, in an otherwise clean drive."""
     drive = {case.frame: case for case in cases["clean", recording]} | {case.frame: case for case in line}
     for case in line:
         kept = {

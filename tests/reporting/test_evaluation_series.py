@@ -55,7 +55,7 @@ def ratios_of(rig, frame, *, high=(), level=0.8):
     """Local ratios of which those of S_1's pairs are high in some frames."""
     pair_checks = rig_pair_checks(rig)
     quiet = np.random.default_rng(frame).uniform(0, 0.2, len(pair_checks))
-    raised = [frame in high and e.check == "unlike" and 1 in e.needed for e in pair_checks]
+    raised = [frame in high and e.check == "photometric_inconsistency" and 1 in e.needed for e in pair_checks]
     return np.where(raised, level, quiet).tolist()
 
 
@@ -76,7 +76,7 @@ def verdicts(store, experiment):
 
 
 def test_a_moment_around_a_frame_is_of_its_own_rig(tmp_path):
-    """One frame that stands out is raised; the half second around it says otherwise, whoever else looked."""
+    """One frame that stands out is raised; the temporal window around it is not a finding."""
     store = new_store(tmp_path)
     for rig in (RIG, OTHER):
         keep(store, rig, [case(rig, frame, high=(60,), level=0.45) for frame in range(120)])

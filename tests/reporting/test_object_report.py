@@ -81,7 +81,7 @@ def test_the_page_shows_detection_and_false_alarms_beside_the_papers(store, page
     assert [grid.title.partition("; ")[2] for grid in grids[:3]] == [
         "any object without a partner raises a frame",
         "in sample, as in the paper",
-        "held out by blocks of ten frames",
+        "left out by blocks of ten frames",
     ]
     assert all(len(grid.rows) in (2, 4) for grid in grids)
     assert not grids[0].unresolved  # it has no r

@@ -155,7 +155,7 @@ def test_sensitivity_equals_python(made):
     for (left_out, recording, block, r), (theta, _) in folds(made[1], Statistic.GATED).items():
         for case in made[1]["sensitivity", recording]:
             if case.frame // BLOCK == block:
-                role = {0: "lidar", 1: "witness", 4: "reference"}[case.attacked[0]]
+                role = {0: "lidar", 1: "source", 4: "reference"}[case.attacked[0]]
                 key = left_out, role, case.size, r
                 expected[key] += state(errors(case, Statistic.GATED)[at], theta[at]) == "1"
                 expected[key, "cases"] += 1
@@ -164,7 +164,7 @@ def test_sensitivity_equals_python(made):
     for row in rows:
         key = row["left_out"], row["sensor"], row["size"], Decimal(str(row["r"])).normalize() + 0
         assert (row["detected"], row["cases"]) == (expected[key], expected[key, "cases"])
-    facula = next(row for row in rows if row["sensor"] == "witness")
+    facula = next(row for row in rows if row["sensor"] == "source")
     assert facula["nominal_share"] == pytest.approx(0.0379, abs=5e-5)
 
 

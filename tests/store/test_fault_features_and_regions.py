@@ -1,7 +1,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from auditor.model.checks import COLUMNS, Agreement, Contrast, IsolatedShares, PairFaultFeatures, Rows
 from auditor.model.frames import Skipped
@@ -11,6 +10,7 @@ from auditor.store.queries import run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
     NOON,
+    RULES,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -48,31 +48,8 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     assert np.isnan(values[1, 0]).all()
     assert seen.level.tolist() == [[10, 20, 30]] * 2
     assert seen.saturated.tolist() == [[0.25] * 3] * 2
-    [row] = run_sql(store, "SELECT k, row_aligned, difference, turned FROM fault_features WHERE frame = 3").to_pylist()
-    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "turned": 0.7}
-
-
-def test_a_measurement_older_than_symptoms_and_regions_has_none(tmp_path):
-    store, rig = new_store(tmp_path), make_rig(3)
-    measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
-    for table in ("fault_features", "regions"):
-        store.path(table, measurement_id).unlink()
-    assert np.isnan(store.load_fault_features(measurement_id).columns["row_aligned"]).all()
-    assert store.load_regions(measurement_id, 0) == []
-    assert run_sql(store, "SELECT * FROM regions").num_rows == 0
-
-
-def test_symptoms_older_than_specks_have_none(tmp_path):
-    store, rig = new_store(tmp_path), make_rig(3)
-    frames = [replace(make_measurement(rig, 1), fault_features={(2, 3): SEEN})]
-    measurement_id = add_measurement(store, rig, frames)
-    path = store.path("fault_features", measurement_id)
-    older = pq.read_table(path).drop_columns(["isolated_near", "isolated_beyond"])
-    pq.write_table(older.replace_schema_metadata({b"schema_version": b"4"}), path)
-    seen = store.load_fault_features(measurement_id)
-    assert np.isnan(seen.columns["isolated_near"]).all()
-    assert seen.columns["row_aligned"][0, 1] == 0.9
-    assert run_sql(store, "SELECT isolated_beyond FROM fault_features").to_pylist() == [{"isolated_beyond": None}]
+    [row] = run_sql(store, "SELECT k, row_aligned, difference, rotated FROM fault_features WHERE frame = 3").to_pylist()
+    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "rotated": 0.7}
 
 
 def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path):
@@ -94,9 +71,9 @@ def test_causes_are_told_in_words_each_once_with_its_best_score(tmp_path):
     measurement_id = add_measurement(store, rig, [make_measurement(rig, n) for n in range(2)])
     causes = (FaultHypothesis(Cause.RAIN, 0, 0.75), FaultHypothesis(Cause.DARK, None, 0.25))
     verdicts = [
-        (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", margin=0.1, causes=causes[: n + 1])) for n in range(2)
+        (n, n * 100_000_000, Verdict(VerdictKind.SUSPECT, "0", gap=0.1, causes=causes[: n + 1])) for n in range(2)
     ]
-    record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), judged_at=NOON)
+    record = JudgementRecord(measurement_id, "robust", make_thresholds(rig), RULES, NOON)
     store.write_judgement(record, verdicts)
     told = "S_0 sees drops all around, as in rain (0.75)"
     rows = run_sql(store, "SELECT causes_in_words(causes) AS told FROM verdicts ORDER BY frame").to_pylist()

@@ -119,7 +119,7 @@ def test_an_incident_tells_when_who_and_its_strongest_frame(store):
     assert (row["from_ns"], row["to_ns"], row["seconds"]) == (stamps[1], stamps[2], 0.1)
     assert str(row["from_utc"])[:21] == "2023-11-14 22:13:20.1"
     assert row["attacked_names"] == ["S_3 cam3"]
-    assert (row["strongest_frame"], row["strongest_margin"]) == (2, 0.4)
+    assert (row["strongest_frame"], row["largest_gap"]) == (2, 0.4)
 
 
 def test_without_a_utc_clock_there_is_no_time_of_day(store):

@@ -16,6 +16,7 @@ from auditor.store.queries import run_query, run_sql
 from auditor.store.records import JudgementRecord
 from tests.making.stores import (
     NOON,
+    RULES,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -35,7 +36,9 @@ def judged(tmp_path):
     rng = np.random.default_rng(3)
     ratios = rng.uniform(0, 0.4, (FRAMES, len(ELEMENTS)))
     ratios[rng.random(ratios.shape) < 0.05] = np.nan
-    ratios[10:20, [place for place, e in enumerate(ELEMENTS) if e.check == "unlike" and e.i == 1]] = 0.9
+    ratios[
+        10:20, [place for place, e in enumerate(ELEMENTS) if e.check == "photometric_inconsistency" and e.i == 1]
+    ] = 0.9
     given = [[None if np.isnan(x) else x for x in row] for row in ratios.tolist()]
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f, ratios=row) for f, row in enumerate(given)])
@@ -48,7 +51,7 @@ def judged(tmp_path):
     series = FrameSeries.of_recording(loaded.stamps_ns, loaded.ratios, present, loaded.fingerprints, {})
     verdicts = judge_frames(series, system, thresholds)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
-    store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     return store, known, verdicts, scores(loaded.ratios, scales)
 
 
@@ -89,7 +92,7 @@ def test_a_frame_that_the_half_second_does_not_confirm_names_no_sensor_in_the_su
     confirmed = replace(make_verdict(RIG, "1"), finding=Finding(VerdictKind.ATTACKED, (1,)))
     thresholds = RobustThresholds("c" * 32, Decimal(0), {}, {}, resolvable=True)
     rows = [(f, f, verdict) for f, verdict in enumerate((alone, confirmed, make_verdict(RIG, "c")))]
-    kept = store.write_judgement(JudgementRecord(known, "robust", thresholds, NOON), rows)
+    kept = store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     assert kept == store.current_judgements()[known]
     (row,) = run_query(store, "summary").to_pylist()
     assert (row["attacked"], row["attacked_sensors"]) == (2, [1])

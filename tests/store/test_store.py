@@ -29,6 +29,7 @@ from tests.making.stores import (
     NOON,
     PERIOD_NS,
     PROCEDURE,
+    RULES,
     add_frames,
     add_judgement,
     add_measurement,
@@ -191,25 +192,12 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
             assert np.array_equal(of_it.inconsistent, original.cells[pair_check].inconsistent)
     with pq.ParquetFile(store.path("cells", measurement_id)) as file:
         assert file.num_row_groups == 2
-    sql = "SELECT check_name, i, k, rows, columns, valid, against FROM cells WHERE frame = 3"
+    sql = "SELECT check_name, i, k, rows, columns, valid, inconsistent FROM cells WHERE frame = 3"
     [row] = run_sql(store, sql).to_pylist()
     of_it = given[2].cells[pair_checks[1]]
     assert (row["check_name"], row["i"], row["k"]) == pair_checks[1]
     assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), of_it.valid)
-    assert np.array_equal(np.reshape(row["against"], (row["rows"], row["columns"])), of_it.inconsistent)
-
-
-def test_a_measurement_older_than_cells_and_local_ratios_is_still_read(tmp_path):
-    store, rig = new_store(tmp_path), make_rig(3)
-    measurement_id = add_measurement(store, rig, [make_measurement(rig, 0)])
-    frames = pq.read_table(store.path("frames", measurement_id)).drop_columns(["ratios", "fingerprint"])
-    pq.write_table(frames.replace_schema_metadata({b"schema_version": b"1"}), store.path("frames", measurement_id))
-    store.path("cells", measurement_id).unlink()
-    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (1, 3)
-    assert run_sql(store, "SELECT ratio FROM ratios").column(0).null_count == len(rig_pair_checks(rig))
-    assert run_sql(store, "SELECT * FROM cells").num_rows == 0
-    with pytest.raises(StoreError, match="before there were local ratios; measure it again"):
-        store.load_ratios(measurement_id)
+    assert np.array_equal(np.reshape(row["inconsistent"], (row["rows"], row["columns"])), of_it.inconsistent)
 
 
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
@@ -285,11 +273,11 @@ def test_an_answer_without_a_name_differs_from_nobody_named(tmp_path):
         (0, 0, Verdict(VerdictKind.UNIDENTIFIED, "1--", named=None, out_of_system=(2,))),
         (1, 1, Verdict(VerdictKind.CLEAN, "000", named=())),
     ]
-    store.write_judgement(JudgementRecord(measurement_id, "m", make_thresholds(rig), NOON), verdicts)
-    rows = run_sql(store, "SELECT named, out_of_system, margin, reason FROM verdicts ORDER BY frame").to_pylist()
+    store.write_judgement(JudgementRecord(measurement_id, "m", make_thresholds(rig), RULES, NOON), verdicts)
+    rows = run_sql(store, "SELECT named, out_of_system, gap, reason FROM verdicts ORDER BY frame").to_pylist()
     assert rows == [
-        {"named": None, "out_of_system": [2], "margin": None, "reason": None},
-        {"named": [], "out_of_system": [], "margin": None, "reason": None},
+        {"named": None, "out_of_system": [2], "gap": None, "reason": None},
+        {"named": [], "out_of_system": [], "gap": None, "reason": None},
     ]
 
 

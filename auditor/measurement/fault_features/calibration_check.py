@@ -84,13 +84,13 @@ class CalibrationCheck:
             _median([lead(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]])
             for pair in known
         ]
-        turned = _median([one.turned for one in fault_features])
-        moved = min(leads) >= CALIBRATION_CHECK.least_lead and turned >= CALIBRATION_CHECK.least_agreeing
+        rotated = _median([one.rotated for one in fault_features])
+        moved = min(leads) >= CALIBRATION_CHECK.least_lead and rotated >= CALIBRATION_CHECK.least_agreeing
         if agreeing >= CALIBRATION_CHECK.least_agreeing and not moved:
             return None
         usable = f"agree at {agreeing:.0%} of points within 1 px"
         if moved:
-            ways = Counter((one.right_px, one.down_px) for one in fault_features if not isnan(one.turned))
+            ways = Counter((one.right_px, one.down_px) for one in fault_features if not isnan(one.rotated))
             way = _way(*ways.most_common(1)[0][0])
             return f"{usable}, and better once its points are {way}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))

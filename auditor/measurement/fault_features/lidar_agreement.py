@@ -68,7 +68,7 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
         biased=biased,
         right_px=float(right),
         down_px=float(down),
-        turned=_agreeing(most),
+        rotated=_agreeing(most),
         rotated_only=_only(most, difference),
         unrotated_only=_only(difference, most),
         before_only=nan if earlier is None else _only(earlier, difference),

@@ -18,13 +18,13 @@ CURVE_RATES = ("0", "0.01", "0.02", "0.03", "0.05", *(f"{percent / 100:g}" for p
 ROLES = {
     "lidar": "Wall on the LiDAR",
     "reference": "Facula on the reference camera",
-    "witness": "Facula on the witness camera",
+    "source": "Facula on the source camera",
 }
-SHORT_ROLES = {"lidar": "LiDAR", "reference": "reference camera", "witness": "witness camera"}
+SHORT_ROLES = {"lidar": "LiDAR", "reference": "reference camera", "source": "source camera"}
 
 
 class Answers:
-    """Rates by held-out mode, system or triple, strength, attacked sensors (None or their number: average) and r."""
+    """Rates by what is left out, system or triple, strength, attacked sensors (None or their number: average) and r."""
 
     def __init__(self, rig: Rig, rows: Mapping[str, Rows]) -> None:
         self.rig = rig

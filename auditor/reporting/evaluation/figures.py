@@ -87,7 +87,7 @@ def _sensitivity_curves(answers: Answers) -> Iterator[Sheet]:
     for sensor, x_label, ticks, axes in (
         ("lidar", "width of the wall / m", walls, Axes(0.3, 2.7)),
         ("reference", "R / px", radii, Axes(20.0, 240.0)),
-        ("witness", "R / px", radii, Axes(20.0, 240.0)),
+        ("source", "R / px", radii, Axes(20.0, 240.0)),
     ):
         lines = []
         for mode, dashes in (("nothing", ""), ("block", " dashed")):

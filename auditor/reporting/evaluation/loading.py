@@ -118,7 +118,7 @@ def _recordings(clean: Rows) -> Iterator[Evaluated]:
 
 
 def _unseen(answers: Answers) -> Iterator[str]:
-    """Attacks that were detected in too few frames, one sentence each, from what was held out if anything was."""
+    """Attacks that were detected in too few frames, one sentence each, from what was left out if anything was."""
     if not answers.modes:  # no clean frame was measured
         return
     mode = "block" if "block" in answers.modes else answers.modes[0]

@@ -9,7 +9,7 @@ from auditor.reporting.evaluation.tables import described
 METHODS = ("paper", "robust")
 
 Lookup = Callable[[Answers, str], Cell]
-"""What one method's answers say in one held-out mode."""
+"""One method's answers in one way of leaving frames out."""
 
 
 def by_method(rows: Mapping[str, Rows], method: str) -> dict[str, Rows]:

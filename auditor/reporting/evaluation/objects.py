@@ -43,7 +43,7 @@ def object_sheets(answers: Answers) -> dict[str, list[Sheet]]:
 
 
 def _detectors(rows: Rows) -> list[tuple[str, Rows]]:
-    """Rows by detector; those of one name are told apart by their id."""
+    """Rows by detector; those of one name are distinguished by their id."""
     found: dict[tuple[str, str], Rows] = {}
     for row in rows:
         found.setdefault((row["detector"], row["detector_id"]), []).append(row)
@@ -94,7 +94,7 @@ def _raised(row: dict[str, Any]) -> Rate:
 
 
 def _combinations(answers: Answers, number: int, detector: str, rows: Rows) -> Grid:
-    """By attacked sensors at one r, held out by blocks where that could be done."""
+    """By attacked sensors at one r, left out by blocks where that could be done."""
     triple: Triple = answers.scenarios[number]
     mode = "block" if "block" in answers.modes else answers.modes[0]
     found = {

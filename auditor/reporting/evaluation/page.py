@@ -7,8 +7,8 @@ from auditor.reporting.evaluation.plots import Panel
 
 LEFT_OUT = {
     "nothing": "in sample, as in the paper",
-    "block": "held out by blocks of ten frames",
-    "recording": "held out by recording",
+    "block": "left out by blocks of ten frames",
+    "recording": "left out by recording",
 }
 """What the page calls the ways of taking theta, in its order."""
 
@@ -61,7 +61,7 @@ class Grid:
 class Sheet:
     """Small panels that belong together, with what they are to be compared with.
 
-    `left_out` says that their dashed lines are of thresholds that were held out.
+    `left_out` says that their dashed lines are of thresholds with frames left out.
     """
 
     title: str

@@ -44,6 +44,6 @@ DISTRIBUTIONS = {
 }
 PANEL = "The paper: E_{0,1,3} mostly below 0.23 while none of its sensors is attacked, above while one is (Fig. 9)."
 IDENTIFICATION_CURVES = (
-    "The paper: falls linearly with r where a witness or the LiDAR is attacked, stays close to 100 % where the "
+    "The paper: falls linearly with r where a source camera or the LiDAR is attacked, stays close to 100 % where the "
     "reference camera is (Fig. 10)."
 )

@@ -114,7 +114,7 @@ def _identification(answers: Answers, mode: str, system: Sensors) -> Grid:
 
 def _sensitivity(answers: Answers) -> Iterator[Grid]:
     rows = answers.rows["sensitivity"]
-    for sensor in ("lidar", "reference", "witness"):
+    for sensor in ("lidar", "reference", "source"):
         of_it = [row for row in rows if row["sensor"] == sensor]
         columns = list(dict.fromkeys((row["left_out"], row["strength"]) for row in of_it))
         columns.sort(key=lambda column: (answers.modes.index(column[0]), column[1] or ""))
@@ -186,7 +186,7 @@ def _false_alarms(answers: Answers, mode: str) -> Grid:
 
 
 def _confusion(answers: Answers, system: Sensors) -> Grid:
-    """Truth against verdict, held out by blocks where that could be done, for faculas of all strengths."""
+    """Truth against verdict, left out by blocks where that could be done, for faculas of all strengths."""
     mode = "block" if "block" in answers.modes else answers.modes[0]
     rows = [r for r in answers.rows["confusion"] if r["left_out"] == mode and tuple(r["system"]) == system]
     counts: dict[tuple[Sensors, str], int] = defaultdict(int)

@@ -13,7 +13,7 @@ from auditor.store.store import Store
 
 
 def incident_views(store: Store, measurement_id: str, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
-    """The strongest pictured frame of an incident: the reference view with its inconsistent pixels, then the named ones.
+    """The strongest pictured frame of an incident: the reference view with inconsistent pixels, then the named ones.
 
     Where no camera is named, every other camera is shown, and the reference view itself where there is none. What an
     attacked sensor lost is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.

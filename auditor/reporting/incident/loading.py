@@ -119,7 +119,7 @@ def _audits(store: Store, wanted: str | None, calibration_recordings: _Calibrati
 
 
 def _without_calibration(audits: list[_Audit], calibration_recordings: _CalibrationRecordings) -> list[_Audit]:
-    """Leave out what was only calibrated on: nobody asked for its audit. All stay where that would leave none."""
+    """Leave out what was only calibrated on: its audit was not asked for. All stay where that would leave none."""
     taught = set(chain.from_iterable(calibration_recordings.values()))
     asked_for = [audit for audit in audits if audit.judgement or audit.recording.recording_id not in taught]
     return asked_for or audits
@@ -228,9 +228,9 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
 
 
 def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
-    """Those of a judgement's row, in the order of triples or, by the robust method, of elements."""
+    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks."""
     if row["method"] == Method.ROBUST:
-        # Judgements of earlier versions know fewer elements: later ones were added at the end.
+        # Judgements of earlier versions know fewer pair checks: later ones were added at the end.
         for pair_check, theta, samples in zip(
             rig_pair_checks(rig), row["check_theta"], row["check_samples"], strict=False
         ):

@@ -17,7 +17,7 @@ EDGE = "edge"
 
 @dataclass(frozen=True)
 class Clock:
-    """How stamps of one recording are told: as UTC, or as seconds after its first frame."""
+    """How stamps of one recording are shown: as UTC, or as seconds after its first frame."""
 
     origin_ns: int
     utc: bool
@@ -29,7 +29,7 @@ class Clock:
         return f"{self._utc(stamp_ns):%Y-%m-%d %H:%M:%S}.{stamp_ns % NS_PER_S // 1_000_000:03d} UTC"
 
     def brief(self, stamp_ns: int) -> str:
-        """The same for a table, whose note says what t counts from."""
+        """The same for a table, whose note gives what t counts from."""
         return self.moment(stamp_ns) if self.utc else f"t = {self.seconds(stamp_ns):.3f} s"
 
     def seconds(self, stamp_ns: int) -> float:
@@ -106,7 +106,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class ThresholdLine:
-    """theta of one triple (E) or element (its witness) and the number N of clean samples that it came from."""
+    """theta of one triple (E) or pair check (its name) and the number N of clean samples that it came from."""
 
     name: str
     indices: tuple[int, ...]
@@ -223,7 +223,7 @@ class RecordingPart:
 
     @property
     def audited(self) -> int:
-        """Frames whose verdict says something about attacks."""
+        """Frames whose verdict is one about attacks: all but not_auditable."""
         return self.judged - self.verdicts.get(VerdictKind.NOT_AUDITABLE, 0)
 
     @property
@@ -233,7 +233,7 @@ class RecordingPart:
 
     @property
     def alone(self) -> int:
-        """Frames with a finding that the half second around them does not confirm: they belong to no incident."""
+        """Frames with a finding that the temporal window around them does not confirm: they belong to no incident."""
         return self.raised - self.in_incidents
 
     @property
@@ -267,7 +267,7 @@ class RecordingPart:
 
     @property
     def max_attacked(self) -> int:
-        """How many attacked sensors can be told apart: N - 3."""
+        """How many attacked sensors can be identified at once: N - 3."""
         return max(len(self.sensors) - 3, 0)
 
 
@@ -308,7 +308,7 @@ class IncidentPage:
 
     @property
     def audited(self) -> int:
-        """Frames whose verdict says something about attacks."""
+        """Frames whose verdict is one about attacks: all but not_auditable."""
         return sum(recording.audited for recording in self.recordings)
 
     @property

@@ -15,7 +15,7 @@ from auditor.store.files import write_whole
 from auditor.store.store import Store
 
 LEAST_COVERAGE = 0.99
-"""Below this share of audited frames the page says so at its top."""
+"""Below this share of audited frames the page warns at its top."""
 
 THIN_SPACE = "\u2009"
 NO_BREAK_SPACE = "\u00a0"
@@ -82,7 +82,7 @@ def _count(number: int, what: str) -> str:
 
 
 def _percent(share: float) -> str:
-    """Per cent to one decimal, cut and not rounded: 100 % is said of the whole only."""
+    """Per cent to one decimal, cut and not rounded: 100 % is shown for the whole only."""
     return f"{math.floor(share * 1000 + 1e-9) / 10:.1f}{NO_BREAK_SPACE}%"
 
 

@@ -21,12 +21,12 @@ MOST_STATES = 3
 
 
 MOST_CHARTS = 8
-"""Elements that an incident draws: those that are raised in most of its frames."""
+"""Pair checks that an incident draws: those above their thresholds in most of its frames."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the thresholds of a judgement are of: disparity errors E by triple, or local ratios by element.
+    """What the thresholds of a judgement are of: disparity errors E by triple, or windowed ratios by pair check.
 
     `values` are (F, T) or (F, M), NaN where not measured; `frames` the (F,) frame numbers.
     """
@@ -51,7 +51,7 @@ class Timeline:
         return draw(self._stamps_ns, origin_ns=self._part.clock.origin_ns, rows=self._rows(slice(None)))
 
     def drawn(self, incident: IncidentPart) -> IncidentPart:
-        """The incident with its figure, and with what its frames' verdicts say."""
+        """The incident with its figure, and with its frames' verdicts."""
         own = [frame for frame in self._frames[self._around(incident, 0)] if self._belongs(frame, incident)]
         return replace(
             incident,
@@ -88,7 +88,7 @@ class Timeline:
         return slice(int(low), int(high))
 
     def _figure(self, incident: IncidentPart) -> Figure:
-        """E or local ratios against theta, verdicts and e around an incident."""
+        """E or windowed ratios against theta, verdicts and e around an incident."""
         part = self._around(incident, max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns)))
         return draw(
             self._stamps_ns[part],
@@ -102,7 +102,7 @@ class Timeline:
         )
 
     def _charted(self, during: slice) -> list[tuple[int, ThresholdLine]]:
-        """All triples; by the robust method the elements that lie above theta in most frames."""
+        """All triples; by the robust method the pair checks that lie above theta in most frames."""
         lines = list(enumerate(self._part.provenance.thresholds))
         if not self._robust:
             return lines
@@ -128,9 +128,7 @@ class Timeline:
         ]
         if self._robust:
             around = [frame["finding"] or "" for frame in frames]
-            rows.append(
-                Row("half second", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames])
-            )
+            rows.append(Row("window", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames]))
         if self._part.truths:
             truth = ["truth" if frame["truth"] else "" for frame in frames]
             rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))

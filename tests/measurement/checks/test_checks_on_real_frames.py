@@ -30,7 +30,7 @@ def attacked_frame():
     ("attacks", "raised"),
     [
         ({}, set()),
-        ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"contradicted 1 3", "contradicted 2 3"}),
+        ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"lidar_conflict 1 3", "lidar_conflict 2 3"}),
         ({1: FACULA}, {"unlike 1 3", "light 1 2", "light 1 3"}),
         ({2: FACULA}, {"unlike 2 3", "light 1 2", "light 2 3"}),
         ({3: FACULA}, {"unlike 1 3", "unlike 2 3", "light 1 3", "light 2 3"}),

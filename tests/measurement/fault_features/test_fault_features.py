@@ -92,9 +92,9 @@ def step(aside_px=0):
 def test_a_turned_lidar_agrees_once_all_its_points_are_moved():
     straight, turned = (observed(step(aside))[2, 3].agreement for aside in (0, 16))
     assert straight.agreeing > 0.9
-    assert max(straight.turned, straight.biased) < straight.agreeing + 0.01
+    assert max(straight.rotated, straight.biased) < straight.agreeing + 0.01
     assert turned.agreeing < straight.agreeing - 0.02
-    assert turned.turned > turned.agreeing + 0.02
+    assert turned.rotated > turned.agreeing + 0.02
     assert (turned.right_px, turned.down_px) == (-16, 0)
     assert turned.rotated_only > 5 * turned.unrotated_only
     assert straight.rotated_only < turned.rotated_only / 10

@@ -1,0 +1,105 @@
+"""The file that marks a folder as a store and holds its schema version."""
+
+import json
+import shlex
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from auditor.errors import StoreError
+from auditor.store.files import locked, write_whole
+from auditor.store.schema import SCHEMA_VERSION, TABLES
+from auditor.store.tables import newer_version
+
+MARKER = "store.json"
+UPGRADED = ".upgraded"
+"""The folder inside a store that an upgrade writes its files into."""
+
+UPGRADED_FROM = SCHEMA_VERSION - 1
+LOST = "parts of evaluations are kept, but measured anew"
+"""What of a store of the version before does not stay as good as it was."""
+
+_FORMAT = "auditor store"
+OLD_TABLES = {"pair_checks": "elements", "fault_features": "symptoms"}
+"""What tables had another name in the version before."""
+
+
+@dataclass(frozen=True)
+class Marker:
+    """The schema version of a store, and whether upgraded files are still to be moved into their places."""
+
+    version: int
+    moving: bool
+
+
+def write_marker(folder: Path, *, moving: bool = False) -> None:
+    """Mark a folder as a store of this version. Raises StoreError."""
+    content = {"format": _FORMAT, "schema_version": SCHEMA_VERSION, **({"moving": True} if moving else {})}
+    write_whole(folder / MARKER, json.dumps(content).encode() + b"\n")
+
+
+def read_marker(folder: Path) -> Marker:
+    """The marker of a store of any version. Raises StoreError where it is none."""
+    marker = folder / MARKER
+    try:
+        content = json.loads(marker.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StoreError(f"it cannot be read ({error})", where=marker) from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise StoreError("it is no store's", where=marker, remedy="name another folder")
+    version = content.get("schema_version")
+    if not isinstance(version, int):
+        raise StoreError("it has no schema version", where=marker)
+    return Marker(version, bool(content.get("moving")))
+
+
+def check_marker(folder: Path) -> None:
+    """Refuse a store of another version; complete an upgrade that was killed at its end. Raises StoreError."""
+    marker = read_marker(folder)
+    if marker.version > SCHEMA_VERSION:
+        raise newer_version(marker.version, folder)
+    if marker.version < SCHEMA_VERSION:
+        raise older_version(marker.version, folder)
+    if marker.moving:
+        with locked(folder):
+            move_upgraded(folder)
+
+
+def older_version(version: int, folder: Path) -> StoreError:
+    """The error for a store of an older version: how it is upgraded, and what is lost, or that it cannot be."""
+    if version != UPGRADED_FROM:
+        return StoreError(
+            f"it has schema version {version}, and only version {UPGRADED_FROM} can be upgraded to {SCHEMA_VERSION}",
+            where=folder,
+            remedy="measure again into a new store",
+        )
+    return StoreError(
+        f"it has schema version {version}, and this auditor reads version {SCHEMA_VERSION}",
+        where=folder,
+        remedy=f"auditor store upgrade {shlex.quote(str(folder))} upgrades it: measurements and verdicts stay, {LOST}",
+    )
+
+
+def move_upgraded(folder: Path) -> None:
+    """Put the files of a finished upgrade in place of the old ones, where that is still to be done.
+
+    May be killed at any time and called again: what lies in the folder UPGRADED has not been moved yet. Raises
+    StoreError.
+    """
+    if not read_marker(folder).moving:
+        return
+    new = folder / UPGRADED
+    try:
+        for name in OLD_TABLES.values():
+            shutil.rmtree(folder / name, ignore_errors=True)
+        for name in (*TABLES, "pictures"):
+            if (new / name).is_dir():
+                if (folder / name).is_dir():
+                    shutil.rmtree(folder / name)
+                (new / name).rename(folder / name)
+        shutil.rmtree(new, ignore_errors=True)
+    except OSError as error:
+        raise StoreError(
+            f"its upgrade cannot be completed ({error.strerror or error})", where=folder, remedy="run the command again"
+        ) from error
+    write_marker(folder)

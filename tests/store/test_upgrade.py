@@ -1,0 +1,148 @@
+"""A store of the version before is upgraded: it answers as before, whenever the upgrade may have been killed."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from auditor.errors import StoreError
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.pipeline.judge import Criteria, judge_measurement
+from auditor.pipeline.measure import procedure_by
+from auditor.store import Store, marker, run_sql, upgrade
+from auditor.store.records import measurement_id
+from auditor.store.schema import SCHEMA_VERSION
+from tests.benchmarks.golden_rows import RENAMED_COLUMNS, renamed
+from tests.store.kept import answers, unpack
+
+BEFORE = SCHEMA_VERSION - 1
+NEW_NAMES = {**RENAMED_COLUMNS, "strongest_margin": "largest_gap", "held_out": "left_out"}
+
+
+class KilledError(BaseException):
+    """Stands for a killed process: nothing catches it."""
+
+
+@pytest.fixture
+def old(tmp_path):
+    """The folder of a store of the version before, and what it answered."""
+    return unpack(BEFORE, tmp_path)
+
+
+def in_todays_words(told):
+    """Answers without ids, in today's names."""
+    return {name: [renamed(row, NEW_NAMES) for row in rows] for name, rows in told.items()}
+
+
+def content(folder):
+    """What is in a folder, but for what an upgrade that was killed left there."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and marker.UPGRADED not in path.parts)
+    return {path: path.read_bytes() for path in files}
+
+
+def test_a_store_of_this_version_answers_as_when_it_was_kept(tmp_path):
+    folder, told = unpack(SCHEMA_VERSION, tmp_path)
+    assert answers(folder) == told
+
+
+def test_an_upgraded_store_answers_as_before(old):
+    folder, told = old
+    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=5)
+    assert in_todays_words(answers(folder)) == in_todays_words(told)
+    assert [row["judgement_id"] for row in answers(folder)["verdicts"]] == [
+        row["judgement_id"] for row in told["verdicts"]
+    ]
+    store = Store.open(folder)
+    assert {(one.judging_version, one.rules) for one in store.judgements()} == {(0, None)}
+    assert all(store.pictured_frames(known) for known in store.ids("measurements"))
+    assert not (folder / marker.UPGRADED).exists()
+
+
+def test_what_was_measured_and_calibrated_before_is_valid_and_is_judged_alike(old):
+    folder, _ = old
+    upgrade.upgrade(folder)
+    store = Store.open(folder)
+    procedure = procedure_by(find_matcher("sgbm"))
+    [calibration] = store.calibrations()
+    assert calibration.procedure == procedure
+    sql = "SELECT * EXCLUDE judgement_id FROM verdicts ORDER BY measurement_id, frame"
+    before = run_sql(store, sql).to_pylist()
+    for known, measurement in [(known, store.measurement(known)) for known in store.ids("measurements")]:
+        assert known == measurement_id(measurement.recording_id, measurement.rig_id, procedure)
+        r = store.current_judgements()[known].r
+        assert judge_measurement(store, known, calibration, Criteria(r)).judging_version > 0
+    assert run_sql(store, sql).to_pylist() == before
+
+
+def test_a_store_of_the_version_before_is_refused_in_one_line_that_says_what_upgrades_it(old, capsys):
+    folder, _ = old
+    assert run(["query", "summary", "--store", str(folder)]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert f"schema version {BEFORE}" in line
+    assert f"auditor store upgrade {folder}" in line
+    assert "parts of evaluations are kept, but measured anew" in line
+
+
+def test_the_command_says_in_one_line_what_it_did_and_does_nothing_twice(old, capsys):
+    folder, _ = old
+    assert run(["store", "upgrade", str(folder)]) == 0
+    [line] = capsys.readouterr().err.splitlines()
+    assert "2 measurements, 4 judgements" in line
+    upgraded = content(folder)
+    assert run(["store", "upgrade", str(folder)]) == 0
+    assert "already" in capsys.readouterr().err
+    assert content(folder) == upgraded
+
+
+@pytest.mark.parametrize("version", [1, BEFORE - 1, SCHEMA_VERSION + 1])
+def test_other_versions_are_neither_opened_nor_upgraded(tmp_path, version):
+    (tmp_path / "store.json").write_text(json.dumps({"format": "auditor store", "schema_version": version}))
+    remedy = "measure again" if version < SCHEMA_VERSION else "use the auditor that wrote it"
+    for use in (Store.open, upgrade.upgrade):
+        with pytest.raises(StoreError, match=f"schema version {version}.*{remedy}"):
+            use(tmp_path)
+
+
+@pytest.mark.parametrize("killed_at", [0, 9, 39])
+def test_an_upgrade_that_is_killed_while_it_writes_leaves_the_old_store_as_it_was(old, monkeypatch, killed_at):
+    folder, told = old
+    before, write_rows, written = content(folder), upgrade.write_rows, []
+
+    def killed(*given):
+        if len(written) == killed_at:
+            raise KilledError
+        written.append(given)
+        write_rows(*given)
+
+    monkeypatch.setattr(upgrade, "write_rows", killed)
+    with pytest.raises(KilledError):
+        upgrade.upgrade(folder)
+    monkeypatch.undo()
+    assert content(folder) == before
+    upgrade.upgrade(folder)
+    assert in_todays_words(answers(folder)) == in_todays_words(told)
+
+
+@pytest.mark.parametrize("function", ["rename", "rmtree"])
+@pytest.mark.parametrize("killed_at", [0, 3, 12])
+def test_an_upgrade_that_is_killed_while_it_replaces_files_is_completed_by_whoever_opens_it(
+    old, monkeypatch, function, killed_at
+):
+    folder, told = old
+    owner = Path if function == "rename" else marker.shutil
+    original, done = getattr(owner, function), []
+
+    def killed(path, *given, **named):
+        if (folder / "store.json").read_text().count("moving"):
+            if len(done) == killed_at:
+                raise KilledError
+            done.append(path)
+        return original(path, *given, **named)
+
+    monkeypatch.setattr(owner, function, killed)
+    with pytest.raises(KilledError):
+        upgrade.upgrade(folder)
+    monkeypatch.undo()
+    assert in_todays_words(answers(folder)) == in_todays_words(told)
+    assert not (folder / marker.UPGRADED).exists()
