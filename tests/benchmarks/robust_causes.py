@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.faults import Observed, fault_hypotheses, strengths
+from auditor.identification.faults import ObservedFeatures, fault_hypotheses, fault_scores
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.lab.simulation.streets import STYLES
@@ -40,7 +40,9 @@ def told(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
     """(F,) strength of each cause."""
     cameras = tuple(camera.number for camera in rig.cameras)
     columns = {name: part.fault_features[:, :, n] for n, name in enumerate(COLUMNS)}
-    return strengths(Observed(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors)
+    return fault_scores(
+        ObservedFeatures(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors
+    )
 
 
 def learn(recordings: Sequence[Watched], rig: Rig) -> RobustThresholds:

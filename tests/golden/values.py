@@ -83,12 +83,12 @@ def _figures(frame: Frame, rig: Rig) -> dict[str, Table]:
             if counts is not None
         },
         "statistics": {
-            f"{e.witness.value} {e.i} {e.k}": ratio
+            f"{e.check.value} {e.i} {e.k}": ratio
             for e, ratio in zip(pair_checks, _ratios(measured, rig), strict=True)
             if ratio is not None
         },
         "cells": {
-            f"{e.witness.value} {e.i} {e.k}": [
+            f"{e.check.value} {e.i} {e.k}": [
                 int(measured.cells[e].valid.sum()),
                 int(measured.cells[e].inconsistent.sum()),
             ]

@@ -52,7 +52,7 @@ def measured(tmp_path_factory):
 def test_held_out_frames_and_incidents_are_those_of_a_scan(measured):
     store, known = measured
     everything = calibrate([(store, measurement) for measurement in known.values()])
-    told = {one.recording: (one.raised, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
+    told = {one.recording: (one.findings, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
     scanned = {}
     for recording, measurement in known.items():
         others = calibrate([(store, other) for other in known.values() if other != measurement])

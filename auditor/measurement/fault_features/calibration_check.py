@@ -14,7 +14,7 @@ import numpy as np
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import CALIBRATION_CHECK, HALF, PATCH_CORRELATION
 from auditor.measurement.shared_view import Evidence
-from auditor.model.checks import Pair, PairFaultFeatures, lead
+from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 
 
@@ -81,7 +81,7 @@ class CalibrationCheck:
     def _lidar_warning(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
         fault_features = [s.agreement for s in self._features[best]]
         leads = [
-            _median([lead(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]])
+            _median([relative_excess(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]])
             for pair in known
         ]
         turned = _median([one.turned for one in fault_features])
