@@ -6,7 +6,7 @@ from math import isnan, nan
 
 from auditor.evaluation.attacked_frame import AttackedFrame, Attacks, InTime
 from auditor.evaluation.experiments import Case, Experiment
-from auditor.measurement.fault_features.collect import Prepared
+from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
@@ -19,7 +19,7 @@ class _Attacked:
     """What the next frame of an interval takes of this one, which was attacked like it."""
 
     frame: int
-    pairs: Mapping[Pair, Prepared | None]
+    pairs: Mapping[Pair, FeatureInputs | None]
 
 
 class FeaturesOfCases:
@@ -52,10 +52,10 @@ class FeaturesOfCases:
 
     def _before(
         self, now: InTime, experiment: Experiment, draw: int, case: Case, pairs: Sequence[Pair]
-    ) -> Mapping[Pair, Prepared | None]:
+    ) -> Mapping[Pair, FeatureInputs | None]:
         """What the frame before has of each pair: it is clean, but inside an interval."""
         if now.before is None:
-            found: Mapping[Pair, Prepared | None] = dict.fromkeys(pairs)
+            found: Mapping[Pair, FeatureInputs | None] = dict.fromkeys(pairs)
         else:
             found = {pair: now.before.earlier(pair, {}) for pair in pairs}
         if experiment.together == 1:

@@ -92,7 +92,7 @@ def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
     fitting = CalibrationCheck()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
-        fitting.look(evidence, FaultFeatures().update(evidence))
+        fitting.add(evidence, FaultFeatures().update(evidence))
     return fitting.warnings()
 
 

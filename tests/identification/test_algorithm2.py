@@ -75,7 +75,7 @@ def test_all_ones_descend_to_the_next_reference():
 
 
 def test_the_first_measured_zero_in_triple_order_decides():
-    # e_{0,2,3} = 0 clears S_0 and accuses S_1; e_{1,2,3} = 0 would clear S_1 and accuse S_0.
+    # e_{0,2,3} = 0 clears S_0 and names S_1; e_{1,2,3} = 0 would clear S_1 and name S_0.
     assert identify("100", triples_of(3, lidar=True), range(4)) == Identification((1,))
 
 

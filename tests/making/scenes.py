@@ -64,5 +64,5 @@ class WrittenDown(LidarView):
 
     d0_px: NDArray[np.float32]
 
-    def disparity_px(self, rig: Rig, witness: int) -> NDArray[np.float32]:
+    def disparity_px(self, source: int) -> NDArray[np.float32]:
         return self.d0_px

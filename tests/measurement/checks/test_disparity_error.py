@@ -65,7 +65,7 @@ def test_lidar_points_are_counted_as_worked_out_by_hand() -> None:
             (0, 0, 10.0, 10.0),  # valid, its match in column 0; no texture
             (0, 2, 30.0, 20.0),  # stereo has nothing there
             (1, 5, 20.0, 13.5),  # 3.5 px off, and out of range
-            (3, 6, 9.0, 9.5),  # its match lies left of the witness's image
+            (3, 6, 9.0, 9.5),  # its match lies left of the source image
             (2, 9, 20.0, 13.0),  # 3 px off, and just in range
             (2, 0, 30.0, 6.0),  # 4 px off; no texture
         ]
@@ -73,9 +73,9 @@ def test_lidar_points_are_counted_as_worked_out_by_hand() -> None:
     row, column, u, d0 = points.T
     view = WrittenDown(
         3, column.astype(np.int32), row.astype(np.int32), u.astype(np.float32), np.zeros((6, 3), np.float32), 6,
-        d0.astype(np.float32),
+        plane_rig(), d0.astype(np.float32),
     )  # fmt: skip
-    comparison = compare_with_lidar(view, stereo, plane_rig(), 1)
+    comparison = compare_with_lidar(view, stereo, 1)
     assert comparison.counts == Counts(
         valid_px=4, inconsistent_px=2, gated_valid_px=2, gated_inconsistent_px=1, out_of_range_px=1
     )
