@@ -60,7 +60,7 @@ def test_pictures_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack
         assert run(scan) == 3
         said = capfd.readouterr().err
         assert f"2 frames {how}" in said
-        assert "WARNING: the pictures of camera_" in " ".join(said.split())
+        assert "WARNING: the images of camera_" in " ".join(said.split())
         assert "wrong rectification flag" in " ".join(said.split())
 
 

@@ -7,8 +7,7 @@ from tests.benchmarks.golden_rows import canonical
 from tests.benchmarks.golden_store import compare, keep, read
 
 ROWS = [
-    {"frame": f, "x_id": "a", "margin": 0.0, "evidence": [{"witness": "light", "i": f}], "kind": "clean"}
-    for f in (0, 1)
+    {"frame": f, "x_id": "a", "margin": 0.0, "evidence": [{"of": "old word", "i": f}], "kind": "clean"} for f in (0, 1)
 ]
 
 
@@ -28,11 +27,11 @@ def found(old, new):
 
 def test_order_ids_and_metadata_are_no_difference():
     others = [{**row, "x_id": "b"} for row in reversed(ROWS)]
-    turned = table(others).select(["kind", "evidence", "margin", "x_id", "frame"]).replace_schema_metadata(None)
-    assert found(table(ROWS), turned) == []
+    reordered = table(others).select(["kind", "evidence", "margin", "x_id", "frame"]).replace_schema_metadata(None)
+    assert found(table(ROWS), reordered) == []
 
 
-def test_a_changed_value_is_told_by_column_and_number_of_rows():
+def test_a_changed_value_is_reported_by_column_and_number_of_rows():
     changed = [{**ROWS[0], "margin": -0.0, "kind": "attacked"}, {**ROWS[1], "kind": "suspect"}]
     assert found(table(ROWS), table(changed)) == [
         "verdicts/a.arrow: column kind differs in 2 of 2 rows",
@@ -40,7 +39,7 @@ def test_a_changed_value_is_told_by_column_and_number_of_rows():
     ]
 
 
-def test_rows_columns_types_and_files_that_come_or_go_are_told():
+def test_rows_columns_types_and_files_that_come_or_go_are_reported():
     assert found(table(ROWS), table(ROWS[:1])) == ["verdicts/a.arrow: 2 rows in the golden store, 1 now"]
     without = table(ROWS).drop_columns(["kind"])
     assert found(table(ROWS), without) == ["verdicts/a.arrow: column kind is only in the golden store"]
@@ -54,12 +53,12 @@ def test_rows_columns_types_and_files_that_come_or_go_are_told():
 
 
 def test_what_was_only_renamed_is_equal(tmp_path, monkeypatch):
-    keep({"symptoms/a.arrow": canonical(table(ROWS))}, tmp_path)
-    renamed = [{**row, "evidence": [{"check": "brightness", "i": row["frame"]}]} for row in ROWS]
-    now = {"fault_features/a.arrow": canonical(table(renamed))}
+    keep({"old_table/a.arrow": canonical(table(ROWS))}, tmp_path)
+    renamed = [{**row, "evidence": [{"now_of": "new word", "i": row["frame"]}]} for row in ROWS]
+    now = {"new_table/a.arrow": canonical(table(renamed))}
     assert len(list(compare(read(tmp_path), now))) == 2
-    for names, new in (("TABLES", ("symptoms", "fault_features")), ("COLUMNS", ("witness", "check_name"))):
+    for names, new in (("TABLES", ("old_table", "new_table")), ("COLUMNS", ("of", "now_of"))):
         monkeypatch.setitem(getattr(golden_rows, f"RENAMED_{names}"), *new)
-    assert list(compare(read(tmp_path), now)) == ["fault_features/a.arrow: column evidence differs in 2 of 2 rows"]
-    monkeypatch.setitem(golden_rows.RENAMED_WORDS, "light", "brightness")
+    assert list(compare(read(tmp_path), now)) == ["new_table/a.arrow: column evidence differs in 2 of 2 rows"]
+    monkeypatch.setitem(golden_rows.RENAMED_WORDS, "old word", "new word")
     assert list(compare(read(tmp_path), now)) == []
