@@ -32,7 +32,7 @@ PACKAGE = ROOT / "auditor"
 COUNTED = {4: ("78da6eae4208", "bc27e7641c4b")}
 """By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
 
-JUDGED = {1: "17f705da4e39"}
+JUDGED = {1: "ead99d9c85b4"}
 """By JUDGING_VERSION the digest of what judges."""
 
 SCANNED = tuple(
@@ -64,7 +64,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
-    "identification/robust.py": ((3,), "N - 3"),
+    "identification/naming.py": ((3,), "N - 3"),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/brightness.py": ((255,), "white"),

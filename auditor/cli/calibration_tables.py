@@ -10,7 +10,7 @@ from auditor.cli.output import emit, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
-    from auditor.identification.robust import System
+    from auditor.identification.naming import System
     from auditor.model.calibration import Calibration
     from auditor.store import Store
 
@@ -115,9 +115,9 @@ def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mappi
             "recording": names.get(one.recording, one.recording),
             "frames": one.frames,
             "hours": one.hours,
-            "raised": one.raised,
+            "raised": one.findings,
             "incidents": one.incidents,
-            "raised by paper": other.raised,
+            "raised by paper": other.findings,
         }
         for one, other in zip(robust, paper, strict=True)
     ]
@@ -147,7 +147,7 @@ def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -
 def _share(results: "Sequence[LeftOut]") -> str:
     from auditor.identification.cross_validation import wilson  # noqa: PLC0415 - NumPy is heavy
 
-    raised, frames = sum(one.raised for one in results), sum(one.frames for one in results)
+    raised, frames = sum(one.findings for one in results), sum(one.frames for one in results)
     low, high = wilson(raised, frames)
     share = raised / max(frames, 1)
     return f"{raised} of {frames} frames raised ({share:.2%}, 95 % interval {low:.2%} to {high:.2%})"

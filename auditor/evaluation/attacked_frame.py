@@ -18,11 +18,11 @@ from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.disparity.matchers.interface import PairMatcher
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
-from auditor.measurement.fault_features.collect import Prepared, prepare, symptoms_of
+from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
 from auditor.measurement.frame import level, saturated_share
 from auditor.measurement.pairwise_views import OF_TWO, joined
-from auditor.measurement.shared_view import Evidence, Mask, matched
+from auditor.measurement.shared_view import FrameArrays, Mask, matched
 from auditor.model.checks import Pair, PairFaultFeatures, rig_pair_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Counts, Coverage
@@ -104,7 +104,7 @@ class AttackedFrame:
         """The pairs (i, k) that are matched to measure these triples."""
         return matched(self._measurable(triples))
 
-    def fault_features(self, pair: Pair, attacks: Attacks, before: Prepared | None) -> PairFaultFeatures:
+    def fault_features(self, pair: Pair, attacks: Attacks, before: FeatureInputs | None) -> PairFaultFeatures:
         """The fault features of a matched pair under these attacks; `before` is the frame before, as prepared."""
         own = OF_TWO if self._pairs else pair
         return self.memoise(
@@ -112,7 +112,7 @@ class AttackedFrame:
             (pair, before),
             attacks,
             (LIDAR, *pair),
-            lambda: symptoms_of(self.prepared(pair, attacks), before)[own],
+            lambda: fault_features_of(self.prepared(pair, attacks), before)[own],
         )
 
     def fault_features_after(self, pair: Pair, attacks: Attacks, after: "AttackedFrame") -> PairFaultFeatures:
@@ -123,28 +123,29 @@ class AttackedFrame:
             (pair, after),
             attacks,
             (LIDAR, *pair),
-            lambda: symptoms_of(after.prepared(pair, {}), self.earlier(pair, attacks))[own],
+            lambda: fault_features_of(after.prepared(pair, {}), self.earlier(pair, attacks))[own],
         )
 
-    def earlier(self, pair: Pair, attacks: Attacks) -> Prepared | None:
+    def earlier(self, pair: Pair, attacks: Attacks) -> FeatureInputs | None:
         """This frame, prepared for the next one's fault features; None where a pair of its own view begins anew."""
         if pair in self.pairs():
             return self.prepared(pair, attacks)
         there = [camera for camera in pair if camera in self.frame.images]
-        return None if self._seen.pairs else Prepared({camera: self._half(camera, attacks) for camera in there})
+        return None if self._seen.pairs else FeatureInputs({camera: self._half(camera, attacks) for camera in there})
 
-    def prepared(self, pair: Pair, attacks: Attacks) -> Prepared:
+    def prepared(self, pair: Pair, attacks: Attacks) -> FeatureInputs:
         """This frame, prepared for the fault features of a matched pair, under these attacks."""
 
-        def make() -> Prepared:
+        def make() -> FeatureInputs:
             if self._pairs:
                 return self._pairs[pair].prepared(OF_TWO, of_two(attacks, pair))
             i, k = pair
             half_res = {camera: self._half(camera, attacks) for camera in pair}
             maps = {pair: self.stereo_map(i, k, attacks)}
             views = {k: self.lidar_view(k, attacks)} if self.frame.cloud is not None else {}
-            of_pairs = self.frame_checks(i, k, attacks)
-            return prepare(Evidence(self._seen.rig, half_res, {}, maps, views, of_pairs, valid_masks=self.valid_masks))
+            checks = self.frame_checks(i, k, attacks)
+            arrays = FrameArrays(self._seen.rig, half_res, {}, maps, views, checks, valid_masks=self.valid_masks)
+            return feature_inputs(arrays)
 
         return self.memoise("prepared", pair, attacks, (LIDAR, *pair), make)
 
@@ -219,7 +220,7 @@ class AttackedFrame:
         def match() -> StereoMap:
             if self._pairs:
                 own = self._pairs[i, k].stereo_map(*OF_TWO, of_two(attacks, (i, k)))
-                return self._seen.pairs[i, k].back.stereo(own)
+                return self._seen.pairs[i, k].to_shared.stereo(own)
             reference, source = self._matched(k, attacks), self._matched(i, attacks)
             return stereo_map(self._matcher, reference, source, self._texture(k, attacks), self._texture(i, attacks))
 

@@ -13,8 +13,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, Observed, frozen, strengths
-from auditor.identification.robust import FrameSeries, System
+from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
+from auditor.identification.naming import System
+from auditor.identification.robust import FrameSeries
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.model.checks import COLUMNS, rig_pair_checks
 from auditor.model.rig import LIDAR
@@ -134,8 +135,8 @@ class CaseSeries:
         columns = {name: features[:, chosen, at] for at, name in enumerate(COLUMNS)}
         level = self._of_sensors(self._cases.level, places, system)[:, -len(cameras) :]
         saturated = self._of_sensors(self._cases.saturated, places, system)[:, -len(cameras) :]
-        seen = Observed(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
-        return strengths(seen, stamps_ns, system.sensors, runs)
+        seen = ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
+        return fault_scores(seen, stamps_ns, system.sensors, runs)
 
     def _frozen(self, places: Places, system: System) -> NDArray[np.bool_]:
         present = self._of_sensors(self._cases.present, places, system)

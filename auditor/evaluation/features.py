@@ -7,7 +7,7 @@ from math import isnan, nan
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
-from auditor.measurement.fault_features.collect import Prepared
+from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
@@ -20,7 +20,7 @@ class _Attacked:
     """An attacked frame of an interval, prepared by pair for the fault features of the next one."""
 
     frame: int
-    pairs: Mapping[Pair, Prepared | None]
+    pairs: Mapping[Pair, FeatureInputs | None]
 
 
 class FeaturesOfCases:
@@ -53,10 +53,10 @@ class FeaturesOfCases:
 
     def _before(
         self, now: InTime, experiment: Experiment, draw: int, case: Case, pairs: Sequence[Pair]
-    ) -> Mapping[Pair, Prepared | None]:
+    ) -> Mapping[Pair, FeatureInputs | None]:
         """The frame before, prepared for each pair: it is clean, except inside an interval."""
         if now.before is None:
-            found: Mapping[Pair, Prepared | None] = dict.fromkeys(pairs)
+            found: Mapping[Pair, FeatureInputs | None] = dict.fromkeys(pairs)
         else:
             found = {pair: now.before.earlier(pair, {}) for pair in pairs}
         if experiment.together == 1:

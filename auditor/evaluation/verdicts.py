@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from auditor.evaluation.case_series import CaseSeries
 from auditor.evaluation.experiments import scenario_1
-from auditor.identification.robust import System, judge_frames
+from auditor.identification.naming import System
+from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.model.calibration import RobustThresholds
 from auditor.model.checks import rig_pair_checks

@@ -1,57 +1,106 @@
-"""Which attacks explain which checks, and at what penalty: joint soft identification."""
+"""Attack sets and pair checks: which attacks make which checks fire, and how badly each attack fits a frame.
+
+This is the soft form of Eq. 7 read backwards. Algorithm 2 decides from states 0 and 1; here every pair check counts
+with its normalised score z, and the attack set of the lowest cost is the best explanation.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from auditor.identification.parameters import EXPLANATION
+from auditor.identification.parameters import ATTACK_SET_COST
+from auditor.model.arrays import Flags, Floats, Indices
 from auditor.model.checks import LIDAR_CHECKS, Check, PairCheck
 from auditor.model.rig import LIDAR, Triple
 
-Bools = NDArray[np.bool_]
 
-
-def explains(pair_check: PairCheck, attacked: Collection[int]) -> bool:
-    """Whether an attack on these sensors can raise the element (Eq. 7, over the sensors it can accuse)."""
+def covers(pair_check: PairCheck, attacked: Collection[int]) -> bool:
+    """Whether an attack on these sensors can make the pair check fire (Eq. 7, over its nameable sensors)."""
     return not set(pair_check.nameable).isdisjoint(attacked)
 
 
-def explained(pair_check: PairCheck, attacked: Collection[int]) -> float:
-    """How well an attack on these sensors accounts for the raised element, 0 to 1.
+def covered_share(pair_check: PairCheck, attacked: Collection[int]) -> float:
+    """How much of a fired pair check's z an attack on these sensors covers, 0 to 1.
 
-    A contradiction says that two cameras agree: an attack on one of them seldom looks like that, say a picture shifted
-    sideways, and accounts for most of it, but not for all.
+    A LiDAR conflict means that two cameras agree with each other. An attack on one of the cameras seldom looks like
+    that (a shifted image does), so it covers most of the conflict, and not all.
     """
-    if not explains(pair_check, attacked):
+    if not covers(pair_check, attacked):
         return 0.0
     by_a_camera = pair_check.check is Check.LIDAR_CONFLICT and LIDAR not in attacked
-    return EXPLANATION.conflict_by_a_camera if by_a_camera else 1.0
+    return ATTACK_SET_COST.conflict_by_a_camera if by_a_camera else 1.0
 
 
 def expects(pair_check: PairCheck, attacked: Collection[int]) -> float:
-    """How surely an attack on these sensors raises the element, 0 to 1.
+    """How surely an attack on these sensors makes the pair check fire, 0 to 1.
 
-    A contradiction needs two good cameras and a bad LiDAR. A camera's attack shows as unlikeness, but may be one that
-    keeps its pictures alike; light, empty strips and scattered points are witnesses of one kind of attack each: their
-    silence says nothing.
+    A LiDAR conflict needs an attacked LiDAR and two cameras that are not attacked. An attack on a camera usually makes
+    its pairs inconsistent, but need not. A brightness difference, point dropout and isolated points are each the mark
+    of one kind of attack: that they do not fire excludes nothing.
     """
     if pair_check.check is Check.LIDAR_CONFLICT:
         return float(LIDAR in attacked and pair_check.i not in attacked and pair_check.k not in attacked)
     if pair_check.check is Check.PHOTOMETRIC_INCONSISTENCY:
-        return EXPLANATION.photometric_expected if explains(pair_check, attacked) else 0.0
+        return ATTACK_SET_COST.photometric_expected if covers(pair_check, attacked) else 0.0
     return 0.0
 
 
-def triple_states(
-    fired: Bools, measured: Bools, pair_checks: Sequence[PairCheck], triples: Sequence[Triple]
-) -> tuple[Bools, Bools]:
-    """The paper's triples, (F, T) raised and measured, from the same of (F, M) elements.
+@dataclass(frozen=True, eq=False)
+class AttackSetCosts:
+    """`cost[f, s]`: how badly frame f disagrees with attack set s, (F, S); `sets[0]` is the empty one."""
 
-    A triple's state is the OR of the elements inside it. One with the LiDAR is measured where its pair may contradict
-    it, one of cameras where both pairs of the reference were matched; a raised one always is. Algorithm 2 is given
-    these states.
+    sets: tuple[tuple[int, ...], ...]
+    cost: Floats
+
+    @property
+    def best(self) -> Indices:
+        """(F,) index of the cheapest set of each frame."""
+        return np.asarray(self.cost.argmin(axis=1), dtype=np.intp)
+
+    @property
+    def score(self) -> Floats:
+        """(F,) how much better the best attack explains a frame than no attack does."""
+        attacks = self.cost[:, 1:].min(axis=1, initial=np.inf)
+        return np.asarray(self.cost[:, 0] - attacks)
+
+    @property
+    def gap(self) -> Floats:
+        """(F,) how much worse the second-best attack set is than the best; infinite where there is only one."""
+        if len(self.sets) < 2:
+            return np.full(len(self.cost), np.inf)
+        two = np.partition(self.cost, 1, axis=1)
+        return np.asarray(two[:, 1] - two[:, 0])
+
+
+def attack_set_costs(z: Floats, pair_checks: Sequence[PairCheck], sets: Sequence[tuple[int, ...]]) -> AttackSetCosts:
+    """The cost of every attack set in every frame, from (F, M) normalised scores z, NaN where not measured.
+
+    A set costs the z of each fired pair check as far as it does not cover it (`covered_share`), the |z| of each pair
+    check that did not fire as surely as the set expects it (`expects`), and a small penalty per sensor. Where a check
+    of the LiDAR alone fires, LiDAR conflicts are not expected: a LiDAR that lacks points, or has isolated ones, need
+    not disagree with the cameras.
+    """
+    fired, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
+    lidar_checks = np.array([e.check in LIDAR_CHECKS for e in pair_checks], dtype=np.bool_)
+    conflicts = np.array([e.check is Check.LIDAR_CONFLICT for e in pair_checks], dtype=np.bool_)
+    silent[np.ix_(fired[:, lidar_checks].any(axis=1), conflicts)] = 0
+    uncovered = np.array([[1 - covered_share(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
+    expected = np.array([[expects(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
+    if not pair_checks:
+        uncovered = expected = np.zeros((0, len(sets)))
+    penalty = ATTACK_SET_COST.penalty_per_sensor * np.array([len(s) for s in sets], dtype=np.float64)
+    return AttackSetCosts(tuple(sets), fired @ uncovered + silent @ expected + penalty)
+
+
+def triple_states(
+    fired: Flags, measured: Flags, pair_checks: Sequence[PairCheck], triples: Sequence[Triple]
+) -> tuple[Flags, Flags]:
+    """The states of the paper's triples, (F, T) above and measured, from (F, M) fired and measured pair checks.
+
+    A triple is above where a pair check inside it fired. A triple with the LiDAR is measured where the LiDAR conflict
+    of its cameras is; one of cameras where both pairs with the reference were compared; one that is above always is.
+    These states are the input of Algorithm 2.
     """
     inside = np.array([[set(e.nameable) <= set(t) for t in triples] for e in pair_checks], dtype=np.bool_)
     needed = np.array([[e in _needed(t) for t in triples] for e in pair_checks], dtype=np.bool_)
@@ -65,61 +114,3 @@ def _needed(triple: Triple) -> tuple[PairCheck, ...]:
     if i == LIDAR:
         return (PairCheck(Check.LIDAR_CONFLICT, j, k),)
     return (PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, k), PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, j, k))
-
-
-PENALTY_PER_SENSOR = EXPLANATION.penalty_per_sensor
-"""Of each attacked sensor, in margins: between two explanations as good the smaller one is taken."""
-
-
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Explanations:
-    """`cost[f, s]`: how badly frame f disagrees with attack set s, (F, S); `sets[0]` is the empty one."""
-
-    sets: tuple[tuple[int, ...], ...]
-    cost: Floats
-
-    @property
-    def best(self) -> NDArray[np.intp]:
-        """(F,) index of the cheapest set of each frame."""
-        return np.asarray(self.cost.argmin(axis=1), dtype=np.intp)
-
-    @property
-    def score(self) -> Floats:
-        """(F,) how much better the best attack explains a frame than no attack does; raised where > 0."""
-        attacks = self.cost[:, 1:].min(axis=1, initial=np.inf)
-        return np.asarray(self.cost[:, 0] - attacks)
-
-    @property
-    def lead(self) -> Floats:
-        """(F,) how much worse the second-best attack set is than the best; infinite where there is only one."""
-        if len(self.sets) < 2:
-            return np.full(len(self.cost), np.inf)
-        two = np.partition(self.cost, 1, axis=1)
-        return np.asarray(two[:, 1] - two[:, 0])
-
-    def ranked(self, frame: int) -> list[tuple[tuple[int, ...], float]]:
-        """All attack sets of one frame with their costs, best first."""
-        order = np.argsort(self.cost[frame], kind="stable")
-        return [(self.sets[s], float(self.cost[frame, s])) for s in order]
-
-
-def explain(z: Floats, pair_checks: Sequence[PairCheck], sets: Sequence[tuple[int, ...]]) -> Explanations:
-    """Weigh every attack set against (F, M) margins z, NaN where not measured.
-
-    A set pays z for each raised element as far as it does not account for it (`explained`), |z| for each element that
-    it should have raised and did not (as surely as `demands` says), and a small price for each sensor. A LiDAR that
-    lacks points, or has some here and there, need not be contradicted by the others.
-    """
-    fired, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
-    own = np.array([e.check in LIDAR_CHECKS for e in pair_checks], dtype=np.bool_)
-    denied = np.array([e.check is Check.LIDAR_CONFLICT for e in pair_checks], dtype=np.bool_)
-    silent[np.ix_(fired[:, own].any(axis=1), denied)] = 0
-    unexplained = np.array([[1 - explained(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
-    expected_silent = np.array([[expects(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
-    if not pair_checks:
-        unexplained = expected_silent = np.zeros((0, len(sets)))
-    penalty = PENALTY_PER_SENSOR * np.array([len(s) for s in sets], dtype=np.float64)
-    return Explanations(tuple(sets), fired @ unexplained + silent @ expected_silent + penalty)

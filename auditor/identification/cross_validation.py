@@ -1,4 +1,4 @@
-"""What a calibration is worth: each clean recording judged by the others, and the thresholds of the robust method."""
+"""Leave one recording out: each clean recording judged by the others. And the thresholds of the robust method."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,83 +6,105 @@ from decimal import Decimal
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import ThresholdsError
+from auditor.identification.naming import System
 from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.robust import FrameSeries, System, judge_frames, window_scores
+from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.identification.scores import thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.thresholds import threshold
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, strengths_of
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS, Finding
 
 NS_PER_HOUR = 3600 * 10**9
 
-
 INCIDENT_GAP_S = TEMPORAL_WINDOW.incident_gap_s
-"""As the queries on incidents have it unless they are told otherwise."""
+"""The default of the queries on incidents."""
 
+_Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
 
-_Z = 1.959963984540054
-
-
-Floats = NDArray[np.float64]
-
-
-Judged = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
-"""Thresholds from some recordings, applied to another: how many of its frames are raised, and how many incidents."""
+Judge = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
+"""Thresholds from some recordings, applied to another: how many of its frames are findings, and how many incidents."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Clean frames of one recording raised by thresholds that were calibrated on all the others."""
+    """The false alarms in one clean recording, by thresholds that were calibrated on all the others."""
 
     recording: str
     frames: int
-    raised: int
+    findings: int
     incidents: int
     hours: float
+
+
+def robust_thresholds(
+    calibration: Calibration,
+    system: System,
+    r: Decimal,
+    incidents_per_hour: float | None = None,
+    *,
+    transferred: bool = False,
+) -> RobustThresholds:
+    """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
+
+    `transferred` is what `check_calibration` answered. Raises ThresholdsError where no pair check has clean frames, and
+    SettingError where r is not in [0, 1].
+    """
+    ratios, calibration_id = calibration.ratios_of(system.pair_checks), calibration.calibration_id
+    found = thresholds_from(ratios, calibration.strengths, system.pair_checks, r, calibration_id)
+    if not found.scales_of:
+        raise ThresholdsError(
+            "no clean statistics of any check of this rig",
+            where=f"calibration {calibration_id}",
+            remedy="calibrate on clean recordings of this rig kind, or judge with --method paper",
+        )
+    score = 0.0
+    if incidents_per_hour is not None:
+        score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
+    return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would. Empty with fewer than two recordings."""
 
-    def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
-        verdicts = judge_frames(FrameSeries.of_clean(held, system), system, _thresholds(others, system, r))
-        raised = sum(verdict.kind in FINDINGS for verdict in verdicts)
-        return raised, count_incidents([verdict.finding for verdict in verdicts], held.stamps_ns)
+    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
+        verdicts = judge_frames(FrameSeries.of_clean(left_out, system), system, _thresholds(others, system, r))
+        findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
+        return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
 
-    return _leave_one_out(calibration, judged)
+    return _leave_one_out(calibration, judge)
 
 
 def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
-    """Judge each clean recording by the others as the paper does: raised where some E lies above its theta."""
+    """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
 
-    def judged(others: Sequence[CleanFrames], held: CleanFrames) -> tuple[int, int]:
-        above = np.zeros(held.frames, dtype=np.bool_)
-        for (kind, triple), E in held.errors.items():
-            learnt = [o.errors[kind, triple] for o in others if (kind, triple) in o.errors]
-            samples = _known(learnt) if kind is statistic else np.zeros(0)
+    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
+        above = np.zeros(left_out.frames, dtype=np.bool_)
+        for (kind, triple), E in left_out.errors.items():
+            clean = [o.errors[kind, triple] for o in others if (kind, triple) in o.errors]
+            samples = _measured(clean) if kind is statistic else np.zeros(0)
             if samples.size:
                 above |= threshold(samples.tolist(), r) < E
-        return int(np.count_nonzero(above)), _runs(above)
+        return int(np.count_nonzero(above)), _count_runs(above)
 
-    return _leave_one_out(calibration, judged)
+    return _leave_one_out(calibration, judge)
 
 
 def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
-    """The half seconds' scores of all clean frames, each recording by the thresholds of the others, in order of time.
+    """The window scores of all clean frames, each recording by the thresholds of the others, in order of time.
 
-    Two recordings are kept apart by a score of -inf. Those of one recording alone are in sample.
+    A score of -inf separates two recordings. Those of one recording alone are in sample.
     """
     apart = np.full(1, -np.inf)
     scores: list[Floats] = []
-    for held in calibration.clean:
-        others = [other for other in calibration.clean if other.recording_id != held.recording_id]
-        thresholds = _thresholds(others or [held], system, r)
-        scores += [window_scores(FrameSeries.of_clean(held, system), system, thresholds), apart]
+    for left_out in calibration.clean:
+        others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
+        thresholds = _thresholds(others or [left_out], system, r)
+        scores += [window_scores(FrameSeries.of_clean(left_out, system), system, thresholds), apart]
     return np.concatenate(scores) if scores else apart
 
 
@@ -93,27 +115,12 @@ def score_threshold(scores: Floats, hours: float, incidents_per_hour: float) -> 
     """
     allowed = int(incidents_per_hour * hours)
     for candidate in [0.0, *np.unique(scores[scores > 0]).tolist()]:
-        if _runs(scores > candidate) <= allowed:
+        if _count_runs(scores > candidate) <= allowed:
             return float(candidate)
     raise AssertionError("nothing lies above the largest score")
 
 
-def hours_of(stamps_ns: NDArray[np.int64]) -> float:
-    """Time that frames stand for: their number times the usual time between two; of a single one nothing is known."""
-    return len(stamps_ns) * float(np.median(np.diff(stamps_ns))) / NS_PER_HOUR if len(stamps_ns) > 1 else 0.0
-
-
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """Both ends of Wilson's 95 % interval of k out of n; 0 and 1 where n = 0."""
-    if n == 0:
-        return 0.0, 1.0
-    p = k / n
-    middle, half = p + _Z * _Z / (2 * n), _Z * sqrt(p * (1 - p) / n + _Z * _Z / (4 * n * n))
-    scale = 1 + _Z * _Z / n
-    return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
-
-
-def count_incidents(findings: Sequence[Finding | None], stamps_ns: NDArray[np.int64]) -> int:
+def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> int:
     """How many incidents the findings of F successive frames make.
 
     Frames of equal findings that are no further apart than INCIDENT_GAP_S are one; where the clock is set back a new
@@ -130,16 +137,36 @@ def count_incidents(findings: Sequence[Finding | None], stamps_ns: NDArray[np.in
     return count
 
 
-def _leave_one_out(calibration: Calibration, judged: Judged) -> list[LeftOut]:
+def clean_hours(calibration: Calibration) -> float:
+    """The time that the clean frames of a calibration cover, in hours."""
+    return float(np.sum([hours_of(one.stamps_ns) for one in calibration.clean]))
+
+
+def hours_of(stamps_ns: Integers) -> float:
+    """The time that frames cover, in hours: their number times the usual time between two; 0 of a single frame."""
+    return len(stamps_ns) * float(np.median(np.diff(stamps_ns))) / NS_PER_HOUR if len(stamps_ns) > 1 else 0.0
+
+
+def wilson(k: int, n: int) -> tuple[float, float]:
+    """Both ends of Wilson's 95 % interval of k out of n; 0 and 1 where n = 0."""
+    if n == 0:
+        return 0.0, 1.0
+    p = k / n
+    middle, half = p + _Z * _Z / (2 * n), _Z * sqrt(p * (1 - p) / n + _Z * _Z / (4 * n * n))
+    scale = 1 + _Z * _Z / n
+    return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
+
+
+def _leave_one_out(calibration: Calibration, judge: Judge) -> list[LeftOut]:
     """One result a recording and rig: several rigs of one kind may have measured it."""
-    return list(_results(calibration.clean, judged)) if len(calibration.recordings) > 1 else []
+    return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
 
 
-def _results(clean: Sequence[CleanFrames], judged: Judged) -> Iterator[LeftOut]:
-    for held in clean:
-        others = [other for other in clean if other.recording_id != held.recording_id]
-        raised, incidents = judged(others, held)
-        yield LeftOut(held.recording_id, held.frames, raised, incidents, hours_of(held.stamps_ns))
+def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
+    for left_out in clean:
+        others = [other for other in clean if other.recording_id != left_out.recording_id]
+        findings, incidents = judge(others, left_out)
+        yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
 def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
@@ -147,42 +174,11 @@ def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> Rob
     return thresholds_from(ratios, strengths_of(clean), system.pair_checks, r)
 
 
-def _known(columns: Sequence[Floats]) -> Floats:
+def _measured(columns: Sequence[Floats]) -> Floats:
+    """What was measured in all columns, in ascending order."""
     values = np.concatenate(columns) if columns else np.zeros(0)
     return np.sort(values[~np.isnan(values)])
 
 
-def _runs(above: NDArray[np.bool_]) -> int:
+def _count_runs(above: Flags) -> int:
     return int(np.count_nonzero(np.diff(above.astype(np.int8), prepend=0) == 1))
-
-
-def robust_thresholds(
-    calibration: Calibration,
-    system: System,
-    r: Decimal,
-    incidents_per_hour: float | None = None,
-    *,
-    transferred: bool = False,
-) -> RobustThresholds:
-    """Yardsticks at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
-
-    `transferred` is what `check_calibration` answered. Raises ThresholdsError where no element has clean frames, and
-    SettingError where r is not in [0, 1].
-    """
-    ratios, known = calibration.ratios_of(system.pair_checks), calibration.calibration_id
-    found = thresholds_from(ratios, calibration.strengths, system.pair_checks, r, known)
-    if not found.scales_of:
-        raise ThresholdsError(
-            "no clean local ratios of any element of this rig",
-            where=f"calibration {known}",
-            remedy="calibrate on clean recordings of this rig kind, or judge with --method paper",
-        )
-    score = 0.0
-    if incidents_per_hour is not None:
-        score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
-    return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
-
-
-def clean_hours(calibration: Calibration) -> float:
-    """Time that the clean frames of a calibration stand for; fewer than one incident in it cannot be told from none."""
-    return float(np.sum([hours_of(one.stamps_ns) for one in calibration.clean]))

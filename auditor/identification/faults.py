@@ -1,33 +1,37 @@
-"""Causes that are not attacks, ranked from stored fault features, and what they make of a verdict.
+"""Faults, rain and dirt: their scores from fault features, and the verdicts that they make suspect.
 
-An attack changes a portion of what a sensor sees. A fault changes all of it in one way: every point of a picture lies
-on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved alike.
+An attack changes a portion of what a sensor sees. A fault changes all of it in one way: every point of an image lies
+on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
-from auditor.identification.scores import scores
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import window_means
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import HIGHEST_SCORE, Scale
-from auditor.model.checks import LIDAR_CHECKS, Check, Pair, PairCheck, lead
+from auditor.model.checks import LIDAR_CHECKS, Check, Pair, PairCheck, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, FaultHypothesis, Verdict, VerdictKind
 
 LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
+"""No fault score depends on frames further away than half of this."""
 
+MIN_FRAMES = FROZEN.least_repeats
+"""Frames that must be equal to the one before them: one repeat alone occurs where frames are faster than a sensor."""
 
-Floats = NDArray[np.float64]
+FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
+"""Causes that are findings by themselves; the others only explain why a check may have fired."""
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
-    """What was observed in F frames: `columns` holds (F, P) values by the names of `symptoms.COLUMNS`.
+class ObservedFeatures:
+    """The fault features of F frames: `columns` holds (F, P) values by the names of `checks.COLUMNS`.
 
     `pairs` are the P matched pairs (i, k). `level` and `saturated` are (F, C), mean grey level and saturated share of
     the `cameras`. NaN where not measured.
@@ -40,205 +44,65 @@ class Observed:
     saturated: Floats
 
 
-def strengths(
-    seen: Observed, stamp_ns: NDArray[np.int64], sensors: Sequence[int], runs: NDArray[np.int64] | None = None
+def fault_scores(
+    seen: ObservedFeatures, stamp_ns: Integers, sensors: Sequence[int], runs: Integers | None = None
 ) -> dict[CauseIn, Floats]:
-    """(F,) strength of each cause over the half second around each frame (dirt: two); 1 is just enough.
+    """(F,) score of each fault over the temporal window, for dirt over two seconds; 1 is just enough.
 
     `stamp_ns` (F,) are the frames' stamps, `runs` (F,) number their runs where they are known. NaN where nothing was
     measured.
     """
     found: dict[CauseIn, Floats] = {}
     for camera in seen.cameras:
-        found[Cause.LATE, camera] = _late(seen, camera)
+        found[Cause.LATE, camera] = _lagging(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
         found[Cause.SOILED, camera] = _darker(seen, camera) / FAULT_SCORES.soiled
     if LIDAR in sensors:
-        found[Cause.LATE, LIDAR] = _late_lidar(seen)
-        found[Cause.DISPLACED, LIDAR] = _turned(seen)
+        found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
+        found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
         found[Cause.RAIN, LIDAR] = _rain(seen)
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / FAULT_SCORES.glare
     usual = TEMPORAL_WINDOW.seconds
-    seconds = {who: LONGEST_WINDOW_S if who[0] is Cause.SOILED else usual for who in found}
-    return {who: window_means(values[:, None], stamp_ns, seconds[who], runs)[:, 0] for who, values in found.items()}
-
-
-def _late(seen: Observed, camera: int) -> Floats:
-    """A camera lags where all its pairs find more points on one row once it is taken for a frame earlier."""
-    columns = seen.columns
-    now = np.fmax(columns["row_aligned"], columns["offset_share"])
-    gains = [(columns["lagged_i" if camera == i else "lagged_k"] - now)[:, p] for p, (i, _) in _with(seen, camera)]
-    return _least(gains, seen) / FAULT_SCORES.late_camera
-
-
-def _displaced(seen: Observed, camera: int) -> Floats:
-    """A camera has turned where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
-    columns = seen.columns
-    offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
-    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["row_aligned"], 0.0)
-    biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
-    tilted, biased = (_alone(seen, camera, gain) for gain in (tilted, biased))
-    return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
-
-
-def _late_lidar(seen: Observed) -> Floats:
-    """The LiDAR lags where most points that tell two frames apart agree with stereo of the one before."""
-    return _mean(lead(seen.columns["before_only"], seen.columns["now_only"])) / FAULT_SCORES.late_lidar
-
-
-def _turned(seen: Observed) -> Floats:
-    """The LiDAR has turned where most points that tell agree with stereo of every pair once all are moved alike.
-
-    Where a constant bias of a pair's disparities does as well its cameras have turned instead.
-    """
-    columns = seen.columns
-    moved = lead(columns["rotated_only"], columns["unrotated_only"])
-    cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["rotated"])
-    return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.turned_lidar
-
-
-def _rain(seen: Observed) -> Floats:
-    """Drops stand alone near the LiDAR; spoofed points at chance ranges do so farther away nearly as often."""
-    beyond = FAULT_SCORES.rain_beyond * seen.columns["isolated_beyond"]
-    return _mean(seen.columns["isolated_near"] - beyond) / FAULT_SCORES.rain
-
-
-def _with(seen: Observed, camera: int) -> list[tuple[int, Pair]]:
-    return [(p, pair) for p, pair in enumerate(seen.pairs) if camera in pair]
-
-
-def _alone(seen: Observed, camera: int, gain: Floats) -> Floats:
-    """The least gain of the camera's pairs, less the largest of the others: those cannot be its doing."""
-    inside = _least([gain[:, p] for p, _ in _with(seen, camera)], seen)
-    outside = [gain[:, p] for p, pair in enumerate(seen.pairs) if camera not in pair]
-    return inside - np.maximum(np.nan_to_num(np.fmax.reduce(outside)), 0) if outside else inside
-
-
-def _darker(seen: Observed, camera: int) -> Floats:
-    """(F,) by how many grey levels a camera is at least darker than its partners where they are unlike.
-
-    A partner that is as much brighter than others is itself what has changed.
-    """
-    unlike, difference = seen.columns["inconsistent_px"], seen.columns["difference"]
-    found = []
-    for p, (i, k) in _with(seen, camera):
-        partner = i if camera == k else k
-        darker = difference[:, p] * (1.0 if camera == i else -1.0)
-        enough = FAULT_SCORES.soiled_partner * unlike[:, p]
-        others = [
-            np.where(unlike[:, q] > enough, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
-            for q, pair in _with(seen, partner)
-            if q != p
-        ]
-        usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
-        found.append(np.where(unlike[:, p] >= FAULT_SCORES.soiled_fewest, darker - usual, 0 * unlike[:, p]))
-    return _least(found, seen)
-
-
-def _mean(values: Floats) -> Floats:
-    """(F,) the means of what was measured in each row of (F, P), NaN where nothing was."""
-    measured = ~np.isnan(values)
-    count = measured.sum(axis=1)
-    return np.asarray(np.where(count > 0, np.where(measured, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan))
-
-
-def _least(values: Sequence[Floats], seen: Observed) -> Floats:
-    """(F,) the least of those measured, NaN where none was."""
-    return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.level), np.nan)
-
-
-MIN_FRAMES = FROZEN.least_repeats
-"""Frames that must be equal to the one before them: a single repeat happens when frames tick faster than a sensor."""
-
-
-Bools = NDArray[np.bool_]
-
-
-def frozen(prints: NDArray[np.int64], present: Bools) -> Bools:
-    """(F, S) whether a sensor stands still in a frame, from the fingerprints (F, S) of F successive frames.
-
-    Its data equal those of the frame before, two times running at least, while another sensor's changed at each of
-    these steps. Where all stand still the recording does, and no sensor is frozen. One that is not `present` (F, S)
-    is not frozen, nor one without a fingerprint.
-    """
-    known = present & (prints != NO_FINGERPRINT)
-    both = known[1:] & known[:-1]
-    changed = both & (prints[1:] != prints[:-1])
-    still = np.zeros(present.shape, dtype=np.bool_)
-    still[1:] = both & ~changed & changed.any(axis=1, keepdims=True)
-    return np.asarray(_runs_of(still, MIN_FRAMES))
-
-
-def _runs_of(still: Bools, length: int) -> Bools:
-    """The entries that belong to a run of at least `length` down a column."""
-    starts = np.ones((max(len(still) - length + 1, 0), still.shape[1]), dtype=np.bool_)
-    for step in range(length):
-        starts &= still[step : step + len(starts)]
-    result = np.zeros_like(still)
-    for step in range(length):
-        result[step : step + len(starts)] |= starts
-    return result
-
-
-ENOUGH = FAULT_HYPOTHESES.enough
-"""The score of a margin of zero: from here on a cause is seen more strongly than clean frames show it."""
-
-
-FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
-"""Causes that are findings by themselves; the others only say why a frame may have been raised."""
-
-
-_CLEARLY = FAULT_HYPOTHESES.clear_lead
-"""An attack whose strongest margin leads that of a cause by more than this is not doubted for it."""
-
-
-_MOSTLY = FAULT_HYPOTHESES.most_of_it
-"""Share of the raised margins that a sensor with a fault must be able to raise, to explain them."""
-
-
-_LEAST_TOLD = FAULT_HYPOTHESES.least_told
-
-
-_RAIN_RAISES = FAULT_HYPOTHESES.rain_highest
-"""The largest margin that rain counts with, however hard it rains: drops lie apart, and raise next to nothing."""
+    seconds = {key: LONGEST_WINDOW_S if key[0] is Cause.SOILED else usual for key in found}
+    return {key: window_means(values[:, None], stamp_ns, seconds[key], runs)[:, 0] for key, values in found.items()}
 
 
 def fault_hypotheses(
-    strength: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Scale]
+    scores: Mapping[CauseIn, Floats], scales: Mapping[CauseIn, Scale]
 ) -> list[tuple[FaultHypothesis, ...]]:
-    """The causes of each frame worth telling, the likeliest first, from their (F,) strengths.
+    """The fault hypotheses of each frame, the likeliest first, from (F,) fault scores.
 
-    Their margins are those of the witnesses, above the threshold of clean frames; a score is 0.5 at a margin of zero
-    and 1 at the highest. A cause without a yardstick is not told.
+    A fault score becomes z as a check's statistic does; a hypothesis has 0.5 at z = 0 and 1 at the highest z. Those
+    below 0.2, and faults without a scale, are left out.
     """
-    keys = list(strength)
-    z = scores(np.stack([strength[key] for key in keys], axis=1), [scales.get(key) for key in keys])
-    share = np.nan_to_num(ENOUGH * (1 + z / HIGHEST_SCORE))
+    keys = list(scores)
+    z = normalised_scores(np.stack([scores[key] for key in keys], axis=1), [scales.get(key) for key in keys])
+    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / HIGHEST_SCORE))
+    least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
-    for frame in np.flatnonzero((share >= _LEAST_TOLD).any(axis=1)).tolist():
+    for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
         ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
-        hypotheses[frame] = tuple(
-            FaultHypothesis(*keys[place], score) for score, place in ranked if score >= _LEAST_TOLD
-        )
+        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], score) for score, place in ranked if score >= least)
     return hypotheses
 
 
 def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], in_several_pairs: Collection[int] = ()) -> Verdict:
-    """The verdict beside the causes of its frame: `suspect` where one of them explains it about as well as an attack.
+    """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness, glare and rain are told where nothing was raised, and are none. A sensor
-    that the verdict was reached without cannot have raised anything. What stands out much further in one place than a
-    cause does over the whole picture is that place's own: an attack. Of a `suspect` verdict it stays the first of the
-    alternatives. `in_several_pairs` are the cameras matched with more than one other.
+    A fault is a finding by itself; darkness, glare and rain are listed where no check fired, and are no finding. The
+    fault of a sensor that was left out cannot explain a verdict. Where a check's z exceeds that of a fault by more than
+    1, the fault does not explain it: an attack changes a portion of the view, and more strongly. The attack of a
+    `suspect` verdict is the first of its alternatives. `in_several_pairs` are the cameras matched with more than one
+    other.
     """
     fired = verdict.kind in FINDINGS
-    least = max((one.score for one in verdict.evidence), default=0.0) - _CLEARLY if fired else 0.0
+    least = max((one.score for one in verdict.evidence), default=0.0) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if fired else _by_itself(one)))
     enough = any(
-        one.score >= ENOUGH
-        and _margin(one) >= least
+        one.score >= FAULT_HYPOTHESES.enough
+        and _z_of(one) >= least
         and (one.sensor not in verdict.out_of_system if fired else one.cause in FAULTS)
         for one in kept
     )
@@ -249,40 +113,154 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], in_several_pairs:
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
 
 
-def _margin(hypothesis: FaultHypothesis) -> float:
-    """The margin that a cause's score was made of; rain's is not larger than what it can raise."""
-    margin = (hypothesis.score / ENOUGH - 1) * HIGHEST_SCORE
-    return min(margin, _RAIN_RAISES) if hypothesis.cause is Cause.RAIN else margin
+def frozen(prints: Integers, present: Flags) -> Flags:
+    """(F, S) whether a sensor's data are frozen in a frame, from the fingerprints (F, S) of F successive frames.
+
+    They are where they equal those of the frame before, at two successive steps or more, while another sensor's data
+    changed at each of these steps. Where no sensor's data change the recording is at fault, and no sensor is frozen. A
+    sensor that is not `present` (F, S), or has no fingerprint, is not frozen.
+    """
+    known = present & (prints != NO_FINGERPRINT)
+    both = known[1:] & known[:-1]
+    changed = both & (prints[1:] != prints[:-1])
+    still = np.zeros(present.shape, dtype=np.bool_)
+    still[1:] = both & ~changed & changed.any(axis=1, keepdims=True)
+    return np.asarray(_in_long_runs(still, MIN_FRAMES))
+
+
+def _lagging(seen: ObservedFeatures, camera: int) -> Floats:
+    """A camera lags where in all its pairs more points are row-aligned with the image of the frame before."""
+    columns = seen.columns
+    now = np.fmax(columns["row_aligned"], columns["offset_share"])
+    gains = [
+        (columns["lagged_i" if camera == i else "lagged_k"] - now)[:, p] for p, (i, _) in _pairs_with(seen, camera)
+    ]
+    return _least(gains, seen) / FAULT_SCORES.lagging_camera
+
+
+def _displaced(seen: ObservedFeatures, camera: int) -> Floats:
+    """A camera is rotated where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
+    columns = seen.columns
+    offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
+    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["row_aligned"], 0.0)
+    biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
+    tilted, biased = (_beyond_others(seen, camera, gain) for gain in (tilted, biased))
+    return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
+
+
+def _lagging_lidar(seen: ObservedFeatures) -> Floats:
+    """The LiDAR lags where of the points that agree with one of two frames only most agree with the one before."""
+    excess = relative_excess(seen.columns["before_only"], seen.columns["now_only"])
+    return _mean(excess) / FAULT_SCORES.lagging_lidar
+
+
+def _rotated_lidar(seen: ObservedFeatures) -> Floats:
+    """The LiDAR is rotated where most points agree with stereo of every pair only once all are moved by one offset.
+
+    Where a constant bias of a pair's disparities does as well, its cameras are rotated instead.
+    """
+    columns = seen.columns
+    moved = relative_excess(columns["rotated_only"], columns["unrotated_only"])
+    cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["rotated"])
+    return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.rotated_lidar
+
+
+def _rain(seen: ObservedFeatures) -> Floats:
+    """Drops are isolated points near the LiDAR; points spoofed at random ranges are isolated farther away too."""
+    beyond = FAULT_SCORES.rain_beyond * seen.columns["isolated_beyond"]
+    return _mean(seen.columns["isolated_near"] - beyond) / FAULT_SCORES.rain
+
+
+def _pairs_with(seen: ObservedFeatures, camera: int) -> list[tuple[int, Pair]]:
+    return [(p, pair) for p, pair in enumerate(seen.pairs) if camera in pair]
+
+
+def _beyond_others(seen: ObservedFeatures, camera: int, gain: Floats) -> Floats:
+    """The least gain of the camera's pairs, less the largest of the other pairs: the camera cannot cause that one."""
+    inside = _least([gain[:, p] for p, _ in _pairs_with(seen, camera)], seen)
+    outside = [gain[:, p] for p, pair in enumerate(seen.pairs) if camera not in pair]
+    return inside - np.maximum(np.nan_to_num(np.fmax.reduce(outside)), 0) if outside else inside
+
+
+def _darker(seen: ObservedFeatures, camera: int) -> Floats:
+    """(F,) by how many grey levels a camera is at least darker than its partners where they are inconsistent.
+
+    Where a partner is as much brighter than others, the partner has changed.
+    """
+    inconsistent, difference = seen.columns["inconsistent_px"], seen.columns["difference"]
+    found = []
+    for p, (i, k) in _pairs_with(seen, camera):
+        partner = i if camera == k else k
+        darker = difference[:, p] * (1.0 if camera == i else -1.0)
+        enough = FAULT_SCORES.soiled_partner * inconsistent[:, p]
+        others = [
+            np.where(inconsistent[:, q] > enough, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
+            for q, pair in _pairs_with(seen, partner)
+            if q != p
+        ]
+        usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
+        measured = 0 * inconsistent[:, p]  # NaN where it was not measured
+        found.append(np.where(inconsistent[:, p] >= FAULT_SCORES.soiled_fewest, darker - usual, measured))
+    return _least(found, seen)
+
+
+def _mean(values: Floats) -> Floats:
+    """(F,) the means of what was measured in each row of (F, P), NaN where nothing was."""
+    measured = ~np.isnan(values)
+    count = measured.sum(axis=1)
+    return np.asarray(np.where(count > 0, np.where(measured, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan))
+
+
+def _least(values: Sequence[Floats], seen: ObservedFeatures) -> Floats:
+    """(F,) the least of those measured, NaN where none was."""
+    return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.level), np.nan)
+
+
+def _in_long_runs(still: Flags, length: int) -> Flags:
+    """The entries that belong to a run of at least `length` down a column."""
+    starts = np.ones((max(len(still) - length + 1, 0), still.shape[1]), dtype=np.bool_)
+    for step in range(length):
+        starts &= still[step : step + len(starts)]
+    result = np.zeros_like(still)
+    for step in range(length):
+        result[step : step + len(starts)] |= starts
+    return result
+
+
+def _z_of(hypothesis: FaultHypothesis) -> float:
+    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
+    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * HIGHEST_SCORE
+    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
-    """Whether a cause is worth telling where nothing was raised: dirt would have raised something."""
-    return hypothesis.score >= ENOUGH and hypothesis.cause is not Cause.SOILED
+    """Whether a hypothesis is listed where no check fired: dirt would have made one fire."""
+    return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
-    """Whether a cause can have raised what a verdict's evidence says."""
+    """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.SOILED and hypothesis.sensor not in verdict.attacked:
-        # To one pair dirt on a camera looks like light in the other: several must see it, clearer than what was raised.
+        # To one pair dirt on a camera looks like light in the other: several pairs must show it as strongly.
         strongest = max(one.score for one in verdict.evidence)
-        seen = hypothesis.sensor in in_several_pairs and _margin(hypothesis) >= strongest
-        return seen and _raises_most(hypothesis.sensor, verdict)
+        seen = hypothesis.sensor in in_several_pairs and _z_of(hypothesis) >= strongest
+        return seen and _covers_most(hypothesis.sensor, verdict)
     if hypothesis.cause is Cause.DARK:
         return Check.BRIGHTNESS_DIFFERENCE.value not in checks
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
         return True
-    return _raises_most(hypothesis.sensor, verdict)
+    return _covers_most(hypothesis.sensor, verdict)
 
 
-def _raises_most(sensor: int | None, verdict: Verdict) -> bool:
-    """Whether a fault of a sensor can have raised at least half of the margins."""
+def _covers_most(sensor: int | None, verdict: Verdict) -> bool:
+    """Whether a fault of a sensor can have made checks fire that have at least half of the sum of z."""
     fired = [(one.score, sensor in _nameable(one)) for one in verdict.evidence]
-    return sum(margin for margin, own in fired if own) >= _MOSTLY * sum(margin for margin, _ in fired)
+    return sum(z for z, own in fired if own) >= FAULT_HYPOTHESES.least_covered * sum(z for z, _ in fired)
 
 
 def _nameable(evidence: Evidence) -> tuple[int, ...]:
-    """The sensors one of which must be at fault where it is raised."""
+    """The sensors one of which must be at fault where the check fired."""
     return PairCheck(Check(evidence.check_name), evidence.i, evidence.k).nameable

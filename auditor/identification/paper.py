@@ -1,4 +1,4 @@
-"""Verdicts: what is said of a frame, given its e vector."""
+"""The paper's method: the verdict on a frame from its disparity errors E, their thresholds theta and Algorithm 2."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
@@ -19,12 +19,10 @@ from auditor.identification.algorithm2 import (
     identify,
     without,
 )
-from auditor.identification.parameters import EXPLANATION
+from auditor.identification.parameters import ATTACK_SET_COST
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
-
-_ALTERNATIVES = EXPLANATION.alternatives
 
 
 def judge(
@@ -36,7 +34,7 @@ def judge(
 ) -> Verdict:
     """The verdict on one frame of a rig with these triples and sensors, some of which may be missing.
 
-    The system judged is made of the sensors that are there and belong to at least one measured triple; the others are
+    The system judged is made of the sensors that are present and belong to at least one measured triple; the others are
     `out_of_system`. An attack is attributed only where Algorithm 2 determines every sensor, and the attack it names, on
     at most N - 3 of them, explains every measured element over all references (Eq. 7).
     """
@@ -98,7 +96,7 @@ def judge_frames(
             v.alternatives,
         )
         for e, absent, gap, row in zip(
-            _state_vectors(distances), missing, _scores_of(distances), distances, strict=True
+            _state_vectors(distances), missing, _smallest_distances(distances), distances, strict=True
         )
         for v in (judged(e, absent),)
     ]
@@ -125,14 +123,14 @@ def _state_vectors(distances: NDArray[np.float64]) -> list[str]:
     return [row.decode() for row in rows.ravel().tolist()]
 
 
-def _scores_of(distances: NDArray[np.float64]) -> list[float | None]:
+def _smallest_distances(distances: NDArray[np.float64]) -> list[float | None]:
     """The smallest measured |E - theta| of each row, None where nothing was measured."""
     smallest = np.where(np.isnan(distances), np.inf, np.abs(distances)).min(axis=1, initial=np.inf)
     return [gap if gap < np.inf else None for gap in smallest.tolist()]
 
 
 def _evidence(row: NDArray[np.float64], of: Sequence[Callable[[float], Evidence]]) -> tuple[Evidence, ...]:
-    """The raised disparity errors of a frame from its E - theta, the furthest above first."""
+    """The disparity errors of a frame above their theta, from its E - theta; the furthest above first."""
     above = sorted(np.flatnonzero(row > 0).tolist(), key=lambda place: -row[place])
     return tuple(of[place](float(row[place])) for place in above)
 
@@ -154,7 +152,9 @@ def _alternatives(
     least = disagreements(e, found.attacked, triples)
     distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
     nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
-    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[:_ALTERNATIVES])
+    return tuple(
+        Alternative(attacked, float(distances[attacked])) for attacked in nearest[: ATTACK_SET_COST.alternatives]
+    )
 
 
 def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:

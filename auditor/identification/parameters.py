@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
-from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, PAIR_DEPTH, POINT_LEAD, RIG_KIND_TOLERANCE, SCORE_LIMITS
+from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, PAIR_DEPTH, POINT_EXCESS, RIG_KIND_TOLERANCE, SCORE_LIMITS
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"
@@ -36,8 +36,8 @@ class WindowedRatio:
 class ThetaFloor:
     """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
-    lidar_conflict: float = parameter(0.48, unit="local ratio", source=_CHECKS)
-    photometric: float = parameter(0.25, unit="local ratio", source=_CHECKS)
+    lidar_conflict: float = parameter(0.48, unit="windowed ratio", source=_CHECKS)
+    photometric: float = parameter(0.25, unit="windowed ratio", source=_CHECKS)
     brightness: float = parameter(0.3, unit="share of a window's cells", source=_BRIGHTNESS)
     point_dropout: float = parameter(0.85, unit="share of a strip's points", source=_CHECKS)
     isolated_points: float = parameter(
@@ -49,13 +49,13 @@ class ThetaFloor:
 class ThetaCeiling:
     """theta is never larger: attacked frames among the clean ones must not silence a check.
 
-    Only a LiDAR that never fills the view, or whose points always lie far apart, may silence its own.
+    The LiDAR's own checks have no ceiling: some LiDARs never fill the view, and of some all points lie far apart.
     """
 
-    lidar_conflict: float = parameter(0.6, unit="local ratio", source=_CHECKS)
+    lidar_conflict: float = parameter(0.6, unit="windowed ratio", source=_CHECKS)
     photometric: float = parameter(
         0.5,
-        unit="local ratio",
+        unit="windowed ratio",
         source="docs/decisions.md, light is looked for both ways: 0.45 and 0.5 tried on 42 streets",
     )
     brightness: float = parameter(0.5, unit="share of a window's cells", source=_BRIGHTNESS)
@@ -67,7 +67,7 @@ class ThetaCeiling:
 class CheckScale:
     """How a check's clean samples become theta and the scale of z."""
 
-    margin: float = parameter(0.1, unit="share of what is left to 1, added to theta", source=_CHECKS)
+    added_share: float = parameter(0.1, unit="share of what is left to 1, added to theta", source=_CHECKS)
     spread_quantile: float = parameter(0.95, unit="quantile, less the median: the scale", source=BY_HAND)
     smallest_scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
 
@@ -77,7 +77,7 @@ class FaultScale:
     """How a fault's clean scores become theta and the scale of z."""
 
     least_theta: float = parameter(1.0, unit="fault score: just enough", source="the unit of fault scores")
-    margin: float = parameter(
+    added_share: float = parameter(
         0.25, unit="share of theta, added to it", source=f"{_FALSE_ALARMS}; no experiment recorded"
     )
     largest_r: Decimal = parameter(Decimal("0.01"), unit="false-alarm rate", source=_FALSE_ALARMS)  # noqa: RUF009 - immutable
@@ -95,8 +95,8 @@ class TemporalWindow:
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """What an attack set costs that should explain all checks at once."""
+class AttackSetCost:
+    """How badly an attack set fits the normalised scores of all pair checks."""
 
     penalty_per_sensor: float = parameter(0.02, unit="z a sensor", source=BY_HAND)
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
@@ -104,23 +104,23 @@ class Explanation:
         0.9, unit="share of a LiDAR conflict that an attacked camera covers", source=BY_HAND
     )
     photometric_expected: float = parameter(
-        0.5, unit="how surely an attacked camera raises its pairs, 0 to 1", source=BY_HAND
+        0.5, unit="how surely an attacked camera makes its pairs fire, 0 to 1", source=BY_HAND
     )
-    most_uncovered: float = parameter(1.0, unit="z left over by the best attack set", source=BY_HAND)
-    alternatives: int = parameter(2, unit="attack sets told beside the best", source=BY_HAND)
+    most_uncovered: float = parameter(1.0, unit="z that the best attack set leaves uncovered", source=BY_HAND)
+    alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
 
 @dataclass(frozen=True)
 class FaultScores:
     """What is just enough for a fault: its score is 1 there."""
 
-    late_camera: float = parameter(0.1, unit="share of points, more", source=_FAULTS)
-    late_lidar: float = parameter(0.2, unit="lead of the frame before", source=_FAULTS_ON_STREETS)
+    lagging_camera: float = parameter(0.1, unit="share of points, more", source=_FAULTS)
+    lagging_lidar: float = parameter(0.2, unit="excess of points of the frame before", source=_FAULTS_ON_STREETS)
     tilted: float = parameter(0.35, unit="share of points, more", source=_FAULTS)
     tilted_by_px: float = parameter(2.0, unit="rows", source=_FAULTS)
     biased: float = parameter(0.25, unit="share of LiDAR points, more", source=_FAULTS)
     biased_by_px: float = parameter(3.0, unit="px of disparity", source=_FAULTS)
-    turned_lidar: float = parameter(0.2, unit="lead of the points once moved", source=_FAULTS_ON_STREETS)
+    rotated_lidar: float = parameter(0.2, unit="excess of points once rotated", source=_FAULTS_ON_STREETS)
     soiled: float = parameter(4.0, unit="grey levels darker", source=_FAULTS)
     soiled_fewest: int = parameter(200, unit="inconsistent half px", source=BY_HAND)
     soiled_partner: float = parameter(
@@ -138,11 +138,13 @@ class FaultHypotheses:
     """When a fault stands beside a verdict, or in its place."""
 
     enough: float = parameter(0.5, unit="score at z = 0", source="definition of the score")
-    least_told: float = parameter(0.2, unit="score: z = -1.8", source=BY_HAND)
-    clear_lead: float = parameter(
-        1.0, unit="z by which an attack leads a fault", source="docs/decisions.md, an attack whose largest margin leads"
+    least_listed: float = parameter(0.2, unit="score: z = -1.8", source=BY_HAND)
+    clear_gap: float = parameter(
+        1.0,
+        unit="z by which an attack exceeds a fault",
+        source="docs/decisions.md, an attack whose largest margin leads",
     )
-    most_of_it: float = parameter(0.5, unit="share of the fired checks' z", source=_FAULTS)
+    least_covered: float = parameter(0.5, unit="share of the fired checks' z", source=_FAULTS)
     rain_highest: float = parameter(
         -0.75,
         unit="z that rain counts with",
@@ -159,13 +161,13 @@ class Frozen:
     )
 
 
-LOCAL_RATIO = WindowedRatio()
+WINDOWED_RATIO = WindowedRatio()
 THETA_FLOOR = ThetaFloor()
 THETA_CEILING = ThetaCeiling()
 CHECK_SCALE = CheckScale()
 FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
-EXPLANATION = Explanation()
+ATTACK_SET_COST = AttackSetCost()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
 FROZEN = Frozen()
@@ -173,15 +175,15 @@ FROZEN = Frozen()
 JUDGING = (
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
-    LOCAL_RATIO,
+    WINDOWED_RATIO,
     THETA_FLOOR,
     THETA_CEILING,
     CHECK_SCALE,
     SCORE_LIMITS,
-    EXPLANATION,
+    ATTACK_SET_COST,
     TEMPORAL_WINDOW,
     FROZEN,
-    POINT_LEAD,
+    POINT_EXCESS,
     FAULT_SCORES,
     FAULT_SCALE,
     FAULT_HYPOTHESES,

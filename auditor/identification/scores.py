@@ -1,13 +1,13 @@
-"""Normalised scores z: how far a windowed ratio lies above its threshold, in units that all checks share."""
+"""Normalised scores z: how far a statistic lies above its threshold theta, in units that all checks share."""
 
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.identification.parameters import CHECK_SCALE, FAULT_SCALE, THETA_CEILING, THETA_FLOOR
 from auditor.identification.thresholds import resolvable, threshold
+from auditor.model.arrays import Floats
 from auditor.model.calibration import HIGHEST_SCORE, LOWEST_SCORE, RobustThresholds, Scale
 from auditor.model.checks import Check, PairCheck
 from auditor.model.verdict import CauseIn
@@ -19,7 +19,7 @@ CEILINGS: Mapping[Check, float] = {
     Check.POINT_DROPOUT: THETA_CEILING.point_dropout,
     Check.ISOLATED_POINTS: THETA_CEILING.isolated_points,
 }
-"""theta is never larger: attacked frames among the clean ones must not silence a witness.
+"""theta is never larger: attacked frames among the clean ones must not silence a check.
 
 Only a LiDAR that never fills the view, or whose points always lie far apart, may silence its own.
 """
@@ -35,39 +35,38 @@ FLOORS: Mapping[Check, float] = {
 """theta is never smaller: a few easy drives must not make the thresholds of all others."""
 
 
-Floats = NDArray[np.float64]
-
-
 def scale_of(check: Check, samples: Sequence[float], r: Decimal) -> Scale:
-    """Take theta at r from N clean local ratios in ascending order, and add what carries it to other drives.
+    """Theta and scale of a check at r, from N clean statistics in ascending order.
 
-    A tenth of what is left to 1 is added; then theta is kept between the witness's floor and its ceiling. Raises
-    ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
+    A tenth of what is left to 1 is added to the quantile, so that theta holds for other drives too; then it is kept
+    between the check's floor and its ceiling. Raises ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
     """
     quantile = threshold(samples, r)
-    theta = min(max(quantile + CHECK_SCALE.margin * (1 - quantile), FLOORS[check]), CEILINGS[check])
+    theta = min(max(quantile + CHECK_SCALE.added_share * (1 - quantile), FLOORS[check]), CEILINGS[check])
     spread = float(np.quantile(samples, CHECK_SCALE.spread_quantile) - np.median(samples))
     return Scale(theta, max(spread, CHECK_SCALE.smallest_scale * theta), len(samples))
 
 
 def fault_scale(samples: Sequence[float], r: Decimal) -> Scale:
-    """Take theta of a cause at r from N clean strengths in ascending order, and a quarter more; at least just enough.
+    """Theta and scale of a fault at r, from N clean fault scores in ascending order; theta is at least 1, just enough.
 
-    No r above 1 % is taken: a fault is a finding by itself, and no other witness has to agree. The scale is a quarter
-    of theta: a strength of 1.75 theta has the largest margin. There is no ceiling: a tilt or a row bias that a rig has
-    always had is its own. Raises ThresholdsError where N = 0, SettingError for an r outside 0 to 1.
+    A quarter of the quantile is added to it. An r above 1 % counts as 1 %: a fault is a finding by itself, and no other
+    check has to agree. The scale is a quarter of theta: a fault score of 1.75 theta has the largest z. There is no
+    ceiling: a tilt or a row bias that a rig has always had is no fault. Raises ThresholdsError where N = 0,
+    SettingError for an r outside 0 to 1.
     """
-    theta = max((1 + FAULT_SCALE.margin) * threshold(samples, min(r, FAULT_SCALE.largest_r)), FAULT_SCALE.least_theta)
+    quantile = threshold(samples, min(r, FAULT_SCALE.largest_r))
+    theta = max((1 + FAULT_SCALE.added_share) * quantile, FAULT_SCALE.least_theta)
     return Scale(theta, FAULT_SCALE.scale * theta, len(samples))
 
 
 def fault_scales(samples: Mapping[CauseIn, Sequence[float]], r: Decimal) -> dict[CauseIn, Scale]:
-    """One yardstick a cause that was measured in clean frames."""
+    """The scale of each fault that was measured in clean frames."""
     return {key: fault_scale(values, r) for key, values in samples.items() if values}
 
 
 def scales_of(ratios: Floats, pair_checks: Sequence[PairCheck], r: Decimal) -> tuple[Scale | None, ...]:
-    """One yardstick an element from (F, M) clean local ratios, NaN where not measured; None where none was."""
+    """The scale of each pair check from (F, M) clean statistics, NaN where not measured; None where none was."""
     columns = [np.sort(column[~np.isnan(column)]) for column in ratios.T]
     return tuple(
         scale_of(pair_check.check, column.tolist(), r) if column.size else None
@@ -77,14 +76,14 @@ def scales_of(ratios: Floats, pair_checks: Sequence[PairCheck], r: Decimal) -> t
 
 def thresholds_from(
     ratios: Floats,
-    strengths: Mapping[CauseIn, Sequence[float]],
+    clean_fault_scores: Mapping[CauseIn, Sequence[float]],
     pair_checks: Sequence[PairCheck],
     r: Decimal,
     calibration_id: str = "",
 ) -> RobustThresholds:
-    """Thresholds at r from (F, M) clean local ratios, NaN where not measured, and ascending strengths by cause.
+    """Thresholds at r from (F, M) clean statistics, NaN where not measured, and ascending fault scores by fault.
 
-    Elements and causes without samples have none. The threshold of the half seconds' score is 0.
+    Pair checks and faults without samples have none. The threshold of the window's score is 0.
     """
     scales = zip(pair_checks, scales_of(ratios, pair_checks, r), strict=True)
     known = {pair_check: scale for pair_check, scale in scales if scale is not None}
@@ -92,22 +91,22 @@ def thresholds_from(
         calibration_id=calibration_id,
         r=r,
         scales_of=known,
-        causes=fault_scales(strengths, r),
+        causes=fault_scales(clean_fault_scores, r),
         resolvable=all(resolvable(r, scale.samples) for scale in known.values()),
     )
 
 
-def scores(ratios: Floats, scales: Sequence[Scale | None]) -> Floats:
-    """(F, M) margins z = (x - theta) / scale, clipped to -2 .. 3: above zero an element is raised.
+def normalised_scores(statistics: Floats, scales: Sequence[Scale | None]) -> Floats:
+    """(F, M) normalised scores z = (x - theta) / scale, clipped to -2 .. 3; above zero a check fires.
 
-    `ratios` are (F, M) local ratios; NaN where not measured or without a yardstick.
+    `statistics` x are (F, M), NaN where not measured; z is NaN there, and where there is no scale.
     """
-    theta = np.array([np.nan if y is None else y.theta for y in scales], dtype=np.float64)
-    scale = np.array([np.nan if y is None else y.scale for y in scales], dtype=np.float64)
-    return np.asarray(np.clip((ratios - theta) / scale, LOWEST_SCORE, HIGHEST_SCORE))
+    theta = np.array([np.nan if one is None else one.theta for one in scales], dtype=np.float64)
+    scale = np.array([np.nan if one is None else one.scale for one in scales], dtype=np.float64)
+    return np.asarray(np.clip((statistics - theta) / scale, LOWEST_SCORE, HIGHEST_SCORE))
 
 
 def candidates(pair_checks: Sequence[PairCheck], ratios: Sequence[float | None]) -> list[PairCheck]:
-    """The elements whose local ratio lies above the floor of their witness's thresholds; None is not measured."""
+    """The pair checks that may exceed theta: their statistic lies above its floor. None is not measured."""
     pairs = zip(pair_checks, ratios, strict=True)
     return [pair_check for pair_check, ratio in pairs if ratio is not None and ratio > FLOORS[pair_check.check]]

@@ -21,7 +21,7 @@ def parse_r(text: str) -> Decimal:
     try:
         r = Decimal(number.removesuffix("%").strip())
     except InvalidOperation:
-        raise SettingError(f"{text!r} is no number", where="r", remedy="write it as 0.01 or 1%") from None
+        raise SettingError(f"{text!r} is not a number", where="r", remedy="write it as 0.01 or 1%") from None
     if number.endswith("%"):
         with localcontext(prec=len(r.as_tuple().digits) + DIGITS_OF_A_COUNT):
             r = r.scaleb(-2) if r.is_finite() else r
@@ -44,7 +44,7 @@ def threshold(samples: Sequence[float], r: Decimal) -> float:
 
 
 def resolvable(r: Decimal, N: int) -> bool:
-    """False where 0 < r < 1/N: N samples cannot tell such a rate from r = 0."""
+    """False where 0 < r < 1/N: with N samples such a rate cannot be told from r = 0."""
     _check(r)
     return r == 0 or _outliers(r, N) > 0
 
@@ -84,7 +84,7 @@ def check_calibration(
 ) -> bool:
     """Refuse thresholds of measurements that were made otherwise; True where they come from another rig kind.
 
-    Another rig kind is accepted only where `transfer` asks for it; another matcher, other settings or another counting
+    Another rig kind is accepted only with `transfer`; another matcher, other settings or another counting
     version never are. Raises ThresholdsError that says what differs and what to do.
     """
     where = f"calibration {calibration.calibration_id}"
@@ -116,7 +116,7 @@ def _differences(calibrated: Procedure, measured: Procedure) -> Iterator[str]:
 
 
 def _differing(calibrated: str, measured: str) -> str:
-    """The entries of two settings texts that differ; the texts themselves where they are no JSON objects."""
+    """The entries of two settings texts that differ; the texts themselves where they are not JSON objects."""
     try:
         ours, theirs = json.loads(calibrated), json.loads(measured)
     except json.JSONDecodeError:

@@ -1,4 +1,4 @@
-"""SEE: a frame becomes disparity maps, and those become counts of inconsistent pixels."""
+"""Measuring: a frame becomes disparity maps, and these become counts and statistics."""
 
 import cv2
 
@@ -6,7 +6,7 @@ from auditor.measurement.fault_features.calibration_check import CalibrationChec
 from auditor.measurement.fault_features.collect import FaultFeatures
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
-from auditor.measurement.shared_view import Evidence
+from auditor.measurement.shared_view import FrameArrays
 from auditor.measurement.thumbnails import Picture, PictureBook, draw
 
 
@@ -17,8 +17,8 @@ def use_one_thread() -> None:
 
 __all__ = [
     "CalibrationCheck",
-    "Evidence",
     "FaultFeatures",
+    "FrameArrays",
     "Picture",
     "PictureBook",
     "draw",

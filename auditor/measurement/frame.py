@@ -17,7 +17,7 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
-from auditor.measurement.shared_view import Evidence, Maps, RectifiedFrame, compare, matched, prepare, present
+from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Coverage, Measurement
@@ -25,14 +25,15 @@ from auditor.model.rig import LIDAR, Rig
 
 Item = TypeVar("Item")
 
+Measured = tuple[Measurement, FrameArrays]
 
 _POLL_S = 0.05
 
 
-def ahead(items: Iterable[Item], count: int = 1) -> Generator[Item]:
+def prefetch(items: Iterable[Item], count: int = 1) -> Generator[Item]:
     """The items in their order, made in a thread that is at most `count` of them ahead.
 
-    An error of theirs is raised where its item would have come. Closed early, or left by an error, it ends the thread.
+    An error in making an item is raised in its place. The thread ends where this generator is closed or fails.
     """
     maker = _Maker(items, count)
     maker.thread.start()
@@ -77,12 +78,9 @@ class _Maker(Generic[Item]):
             return
 
 
-Measured = tuple[Measurement, Evidence]
-
-
 @dataclass(frozen=True, eq=False)
 class _PreparedFrame:
-    """A frame as it is looked at: whole, and where `views` says that pairs have views of their own in `parts`, too."""
+    """A frame that is ready for matching: `whole`, and in `parts` each pair that has a view of its own in `views`."""
 
     whole: RectifiedFrame
     parts: Mapping[Pair, RectifiedFrame]
@@ -107,15 +105,15 @@ def measure(frame: Frame, rig: Rig, matcher: Matcher) -> Measured:
 def measure_stream(frames: Iterable[Frame | Skipped], rig: Rig, matcher: Matcher) -> Generator[Skipped | Measured]:
     """What `measure` gives for each frame, in their order; skipped ones pass through.
 
-    For a matcher that takes many pairs at once, frames go to it in groups: while it matches one, the next is decoded
-    in a thread, and the last is compared in the thread that asks. Others get frame after frame, and no thread.
+    A matcher that takes many pairs at once gets frames in groups: while it matches one, a thread decodes the next, and
+    the caller's thread compares the last. Other matchers get frame after frame, and there is no thread.
     """
     at_once = pairs_at_once(matcher) // max(1, len(rig.pairs))
     if pairs_at_once(matcher) == 1:
         yield from (item if isinstance(item, Skipped) else measure(item, rig, matcher) for item in frames)
         return
-    groups = ahead(_grouped(frames, rig, matcher, max(1, at_once)))
-    with closing(ahead(_matched(groups, matcher))) as done:
+    groups = prefetch(_grouped(frames, rig, matcher, max(1, at_once)))
+    with closing(prefetch(_matched(groups, matcher))) as done:
         for group, maps in done:
             of_frames = iter(maps)
             for item in group:
@@ -155,7 +153,7 @@ def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFr
 
 
 def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Maps]]:
-    """The maps of everything that is matched of each frame; the matcher sees the pairs of all frames at once."""
+    """The maps of all that is matched in each frame; the matcher gets the pairs of all frames at once."""
     every = [one for frame in prepared for one in frame.matched]
     images = {(at, number): pixels for at, one in enumerate(every) for number, pixels in one.inputs.items()}
     texture = {(at, number): mask for at, one in enumerate(every) for number, mask in one.texture.items()}
@@ -170,26 +168,26 @@ def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Ma
 def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
     if prepared.views:
         parts = {pair: compare(part, its) for (pair, part), its in zip(prepared.parts.items(), maps, strict=True)}
-        evidence = join(prepared.whole, parts, prepared.views)
+        arrays = join(prepared.whole, parts, prepared.views)
     else:
-        evidence = compare(prepared.whole, maps[0])
-    frame, comparisons = prepared.whole.frame, evidence.comparisons
+        arrays = compare(prepared.whole, maps[0])
+    frame, comparisons = prepared.whole.frame, arrays.comparisons
     measurement = Measurement(
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
-        counts=tuple(comparisons[t].counts if t in comparisons else None for t in evidence.rig.triples),
-        coverage=_coverage(prepared.whole, evidence),
-        cells=evidence.frame_checks.cells,
-        shares=evidence.frame_checks.shares,
+        counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.triples),
+        coverage=_coverage(prepared.whole, arrays),
+        cells=arrays.frame_checks.cells,
+        shares=arrays.frame_checks.shares,
         fingerprints=fingerprints(frame),
     )
-    return measurement, evidence
+    return measurement, arrays
 
 
-def _coverage(prepared: RectifiedFrame, evidence: Evidence) -> dict[int, Coverage]:
-    own = {pair: part.own.maps[OF_TWO] for pair, part in evidence.pairs.items()}
-    maps: Maps = own or evidence.maps
+def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
+    own = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()}
+    maps: Maps = own or arrays.maps
     coverage = {
         number: Coverage(
             saturated_share=saturated_share(pixels),
@@ -200,8 +198,8 @@ def _coverage(prepared: RectifiedFrame, evidence: Evidence) -> dict[int, Coverag
         for number, pixels in prepared.greys.items()
     }
     if prepared.frame.cloud is not None:
-        leftmost = max(evidence.lidar, default=None)
-        coverage[LIDAR] = Coverage(returns=evidence.lidar[leftmost].returns if leftmost is not None else None)
+        leftmost = max(arrays.lidar, default=None)
+        coverage[LIDAR] = Coverage(returns=arrays.lidar[leftmost].returns if leftmost is not None else None)
     return coverage
 
 

@@ -1,4 +1,4 @@
-"""Cameras that do not stand on one line: each pair is measured as a rig of two, and a frame is what all pairs say."""
+"""Cameras that do not stand on one line: each pair is measured as a rig of two, and a frame joins all pairs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,7 +11,7 @@ from auditor.measurement.checks.collect import FrameChecks, collect_checks
 from auditor.measurement.checks.disparity_error import Comparison, compare_cameras
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.rectification import PairView
-from auditor.measurement.shared_view import Evidence, OwnEvidence, RectifiedFrame, lidar_views
+from auditor.measurement.shared_view import FrameArrays, PairArrays, RectifiedFrame, lidar_views
 from auditor.model.checks import Pair
 from auditor.model.rig import LIDAR, Rig, Triple
 
@@ -24,26 +24,26 @@ WITH_LIDAR = Triple(LIDAR, *OF_TWO)
 """What a rig of two compares."""
 
 
-def join(whole: RectifiedFrame, parts: Mapping[Pair, Evidence], views: Mapping[Pair, PairView]) -> Evidence:
-    """The evidence of a frame from that of its pairs (i, k).
+def join(whole: RectifiedFrame, parts: Mapping[Pair, FrameArrays], views: Mapping[Pair, PairView]) -> FrameArrays:
+    """The arrays of a frame from those of its pairs (i, k).
 
-    E_{0,j,k} is the pair's own. E_{i,j,k} compares the maps of two pairs, brought back to the common view of k: there
-    alone they have pixels in common.
+    E_{0,j,k} is the pair's own. E_{i,j,k} compares the maps of two pairs, warped to the common view of k: only there
+    they have pixels in common.
     """
     rig = whole.rig
-    maps = {pair: views[pair].back.stereo(parts[pair].maps[OF_TWO]) for pair in whole.pairs}
+    maps = {pair: views[pair].to_shared.stereo(parts[pair].maps[OF_TWO]) for pair in whole.pairs}
     lidar = lidar_views(whole.frame, rig, whole.triples)
     comparisons: dict[Triple, Comparison] = {}
     for triple in whole.triples:
         i, j, k = triple
         comparisons[triple] = (
-            views[j, k].back.comparison(parts[j, k].comparisons[WITH_LIDAR])
+            views[j, k].to_shared.comparison(parts[j, k].comparisons[WITH_LIDAR])
             if i == LIDAR
             else compare_cameras(maps[i, k], maps[j, k], rig.baseline_m(i, k), rig.baseline_m(j, k))
         )
     frame_checks = joined({pair: part.frame_checks for pair, part in parts.items()}, whole.half_res, lidar, rig)
-    own = {pair: OwnEvidence(parts[pair], views[pair].back) for pair in whole.pairs}
-    return Evidence(rig, whole.half_res, comparisons, maps, lidar, frame_checks, own)
+    own = {pair: PairArrays(parts[pair], views[pair].to_shared) for pair in whole.pairs}
+    return FrameArrays(rig, whole.half_res, comparisons, maps, lidar, frame_checks, own)
 
 
 def joined(
@@ -52,15 +52,17 @@ def joined(
     views: Mapping[int, LidarView],
     rig: Rig,
 ) -> FrameChecks:
-    """What rigs of two told, by the numbers (i, k) of their cameras, and what takes no rows to be seen.
+    """The checks of rigs of two, by the numbers (i, k) of their cameras, and those that need no common rows.
 
-    Light, empty strips and scattered points are looked for in the common view, whose pictures and LiDAR's views the
-    others are: its cells are larger than what cameras beside a line miss.
+    Brightness differences, point dropout and isolated points are measured in the common view, of which `half_res` and
+    `views` are: its cells are larger than the offset of cameras that stand beside a line.
     """
     return replace(
         collect_checks(half_res, {}, views, rig),
         lidar_conflicts=_of_pairs({pair: one.lidar_conflicts for pair, one in of_pairs.items()}),
-        unlike=_of_pairs({pair: one.unlike for pair, one in of_pairs.items()}),
+        photometric_inconsistencies=_of_pairs(
+            {pair: one.photometric_inconsistencies for pair, one in of_pairs.items()}
+        ),
         verified_conflicts=_of_pairs({pair: one.verified_conflicts for pair, one in of_pairs.items()}),
         consistencies=_of_pairs({pair: one.consistencies for pair, one in of_pairs.items()}),
     )

@@ -65,11 +65,11 @@ class PsmnetInput:
 
 @dataclass(frozen=True)
 class MatcherRange:
-    """What is too near for a matcher: towards the end of its range its disparities are wrong already."""
+    """The range of a matcher: towards its end disparities are wrong already."""
 
     margin_px: float = parameter(3.0, unit="px of disparity below the range", source=BY_HAND)
     comparable_share: float = parameter(0.9, unit="share of the range", source=_CHECKS)
-    around_px: tuple[int, int] = parameter((17, 17), unit="half px masked around what is too near", source=_CHECKS)
+    around_px: tuple[int, int] = parameter((17, 17), unit="half px masked around what is out of range", source=_CHECKS)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Rectification:
 
     shrunk_first_from: float = parameter(1.5, unit="recorded px a rectified px", source=BY_HAND)
     border_px: tuple[int, int] = parameter(
-        (17, 17), unit="px, window", source="as far as a matcher's windows reach; no experiment recorded"
+        (17, 17), unit="px, window", source="the size of a matcher's windows; no experiment recorded"
     )
 
 
@@ -114,7 +114,7 @@ class PatchCorrelation:
 
 @dataclass(frozen=True)
 class PhotometricConsistency:
-    """Where two cameras do not see the same thing, whatever stereo chose."""
+    """Where two cameras do not see the same, whatever stereo chose."""
 
     textured_norm: float = parameter(40.0, unit="grey levels, norm of a patch: 5.7 a half px", source=_CHECKS)
     inconsistent: float = parameter(0.2, unit="NCC below which no patch nearby shows the same", source=_CHECKS)
@@ -130,7 +130,7 @@ class PhotometricConsistency:
 class GainFit:
     """Gain and offset between two cameras: repeated least squares over those that fit best."""
 
-    saturated: float = parameter(250.0, unit="grey levels from which on a brightness says nothing", source=_CHECKS)
+    saturated: float = parameter(250.0, unit="grey levels from which on a brightness is saturated", source=_CHECKS)
     rounds: int = parameter(6, unit="rounds", source=BY_HAND)
     kept_share: float = parameter(0.6, unit="share of the pixels", source=BY_HAND)
     fewest: int = parameter(100, unit="pixels or cells", source=BY_HAND)
@@ -139,13 +139,13 @@ class GainFit:
 
 @dataclass(frozen=True)
 class BrightnessDifference:
-    """Light in one camera that another does not see, on a coarse grid of cells."""
+    """Light or darkness that one of two cameras alone sees, on a coarse grid of cells."""
 
     rows: int = parameter(24, unit="cells", source=_BRIGHTNESS)
     columns: int = parameter(78, unit="cells", source=_BRIGHTNESS)
     brighter_by: float = parameter(75.0, unit="grey levels", source=f"{_BRIGHTNESS}; 45 of the whole image failed")
     darker_by: float = parameter(
-        40.0, unit="grey levels", source=f"{_DECISIONS}, light: 25 raised clean frames of 0009"
+        40.0, unit="grey levels", source=f"{_DECISIONS}, light: with 25 the check fired on clean frames of 0009"
     )
     window: tuple[int, int] = parameter((6, 6), unit="cells, about 96 px", source=_BRIGHTNESS)
     rows_searched: int = parameter(3, unit="cells", source=_BRIGHTNESS)
@@ -172,7 +172,7 @@ class LidarConflict:
 
 @dataclass(frozen=True)
 class PointDropout:
-    """Upright strips of the LiDAR's view without points."""
+    """Upright strips of the LiDAR's view that lack points."""
 
     step_px: int = parameter(8, unit="px", source=_CHECKS)
     strip_steps: int = parameter(13, unit="steps: 104 px", source=_CHECKS)
@@ -180,13 +180,13 @@ class PointDropout:
 
 @dataclass(frozen=True)
 class IsolatedPoints:
-    """LiDAR points without neighbours at like range."""
+    """LiDAR points without neighbours at their range."""
 
     cell: float = parameter(
         0.011, unit="focal lengths: 0.6 degrees", source="one or two beams of 64; no experiment recorded"
     )
     range_step: float = parameter(0.08, unit="of the natural logarithm of the range", source=_FEATURES)
-    ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest told apart", source=BY_HAND)
+    ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest", source=BY_HAND)
     most_together: int = parameter(2, unit="points in 3 x 3 x 3 cells", source=_FEATURES)
     near_m: float = parameter(8.0, unit="m", source="docs/causes.md, rain: drops lie 1.5 to 6 m away")
     far_m: float = parameter(40.0, unit="m", source=_FEATURES)
@@ -208,7 +208,7 @@ class CountGrid:
     """The grid whose counts are stored."""
 
     cell_px: int = parameter(
-        8, unit="px, width and height", source="docs/decisions.md, what the witnesses count is stored as grids of bytes"
+        8, unit="px, width and height", source="docs/decisions.md, what the checks count is stored as grids of bytes"
     )
 
 
@@ -231,7 +231,7 @@ class RowAlignment:
 
 @dataclass(frozen=True)
 class LidarAgreement:
-    """LiDAR points against stereo over the whole view."""
+    """LiDAR points compared with stereo over the whole view."""
 
     points: int = parameter(2500, unit="points, about", source=_FEATURES)
     fewest: int = parameter(200, unit="points compared", source=BY_HAND)
@@ -258,7 +258,7 @@ class Contrast:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What is said of how much of a sensor could be used."""
+    """How much of a sensor could be used."""
 
     saturated: int = parameter(254, unit="grey levels from which on a pixel is reported as saturated", source=BY_HAND)
 
@@ -303,15 +303,15 @@ class DamagedPoints:
 class CalibrationCheck:
     """Warnings where a rig does not fit its recording: no count follows from them."""
 
-    every: int = parameter(5, unit="frames, of which one is looked at", source=BY_HAND)
-    most_frames: int = parameter(200, unit="frames looked at", source="bounds the work; no experiment recorded")
+    every: int = parameter(5, unit="frames, of which one is used", source=BY_HAND)
+    most_frames: int = parameter(200, unit="frames used", source="bounds the work; no experiment recorded")
     least_aligned: float = parameter(0.45, unit="share of points on one row", source=_WARNINGS)
     least_agreeing: float = parameter(0.5, unit="share of LiDAR points", source=_WARNINGS)
-    least_lead: float = parameter(0.3, unit="lead of the points that agree once moved", source=_WARNINGS)
+    least_excess: float = parameter(0.3, unit="excess of the points that agree once moved", source=_WARNINGS)
     clear_offset_px: float = parameter(1.5, unit="px", source=BY_HAND)
     wrong_scale: float = parameter(0.05, unit="share", source=BY_HAND)
     fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
-    smallest_px: float = parameter(8.0, unit="px of disparity that tell a scale", source=BY_HAND)
+    smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
     frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
 
 

@@ -1,4 +1,4 @@
-"""Cameras that share a view: what is matched, and what the maps then say of the sensors."""
+"""Cameras that share a view: their rectified frame, its maps, and what comparing them gives."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,16 +21,16 @@ Maps = Mapping[Pair, StereoMap]
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """What lies behind the counts of one frame, for drawing and localising: it is not stored for every frame.
+class FrameArrays:
+    """The arrays from which the counts of one frame come, for drawing and localising: they are not stored.
 
     `rig` is the one that was measured, rectified where the recording's is not. `views` has the half-resolution (h, w)
-    grey image of each camera present, `maps` the stereo maps by (witness, reference), `lidar` the LiDAR's points by
+    grey image of each camera present, `maps` the stereo maps by (source, reference), `lidar` the LiDAR's points by
     reference.
 
-    Where cameras do not stand on one line, `pairs` has what each pair matched, (i, k), saw in its own view. All else is
-    of the common view, where `maps` were brought back to, but for `testimony`: pairs speak of their own views, of which
-    cameras see only their `sights`, (H, W) masks at full resolution.
+    Where cameras do not stand on one line, `pairs` has the arrays of each matched pair (i, k) in its own view. All else
+    is of the common view, to which `maps` were warped, but for `frame_checks`: those of pairs are of their own views,
+    of which cameras see only their `valid_masks`, (H, W) at full resolution.
     """
 
     rig: Rig
@@ -39,21 +39,21 @@ class Evidence:
     maps: Maps
     lidar: Mapping[int, LidarView]
     frame_checks: FrameChecks
-    pairs: Mapping[Pair, "OwnEvidence"] = field(default_factory=dict)
+    pairs: Mapping[Pair, "PairArrays"] = field(default_factory=dict)
     valid_masks: Mapping[int, Mask] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class OwnEvidence:
-    """The evidence of a pair's own view, in which its cameras are S_1 and S_2, and the way back to the common view."""
+class PairArrays:
+    """The arrays of a pair's own view, in which its cameras are S_1 and S_2, and the warp to the common view."""
 
-    own: Evidence
-    back: PairToSharedView
+    own: FrameArrays
+    to_shared: PairToSharedView
 
 
 @dataclass(frozen=True, eq=False)
 class RectifiedFrame:
-    """A rectified frame with what its pairs of cameras (i, k) are matched from; `sights` as Evidence has them."""
+    """A rectified frame with the `inputs` that its pairs (i, k) are matched from; `valid_masks` as in FrameArrays."""
 
     frame: Frame
     rig: Rig
@@ -69,7 +69,7 @@ class RectifiedFrame:
 def prepare(
     frame: Frame, rig: Rig, triples: Sequence[Triple], pairs: Sequence[Pair], *, colour: bool
 ) -> RectifiedFrame:
-    """Make what these pairs are matched from, in colour or grey, so that the triples can be compared."""
+    """Prepare a frame for matching these pairs, in colour or grey, so that the triples can be compared."""
     greys = {number: grey(image.pixels) for number, image in frame.images.items()}
     half_res = {number: halve(pixels) for number, pixels in greys.items()}
     texture = {number: textured(half) for number, half in half_res.items()}
@@ -77,8 +77,8 @@ def prepare(
     return RectifiedFrame(frame, rig, greys, half_res, texture, inputs, triples, pairs)
 
 
-def compare(prepared: RectifiedFrame, maps: Maps) -> Evidence:
-    """Compare all disparity maps of the triples, the LiDAR projected once a view, and hear the witnesses."""
+def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
+    """Compare all disparity maps of the triples, the LiDAR projected once a view, and run the checks."""
     rig = prepared.rig
     if prepared.valid_masks:
         maps = {
@@ -97,11 +97,11 @@ def compare(prepared: RectifiedFrame, maps: Maps) -> Evidence:
         for triple in prepared.triples
     }
     frame_checks = collect_checks(prepared.half_res, maps, lidar, rig)
-    return Evidence(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
+    return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
 
 
 def present(triples: Sequence[Triple], frame: Frame) -> list[Triple]:
-    """Those of the triples whose sensors are all there."""
+    """Those of the triples whose sensors are all present."""
     there = {*frame.images, *([LIDAR] if frame.cloud is not None else [])}
     return [triple for triple in triples if there.issuperset(triple)]
 

@@ -1,4 +1,4 @@
-"""Small pictures of one frame, so that a report needs no recording."""
+"""Thumbnails: small images of the strongest frames, so that a report needs no recording."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.parameters import HALF
-from auditor.measurement.shared_view import Evidence
+from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import LIDAR, Triple
 
@@ -33,28 +33,28 @@ class Picture:
     mask: bytes
 
 
-def draw(evidence: Evidence) -> Picture | None:
+def draw(arrays: FrameArrays) -> Picture | None:
     """Encode the views and the inconsistent pixels of a frame; None where no triple was measured."""
-    if not evidence.comparisons:
+    if not arrays.comparisons:
         return None
-    reference = max(triple.k for triple in evidence.comparisons)
+    reference = max(triple.k for triple in arrays.comparisons)
     views = {
         number: _encoded(".jpg", half, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        for number, half in evidence.views.items()
+        for number, half in arrays.views.items()
     }
-    mask = np.zeros((*evidence.views[reference].shape, 4), dtype=np.uint8)
-    triples = [triple for triple in evidence.comparisons if triple.k == reference]
-    _paint(mask, evidence, [triple for triple in triples if triple.i != LIDAR], _CAMERA_COLOUR, size=1)
-    _paint(mask, evidence, [triple for triple in triples if triple.i == LIDAR], _LIDAR_COLOUR, size=_DOT_PX)
+    mask = np.zeros((*arrays.views[reference].shape, 4), dtype=np.uint8)
+    triples = [triple for triple in arrays.comparisons if triple.k == reference]
+    _paint(mask, arrays, [triple for triple in triples if triple.i != LIDAR], _CAMERA_COLOUR, size=1)
+    _paint(mask, arrays, [triple for triple in triples if triple.i == LIDAR], _LIDAR_COLOUR, size=_DOT_PX)
     return Picture(reference, views, _encoded(".png", mask, [cv2.IMWRITE_PNG_COMPRESSION, 6]))
 
 
 def _paint(
-    mask: NDArray[np.uint8], evidence: Evidence, triples: list[Triple], colour: tuple[int, ...], size: int
+    mask: NDArray[np.uint8], arrays: FrameArrays, triples: list[Triple], colour: tuple[int, ...], size: int
 ) -> None:
     marked = np.zeros(mask.shape[:2], dtype=np.uint8)
     for triple in triples:
-        comparison = evidence.comparisons[triple]
+        comparison = arrays.comparisons[triple]
         row, column = (index * comparison.step // HALF for index in (comparison.row, comparison.column))
         marked[row, column] = 1
     mask[cv2.dilate(marked, np.ones((size, size), np.uint8)) > 0] = colour
@@ -75,7 +75,7 @@ class PictureBook:
         self._candidate: _Candidate | None = None
         self._kept: list[tuple[float, int, Picture]] = []
 
-    def offer(self, measurement: Measurement, evidence: Evidence) -> None:
+    def offer(self, measurement: Measurement, arrays: FrameArrays) -> None:
         """Consider a frame; frames come in the order of their stamps."""
         errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
         strength = sum(E for E in errors if E is not None)
@@ -84,7 +84,7 @@ class PictureBook:
             self._settle()
         elif self._candidate.strength >= strength:
             return
-        self._candidate = _Candidate(second, strength, measurement.number, evidence)
+        self._candidate = _Candidate(second, strength, measurement.number, arrays)
 
     def pages(self) -> Iterator[tuple[int, Picture]]:
         """The frame numbers and pictures kept, in the order of the frames."""
@@ -102,16 +102,16 @@ class PictureBook:
             if weakest[0] >= candidate.strength:
                 return
             self._kept.remove(weakest)
-        picture = draw(candidate.evidence)
+        picture = draw(candidate.arrays)
         if picture is not None:
             self._kept.append((candidate.strength, candidate.number, picture))
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """The strongest frame of the second that is going by."""
+    """The strongest frame of the current second."""
 
     second: int
     strength: float
     number: int
-    evidence: Evidence
+    arrays: FrameArrays

@@ -1,4 +1,4 @@
-"""What clean recordings taught, and the thresholds that follow from it."""
+"""Calibrations: the clean frames that thresholds come from, and the thresholds of both methods."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,8 +7,8 @@ from decimal import Decimal
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.checks import PairCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.parameters import SCORE_LIMITS
@@ -16,23 +16,20 @@ from auditor.model.rig import RigKind, Triple
 from auditor.model.verdict import CauseIn
 
 LOWEST_SCORE, HIGHEST_SCORE = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
-"""Margins z of the robust method are kept between these: no single element decides alone."""
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+"""Normalised scores z are kept between these: no single check decides alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class CleanFrames:
     """The F frames of one clean recording, in the order of its measurement: all that thresholds come from.
 
-    `errors` holds the disparity errors E by statistic and triple, `ratios` the local ratios by element, `strengths` how
-    strongly symptoms speak for each cause that is not an attack; each is (F,), NaN where it was not measured. `missing`
-    and `frozen` are (F,) flags of the sensors that were not there, or stood still while others went on, in some frame.
+    `errors` holds the disparity errors E by statistic and triple, `ratios` the statistics by pair check, `strengths`
+    the fault scores by fault and sensor; each is (F,), NaN where it was not measured. `missing` and `frozen` are (F,)
+    flags of the sensors that were not there, or repeated their data while others changed, in some frame.
     """
 
     recording_id: str
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Integers
     errors: Mapping[tuple[Statistic, Triple], Floats]
     ratios: Mapping[PairCheck, Floats]
     strengths: Mapping[CauseIn, Floats]
@@ -45,16 +42,16 @@ class CleanFrames:
         return len(self.stamps_ns)
 
     def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
-        """(F, M) local ratios in the order of `elements`, NaN for those that are not known here."""
+        """(F, M) statistics in the order of `pair_checks`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
         return np.stack([self.ratios.get(pair_check, unknown) for pair_check in pair_checks], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What clean recordings taught, frame by frame; thresholds at any r follow from it.
+    """The clean frames of some recordings; thresholds at any r follow from them.
 
-    Recordings are kept apart, so that each can be judged by the others. `calibrated_at` (UTC) is no part of the id: the
+    Recordings are separate, so that each can be judged by the others. `calibrated_at` (UTC) is no part of the id: the
     same frames are the same calibration.
     """
 
@@ -76,12 +73,12 @@ class Calibration:
         return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
 
     def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
-        """(F, M) local ratios of all clean frames in the order of `elements`, NaN where not measured."""
+        """(F, M) statistics of all clean frames in the order of `pair_checks`, NaN where not measured."""
         return np.vstack([np.empty((0, len(pair_checks))), *(one.ratios_of(pair_checks) for one in self.clean)])
 
     @cached_property
     def strengths(self) -> Mapping[CauseIn, tuple[float, ...]]:
-        """For each cause in a sensor the measured strengths of all clean frames, in ascending order."""
+        """For each fault and sensor the measured fault scores of all clean frames, in ascending order."""
         return strengths_of(self.clean)
 
 
@@ -104,7 +101,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Scale:
-    """theta of one element or cause and the scale of its margins, from N clean samples."""
+    """theta of one pair check or fault and the scale of its z, from N clean samples."""
 
     theta: float
     scale: float
@@ -113,9 +110,9 @@ class Scale:
 
 @dataclass(frozen=True)
 class RobustThresholds:
-    """The robust method's: a yardstick for each element and cause at r, and the threshold of the half seconds' score.
+    """The robust method's: theta and scale of each pair check and fault at r, and the threshold of the window's score.
 
-    Causes without clean samples have none and are not told. `score` is 0, or what clean recordings need for no more
+    Faults without clean samples have none and are not listed. `score` is 0, or what clean recordings need for no more
     than `incidents_per_hour` incidents.
     """
 
@@ -130,7 +127,7 @@ class RobustThresholds:
 
 
 def strengths_of(clean: Sequence[CleanFrames]) -> dict[CauseIn, tuple[float, ...]]:
-    """For each cause in a sensor the measured strengths of some recordings, in ascending order."""
+    """For each fault and sensor the measured fault scores of some recordings, in ascending order."""
     keys = dict.fromkeys(key for one in clean for key in one.strengths)
     return {key: _samples([one.strengths[key] for one in clean if key in one.strengths]) for key in keys}
 

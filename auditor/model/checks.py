@@ -1,6 +1,6 @@
-"""What the robust method hears of a rig and of a frame: which checks exist for a rig, and fault features.
+"""The checks of the robust method: which of them exist for a rig; and the fault features of a frame.
 
-Fault features tell a fault from an attack; they are measured with every frame so that judging needs no images.
+Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
 from collections.abc import Iterable
@@ -9,19 +9,17 @@ from itertools import combinations
 from math import nan
 from typing import NamedTuple, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from auditor.model.parameters import PAIR_DEPTH, POINT_LEAD
+from auditor.model.arrays import Floats
+from auditor.model.parameters import PAIR_DEPTH, POINT_EXCESS
 from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic; its values are the names that the store keeps.
+    """One kind of statistic; there are five.
 
-    LIDAR_CONFLICT: both cameras of a pair disagree with the LiDAR. PHOTOMETRIC_INCONSISTENCY, BRIGHTNESS_DIFFERENCE:
-    the two cameras do not see the same. POINT_DROPOUT: a strip of the LiDAR's view has no points. ISOLATED_POINTS:
-    points have next to no neighbours.
+    LIDAR_CONFLICT: two cameras agree with each other and not with the LiDAR. PHOTOMETRIC_INCONSISTENCY: two cameras do
+    not see the same. BRIGHTNESS_DIFFERENCE: one of two cameras alone sees light or darkness. POINT_DROPOUT: a strip of
+    the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have next to no neighbours.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -32,11 +30,11 @@ class Check(StrEnum):
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
-"""Of the LiDAR's view in a camera, whatever the cameras see."""
+"""The checks of the LiDAR alone, in the view of a camera."""
 
 
 class PairCheck(NamedTuple):
-    """One witness's statistic of the camera pair i < k; of OF_THE_LIDAR, whose i is the LiDAR, of the view of k."""
+    """One check of the camera pair i < k; one of LIDAR_CHECKS has i = 0, the LiDAR, and is of the view of k."""
 
     check: Check
     i: int
@@ -49,7 +47,7 @@ class PairCheck(NamedTuple):
 
     @property
     def nameable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where the element is raised."""
+        """The sensors one of which must be attacked where the check fires."""
         return (LIDAR,) if self.check in LIDAR_CHECKS else self.needed
 
 
@@ -59,9 +57,10 @@ def pair_checks_of(
     lidar_conflict_pairs: Iterable[tuple[int, int]],
     views: Iterable[int],
 ) -> tuple[PairCheck, ...]:
-    """All elements in fixed order: pairs that may deny the LiDAR, pairs matched, every pair's light, the LiDAR's views.
+    """All pair checks in their fixed order.
 
-    `views` are the reference cameras that the LiDAR is projected into; none without one.
+    They are LiDAR conflicts of `lidar_conflict_pairs`, photometric inconsistencies of the pairs `matched`, brightness
+    differences of all pairs, and the LiDAR's own checks in `views`: the reference cameras that it is projected into.
     """
     return (
         *(PairCheck(Check.LIDAR_CONFLICT, i, k) for i, k in lidar_conflict_pairs),
@@ -73,13 +72,13 @@ def pair_checks_of(
 
 
 def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
-    """The elements that frames of a rig are judged by."""
+    """The pair checks that frames of a rig are judged by."""
     lidar_conflict_pairs = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
     return pair_checks_of(rig.n, rig.pairs, lidar_conflict_pairs, rig.references if rig.lidar else ())
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
-    """Whether the pair's disparities say enough about depth to deny what the LiDAR says.
+    """Whether the pair's disparities resolve depth well enough to check the LiDAR.
 
     A pair that resolves less cannot tell a surface from one half as far again.
     """
@@ -93,11 +92,11 @@ Pair = tuple[int, int]
 
 
 class Rows(NamedTuple):
-    """Points of reference k found again in camera i, and what becomes of their rows: shares of `tracked` points.
+    """Points of reference k that are found in source camera i, and their rows: shares of `tracked` points.
 
     `row_aligned`: on the same row within 1 px. `offset_px` is the median of rows in i minus rows in k, `offset_share`
-    the share within 1 px of it: a camera that has tilted moves all rows alike. `lagged_i`, `lagged_k`: the share on the
-    same row once that camera's picture is taken for one of the frame before. NaN where it could not be measured.
+    the share within 1 px of it: a camera that is tilted moves all rows by one offset. `lagged_i`, `lagged_k`: the share
+    on the same row if that camera's image belongs to the frame before. NaN where it could not be measured.
     """
 
     tracked: float = nan
@@ -109,9 +108,9 @@ class Rows(NamedTuple):
 
 
 class Contrast(NamedTuple):
-    """How much brighter k is than i where they are unlike: the median in grey levels, less that where they are alike.
+    """How much brighter k is than i at inconsistent pixels: the median in grey levels, less that at consistent ones.
 
-    `inconsistent_px` counts half-resolution pixels; `difference` is NaN where they are hardly any.
+    `inconsistent_px` counts half-resolution pixels; `difference` is NaN where there are too few.
     """
 
     inconsistent_px: float = nan
@@ -119,13 +118,13 @@ class Contrast(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """LiDAR points against stereo's disparities: shares of `compared` points that agree within 1 px.
+    """LiDAR points and stereo's disparities: shares of `compared` points that agree within 1 px.
 
     `agreeing`: as they are. `biased`: with one constant of `bias_px` added to them all. `rotated`: with all points
-    moved by `right_px` or `down_px` in the reference's image, as far as speaks most for that. The rest are numbers of
+    moved by `right_px` or `down_px` in the reference's image, the move by which most agree. The rest are numbers of
     points that agree in one of two cases and are off by more than 2 px in the other: `rotated_only` moved,
-    `unrotated_only` as they are; `before_only` with stereo of the frame before, `now_only` with that of their own. NaN
-    where it could not be measured.
+    `unrotated_only` as they are; `before_only` with stereo of the frame before, `now_only` with that of their own.
+    NaN where it could not be measured.
     """
 
     compared: float = nan
@@ -141,18 +140,18 @@ class Agreement(NamedTuple):
     now_only: float = nan
 
 
-Number = TypeVar("Number", float, NDArray[np.float64])
+Number = TypeVar("Number", float, Floats)
 
 
-def lead(these: Number, others: Number) -> Number:
-    """By what share of both these points are more, from -1 to 1; few prove little."""
-    return (these - others) / (these + others + POINT_LEAD.pseudo_count)
+def relative_excess(these: Number, others: Number) -> Number:
+    """By what share of both these points exceed the others, from -1 to 1; it is small where both are few."""
+    return (these - others) / (these + others + POINT_EXCESS.pseudo_count)
 
 
 class IsolatedShares(NamedTuple):
-    """LiDAR points that stand alone in the view of k: shares of all its points, 0 to 1.
+    """Isolated LiDAR points in the view of k: shares of all its points, 0 to 1.
 
-    `isolated_near`: of those nearer than 8 m, in all but the barest quarter of the view's parts. `isolated_beyond`: of
+    `isolated_near`: of those nearer than 8 m, the lower quartile over the parts of the view. `isolated_beyond`: of
     those 8 to 40 m away. NaN where it could not be measured.
     """
 
@@ -161,7 +160,7 @@ class IsolatedShares(NamedTuple):
 
 
 class PairFaultFeatures(NamedTuple):
-    """The symptoms of a matched pair (i, k) in one frame; of the LiDAR only where the pair may deny it."""
+    """The fault features of a matched pair (i, k) in one frame; those of the LiDAR where the pair can check it."""
 
     rows: Rows = Rows()
     contrast: Contrast = Contrast()

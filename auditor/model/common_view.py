@@ -25,8 +25,8 @@ _CELL_PX = COMMON_VIEW.cell_px
 class CommonView:
     """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
-    They are rectified if they stand on one line. Its frame is turned against the recorded rig's by `view_SO3_rig`
-    (3, 3). `x` (width) and `y` (height) are the rays (x, y, 1) of its pictures' columns and rows. All cameras see
+    They are rectified if they stand on one line. `view_SO3_rig` (3, 3) rotates the recorded rig's frame to its frame.
+    `x` (width) and `y` (height) are the rays (x, y, 1) of its pictures' columns and rows. All cameras see
     `seen_px` of its pixels.
     """
 
@@ -61,8 +61,8 @@ def common_view(rig: Rig, *, widest: bool = False) -> CommonView:
     )
     lidar = rig.lidar
     if lidar is not None:
-        turned = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
-        lidar = replace(lidar, rig_SE3_lidar=turned)
+        rotated = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
+        lidar = replace(lidar, rig_SE3_lidar=rotated)
     return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
 
 
@@ -97,7 +97,7 @@ def _names(rig: Rig) -> str:
 
 
 def _window(rig: Rig, view_SO3_rig: Matrix, focal: float, *, widest: bool) -> tuple[int, int, int, int, int]:
-    """Left and top against the principal point, width and height, in pixels; and how many of them every camera sees."""
+    """Left and top from the principal point, width and height, in pixels; and how many of them every camera sees."""
     # A damaged calibration may see next to nothing.
     reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / _CELL_PX), 1)
     places = np.arange(-reach, reach + 1) * _CELL_PX / focal
@@ -160,7 +160,7 @@ def largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
 
 
 def _under(heights: list[int]) -> tuple[int, int, int]:
-    """Left, height and width of the largest rectangle under a skyline; each height is put aside and taken up once."""
+    """Left, height and width of the largest rectangle under a row of heights; each is pushed and popped once."""
     best, rising = (0, 0, 0), [(0, 0)]
     for place, height in enumerate([*heights, 0]):
         start = place

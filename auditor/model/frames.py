@@ -1,11 +1,10 @@
-"""What recordings hold: messages, and the frames that synchronising makes of them."""
+"""Messages of recordings, and the synchronised frames that are made of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
+from auditor.model.arrays import Image, Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class CameraImage:
 
     sensor: int
     stamp_ns: int
-    pixels: NDArray[np.uint8]
+    pixels: Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class PointCloud:
     """The data of the LiDAR: `xyz_m` is (N, 3) float32, finite, in metres in the LiDAR frame."""
 
     stamp_ns: int
-    xyz_m: NDArray[np.float32]
+    xyz_m: Points
 
 
 class SensorState(StrEnum):
@@ -46,7 +45,7 @@ class SensorState(StrEnum):
 
 @dataclass(frozen=True)
 class Presence:
-    """State of one sensor in one frame; `skew_ns` is its stamp, less its learnt offset, minus the frame's stamp."""
+    """State of one sensor in one frame; `skew_ns` is its stamp, less its estimated offset, minus the frame's stamp."""
 
     state: SensorState
     skew_ns: int | None = None

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.errors import RigError
+from auditor.model.arrays import Floats
 from auditor.model.parameters import LENS_REACH
-
-Floats = NDArray[np.float64]
 
 PINHOLE = "none"
 POLYNOMIAL = "plumb_bob"

@@ -5,15 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
+from auditor.model.arrays import Image
 from auditor.model.checks import Pair, PairCheck, PairFaultFeatures
 from auditor.model.frames import Presence
 from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK
 
 REGION_STEP = REGION_MASK.step_px
-"""A pixel of a region's mask is so many full-resolution pixels wide."""
+"""Width of a pixel of a region's mask in full-resolution pixels."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What one sensor's data would be without, were it the attacked one: found before it is known which one is.
+    """The portion of one sensor's data that would be damaged if it is attacked; it is found for every sensor.
 
     `view` is the camera whose image it lies in: the sensor itself, or a reference camera for the LiDAR. `box_px` is
     (left, top, right, bottom) in full-resolution pixels of that image, right and bottom not included. `share` is that
@@ -53,7 +51,7 @@ COUNTING_VERSION = 4
 
 
 NO_FINGERPRINT = -1
-"""Of a sensor that is not there, or whose data cannot tell whether it stands still."""
+"""Of a sensor that is not there, or whose data cannot show whether it repeats them."""
 
 
 EXPERIMENTS_VERSION = 2
@@ -100,7 +98,7 @@ class Counts:
 class Coverage:
     """How much of one sensor could be used in one frame.
 
-    Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as witness; None for the
+    Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
     leftmost), and their mean grey `level`. LiDAR: `returns`, the points that fall into the leftmost camera's view.
     """
 
@@ -113,22 +111,22 @@ class Coverage:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """How many pixels of each cell were looked at, and how many stand against somebody: (rows, columns) uint8.
+    """How many pixels of each cell are valid, and how many of these are inconsistent: (rows, columns) uint8.
 
     They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
     """
 
-    valid: NDArray[np.uint8]
-    inconsistent: NDArray[np.uint8]
+    valid: Image
+    inconsistent: Image
 
 
 @dataclass(frozen=True)
 class Measurement:
     """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
 
-    `cells` and `shares` are what the witnesses say, by element: counts on a grid, or the statistic itself.
-    `fingerprints` tell by sensor whether its data change from frame to frame, `symptoms` by matched pair what speaks
-    for a fault. `regions` are the portions of sensors that would be damaged, were they attacked.
+    `cells` and `shares` are the results of the checks, by pair check: counts on a grid, or the statistic itself.
+    `fingerprints` show by sensor whether its data change from frame to frame; `fault_features` are by matched pair.
+    `regions` are the portions of sensors that would be damaged if they are attacked.
     """
 
     number: int

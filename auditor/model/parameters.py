@@ -1,6 +1,6 @@
 """Numbers that shared modules need: no room may import another, so they cannot lie in one.
 
-Each group is part of `evidence.parameters`, of `identification.parameters`, or of both, by what it can change.
+Each group is part of `measurement.parameters`, of `identification.parameters`, or of both, by what it can change.
 """
 
 from dataclasses import dataclass
@@ -83,8 +83,8 @@ class ScoreLimits:
 
 
 @dataclass(frozen=True)
-class PointLead:
-    """By what share of both one number of points is larger than another: (a - b) / (a + b + pseudo_count)."""
+class PointExcess:
+    """By what share of both one number of points exceeds another: (a - b) / (a + b + pseudo_count)."""
 
     pseudo_count: int = parameter(10, unit="LiDAR points", source="described in docs/causes.md; no experiment recorded")
 
@@ -104,5 +104,5 @@ LENS_REACH = LensReach()
 REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
 SCORE_LIMITS = ScoreLimits()
-POINT_LEAD = PointLead()
+POINT_EXCESS = PointExcess()
 RIG_KIND_TOLERANCE = RigKindTolerance()

@@ -1,4 +1,4 @@
-"""What two vehicles of one model share, so that thresholds learnt with one hold for the other."""
+"""Rigs: the LiDAR and the cameras of a vehicle, their triples and pairs, and the kind that two vehicles share."""
 
 import hashlib
 import json
@@ -15,9 +15,13 @@ from auditor.model.geometry import Matrix, beside_line_m, camera_centre, intrins
 from auditor.model.lenses import NO_LENS, PINHOLE, Lens
 from auditor.model.parameters import RIG_GEOMETRY, RIG_KIND_TOLERANCE
 
+LIDAR = 0
+"""The number of the LiDAR S_0."""
+
+MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
+"""A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
+
 KIND_TOLERANCE_SHARE = RIG_KIND_TOLERANCE.share
-
-
 KIND_TOLERANCE_M = RIG_KIND_TOLERANCE.baseline_m
 
 
@@ -53,13 +57,6 @@ class RigKind:
 
 def _close(a: float, b: float, tolerance: float) -> bool:
     return abs(a - b) <= max(tolerance, KIND_TOLERANCE_SHARE * max(abs(a), abs(b)))
-
-
-LIDAR = 0
-
-
-MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
-"""A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
 
 
 class Triple(NamedTuple):
@@ -218,7 +215,7 @@ class Rig:
 
     @cached_property
     def off_line_px(self) -> dict[int, float]:
-        """By camera how many rows it misses what is 10 m away, were it rectified with those on the best line."""
+        """By camera the rows by which it misses what is 10 m away, if it is rectified with those on the best line."""
         per_metre = min(camera.focal_px for camera in self.cameras) / RIG_GEOMETRY.far_m
         missed_m = beside_line_m([camera.centre_m for camera in self.cameras])
         return {camera.number: float(by * per_metre) for camera, by in zip(self.cameras, missed_m, strict=True)}
@@ -231,14 +228,14 @@ class Rig:
     @cached_property
     def kind(self) -> RigKind:
         """What this rig shares with the other vehicles of its model."""
-        told = list(pairwise(range(1, self.n + 1)))
+        pairs = list(pairwise(range(1, self.n + 1)))
         if not self.shares_view:
-            told += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in told]
+            pairs += [pair for pair in combinations(range(1, self.n + 1), 2) if pair not in pairs]
         return RigKind(
             lidar=self.lidar is not None,
             sizes_px=tuple((camera.width_px, camera.height_px) for camera in self.cameras),
             focals_px=tuple(camera.focal_px for camera in self.cameras),
-            baselines_m=tuple(self.baseline_m(*pair) for pair in told),
+            baselines_m=tuple(self.baseline_m(*pair) for pair in pairs),
         )
 
     @cached_property
@@ -322,7 +319,7 @@ def _camera(fields: Fields) -> Camera:
 def _projection(fields: Fields) -> Matrix:
     projection = fields.matrix("projection", 3, 4)
     if np.linalg.matrix_rank(projection[:, :3]) < 3:
-        raise RigError(f"projection of {fields.of} is no K [R | t]: its first three columns are singular", where="rig")
+        raise RigError(f"projection of {fields.of} is not K [R | t]: its first three columns are singular", where="rig")
     return projection
 
 
@@ -339,12 +336,12 @@ def _offset(fields: Fields) -> int | None:
 
 
 def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
-    """Nothing where it is to be learnt, so that the ids of such rigs do not depend on it."""
+    """Empty where the offset is to be estimated, so that the ids of such rigs do not depend on it."""
     return {} if offset_ns is None else {"offset_ns": offset_ns}
 
 
 def _lens_to_dict(lens: Lens) -> dict[str, Any]:
-    """Nothing where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
+    """Empty where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
     if lens.model == PINHOLE:
         return {}
     return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}

@@ -1,4 +1,4 @@
-"""What is said of a frame: verdicts with their evidence, causes that are not attacks, and findings."""
+"""Verdicts on frames, with their evidence; causes that are not attacks; findings; and labels of known attacks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Method(StrEnum):
 
 
 class VerdictKind(StrEnum):
-    """What is said of one frame."""
+    """The verdict on one frame."""
 
     CLEAN = "clean"
     ATTACKED = "attacked"
@@ -30,10 +30,10 @@ FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKin
 
 
 class Evidence(NamedTuple):
-    """One thing that speaks for an attack, and how far it lies above its threshold.
+    """One check or triple that exceeded its threshold, and by how much.
 
-    `score` is z of a pair check by the robust method, E - theta of a triple by the paper's. `check_name` is the value
-    of a Check or of a Statistic; `j` is None for pair checks.
+    By the robust method the normalised score z of a pair check; by the paper's E - theta of a triple. `check_name` is
+    the value of a Check or of a Statistic; `j` is None for pair checks.
     """
 
     check_name: str
@@ -44,9 +44,9 @@ class Evidence(NamedTuple):
 
 
 class Alternative(NamedTuple):
-    """Another attack, or none, that could explain a frame, and how much worse it does than the best one.
+    """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in margins, by the paper's in elements of e that disagree.
+    By the robust method in z, by the paper's in elements of e that disagree.
     """
 
     attacked: tuple[int, ...]
@@ -54,9 +54,9 @@ class Alternative(NamedTuple):
 
 
 class Cause(StrEnum):
-    """What else than an attack may lie behind a finding.
+    """What other than an attack may cause a finding.
 
-    FROZEN: the same data again and again. LATE: a frame behind the others. DISPLACED: turned since it was calibrated.
+    FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
     SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
     RAIN: the LiDAR sees drops all around.
     """
@@ -71,13 +71,13 @@ class Cause(StrEnum):
 
 
 CauseIn = tuple[Cause, int | None]
-"""A cause and the sensor that it is seen in, None for all cameras."""
+"""A cause and the sensor that it affects, None for all cameras."""
 
 
 class FaultHypothesis(NamedTuple):
-    """A cause and the sensor that it is seen in, None for all cameras.
+    """A cause and the sensor that it affects, None for all cameras.
 
-    `score` is 0 to 1; from 0.5 on the cause is seen more strongly than in clean frames.
+    `score` is 0 to 1; from 0.5 on the fault score is larger than in clean frames.
     """
 
     cause: Cause
@@ -86,7 +86,7 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """The verdict of the temporal window around a frame: frames of equal findings are incidents."""
+    """The verdict of the temporal window of a frame that is a finding: frames of equal findings are incidents."""
 
     kind: VerdictKind
     attacked: tuple[int, ...]
@@ -94,15 +94,15 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of one frame.
+    """The verdict on one frame.
 
-    `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where kind
-    is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are the
-    sensors that could not take part. `gap` is how sure it is: by the paper's method the smallest |E - theta| among the
-    measured elements, how far a disparity error would have to move to change e; by the robust method how much better
-    the best attack set explains the frame than the second best. `evidence` is the strongest first, `alternatives` the
-    next best first; `causes` are what else may lie behind it. `finding` is the robust method's, None where the frame
-    belongs to no incident.
+    `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where
+    kind is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are
+    the sensors that could not take part. `gap` is how sure it is: by the paper's method the smallest |E - theta|
+    among the measured elements, how far a disparity error would have to move to change e; by the robust method the
+    gap between the best attack set and the runner-up. `evidence` is the strongest first, `alternatives` the next best
+    first; `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
+    incident.
     """
 
     kind: VerdictKind

@@ -13,10 +13,11 @@ from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
-from auditor.identification.faults import Observed, frozen, strengths
+from auditor.identification.faults import ObservedFeatures, fault_scores, frozen
+from auditor.identification.naming import System
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import judging_digest, judging_settings
-from auditor.identification.robust import FrameSeries, System, judge_frames
+from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.statistics import windowed_ratios
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
@@ -118,8 +119,8 @@ def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool
 def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
     """The fault score of each frame for each cause, (F,), from the stored fault features."""
     seen = store.load_fault_features(measurement)
-    observed = Observed(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
-    return strengths(observed, seen.stamps_ns, rig.sensors)
+    observed = ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
+    return fault_scores(observed, seen.stamps_ns, rig.sensors)
 
 
 def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRatios:

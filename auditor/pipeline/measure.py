@@ -230,7 +230,7 @@ def calibration_warnings_of(recording: Recording, surveyed: Survey, rig: Rig) ->
     frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
-        check.look(evidence, FaultFeatures().update(evidence))
+        check.add(evidence, FaultFeatures().update(evidence))
     return check.warnings()
 
 

@@ -16,7 +16,7 @@ from auditor.errors import SettingError
 from auditor.measurement.disparity.matchers.psmnet.inference import Engine, Image, seen
 from auditor.measurement.disparity.matchers.psmnet.network import MULTIPLE, PSMNet, Residual
 from auditor.measurement.disparity.matchers.scoring import Sample, score
-from auditor.measurement.frame import ahead
+from auditor.measurement.frame import prefetch
 from auditor.training.augmentation import crops
 from auditor.training.checkpoints import CHECKPOINT, Run, TrainingRow, TrainingSettings, restore, training_curve, write
 
@@ -53,7 +53,7 @@ def train(
         restore(run, checkpoint)
     folder.mkdir(parents=True, exist_ok=True)
     losses: list[float] = []
-    with closing(ahead(crops(samples, settings, run.done), _BATCHES_AHEAD)) as batches:
+    with closing(prefetch(crops(samples, settings, run.done), _BATCHES_AHEAD)) as batches:
         while run.done < settings.steps:
             losses.append(_step(run, next(batches)))
             if run.done % settings.validate_every == 0 or run.done == settings.steps:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.faults import Observed, fault_hypotheses, strengths
+from auditor.identification.faults import ObservedFeatures, fault_hypotheses, fault_scores
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.lab.simulation.streets import STYLES
@@ -36,17 +36,19 @@ FRAMES_A_SCENE = 8
 LIKELIEST = 3
 
 
-def fault_scores(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
+def scores_of(part: Watched, rig: Rig) -> dict[CauseIn, np.ndarray]:
     """(F,) fault scores of each cause."""
     cameras = tuple(camera.number for camera in rig.cameras)
     columns = {name: part.fault_features[:, :, n] for n, name in enumerate(COLUMNS)}
-    return strengths(Observed(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors)
+    return fault_scores(
+        ObservedFeatures(part.pairs, columns, cameras, part.level, part.saturated), part.stamps_ns, rig.sensors
+    )
 
 
 def learn(recordings: Sequence[Watched], rig: Rig) -> RobustThresholds:
     """Thresholds at r = 1 %."""
     r = Decimal("0.01")
-    scores = [fault_scores(part, rig) for part in recordings]
+    scores = [scores_of(part, rig) for part in recordings]
     samples = {key: np.concatenate([one[key] for one in scores]) for key in scores[0]}
     known = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in samples.items()}
     clean = np.concatenate([part.ratios for part in recordings])
@@ -55,13 +57,13 @@ def learn(recordings: Sequence[Watched], rig: Rig) -> RobustThresholds:
 
 def suspected(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[tuple[FaultHypothesis, ...]]:
     """The likely causes of each frame, whether or not they explain its verdict."""
-    return fault_hypotheses(fault_scores(part, rig), learnt.causes)
+    return fault_hypotheses(scores_of(part, rig), learnt.causes)
 
 
 def judged(part: Watched, learnt: RobustThresholds, rig: Rig) -> list[Verdict]:
     """The verdicts of the robust method."""
     present = np.ones(part.fingerprints.shape, dtype=np.bool_)
-    series = FrameSeries.of_recording(part.stamps_ns, part.ratios, present, part.fingerprints, fault_scores(part, rig))
+    series = FrameSeries.of_recording(part.stamps_ns, part.ratios, present, part.fingerprints, scores_of(part, rig))
     return judge_frames(series, system_of(rig), learnt)
 
 

@@ -30,7 +30,7 @@ PERIOD_NS = 10**8
 
 
 def bare_sgbm_s(images: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
-    """CPU seconds a frame of two bare full-resolution calls, the yardstick."""
+    """CPU seconds a frame of two bare full-resolution calls, the unit of the ratios."""
     started = process_time()
     for right, middle, left in images:
         for source in (right, middle):

@@ -58,10 +58,10 @@ def test_images_that_a_rig_wrongly_calls_rectified_are_a_warning_not_an_attack(
     scan = ["scan", str(bent), "--measure-only", "--rig", with_rig, "--store", str(tmp_path / "audit")]
     for how in ("measured", "measured before"):  # the store keeps what did not fit
         assert run(scan) == 3
-        printed = capfd.readouterr().err
-        assert f"2 frames {how}" in printed
-        assert "WARNING: the pictures of camera_" in " ".join(printed.split())
-        assert "wrong rectification flag" in " ".join(printed.split())
+        said = capfd.readouterr().err
+        assert f"2 frames {how}" in said
+        assert "WARNING: the images of camera_" in " ".join(said.split())
+        assert "wrong rectification flag" in " ".join(said.split())
 
 
 def test_a_lidar_that_was_moved_is_a_warning_at_inspect(

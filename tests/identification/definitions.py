@@ -1,4 +1,4 @@
-"""Eq. 6 and Eq. 7 as they are printed, one element at a time: what the quick ways of the package are held against."""
+"""Eq. 6 and Eq. 7 as they are printed, one element at a time: the package's fast ways are compared with them."""
 
 import math
 from collections.abc import Iterable, Sequence

@@ -59,13 +59,13 @@ def test_few_e_vectors_can_come_from_an_allowed_attack(n, patterns, explained):
     assert all(len(found) <= 1 for found in sets)
 
 
-def test_algorithm_2_names_somebody_even_where_no_attack_explains_e():
+def test_algorithm_2_names_sensors_even_where_no_attack_explains_e():
     triples = triples_of(3, lidar=True)
     assert identify("100", triples, (0, 1, 2, 3)) == Identification((1,))
     assert explaining_sets("100", triples, (0, 1, 2, 3)) == ()
 
 
-def test_three_cameras_and_a_lidar_with_all_ones_accuse_the_reference_only():
+def test_three_cameras_and_a_lidar_with_all_ones_name_the_reference_only():
     assert identify("111", triples_of(3, lidar=True), (0, 1, 2, 3)) == Identification((3,))
 
 
@@ -75,7 +75,7 @@ def test_all_ones_descend_to_the_next_reference():
 
 
 def test_the_first_measured_zero_in_triple_order_decides():
-    # e_{0,2,3} = 0 clears S_0 and accuses S_1; e_{1,2,3} = 0 would clear S_1 and accuse S_0.
+    # e_{0,2,3} = 0 clears S_0 and names S_1; e_{1,2,3} = 0 would clear S_1 and name S_0.
     assert identify("100", triples_of(3, lidar=True), range(4)) == Identification((1,))
 
 
@@ -100,7 +100,7 @@ def test_what_lemma_2_found_before_an_unmeasured_element_is_kept():
     assert identify("111111" + "1-1", triples, range(5)) == Identification((4,), undetermined=(0, 1, 2, 3))
 
 
-def test_three_sensors_are_cleared_but_never_accused():
+def test_three_sensors_are_cleared_but_never_named():
     triples = triples_of(3, lidar=False)
     assert identify("0", triples, (1, 2, 3)) == Identification(())
     assert identify("1", triples, (1, 2, 3)) == Identification((), undetermined=(1, 2, 3))

@@ -15,7 +15,7 @@ from auditor.identification.cross_validation import (
     score_threshold,
     wilson,
 )
-from auditor.identification.robust import System
+from auditor.identification.naming import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import Check, pair_checks_of
 from auditor.model.measurement import Procedure, Statistic
@@ -23,8 +23,8 @@ from auditor.model.rig import RigKind, triples_of
 from auditor.model.verdict import Cause
 
 PAIRS = ((1, 3), (2, 3))
-ELEMENTS = pair_checks_of(3, PAIRS, PAIRS, (3,))
-SYSTEM = System(ELEMENTS, triples_of(3, lidar=True), (0, 1, 2, 3))
+PAIR_CHECKS = pair_checks_of(3, PAIRS, PAIRS, (3,))
+SYSTEM = System(PAIR_CHECKS, triples_of(3, lidar=True), (0, 1, 2, 3))
 THREE = System(pair_checks_of(2, ((1, 2),), ((1, 2),), (2,)), triples_of(2, lidar=True), (0, 1, 2))
 KIND = RigKind(lidar=True, sizes_px=((1242, 375),) * 3, focals_px=(721.5,) * 3, baselines_m=(0.07, 0.53))
 R = Decimal("0.01")
@@ -32,7 +32,7 @@ PERIOD_NS = 100_000_000
 
 
 def recording(name, frames=20, lidar_conflicts=(), late=(), E=0.1, system=SYSTEM):
-    """Quiet frames, in some of which every pair contradicts the LiDAR and E is 0.3, or S_1 lags."""
+    """Quiet frames, in some of which every pair has a LiDAR conflict and E is 0.3, or S_1 lags."""
     hit = np.isin(np.arange(frames), lidar_conflicts)
     return CleanFrames(
         name,
@@ -48,29 +48,29 @@ def calibration(*clean):
 
 
 def counts(results):
-    return [(one.recording, one.frames, one.raised, one.incidents) for one in results]
+    return [(one.recording, one.frames, one.findings, one.incidents) for one in results]
 
 
 def test_each_recording_is_judged_by_the_others_alone():
     both = calibration(recording("easy"), recording("hard", 30, lidar_conflicts=(3, 4, 5, 6, 20)))
     assert counts(leave_one_out_robust(both, SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 1)]
     assert counts(leave_one_out_paper(both, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("hard", 30, 5, 2)]
-    # A ceiling keeps attacked frames among the clean ones from silencing a witness; nothing does for E.
+    # A ceiling keeps attacked frames among the clean ones from silencing a check; nothing does for E.
     twice = calibration(
-        recording("hard", 30, lidar_conflicts=range(15)), recording("like it", 30, lidar_conflicts=range(15))
+        recording("hard", 30, lidar_conflicts=range(15)), recording("as hard", 30, lidar_conflicts=range(15))
     )
-    assert [one.raised for one in leave_one_out_robust(twice, SYSTEM, R)] == [15, 15]
-    assert [one.raised for one in leave_one_out_paper(twice, Statistic.GATED, R)] == [0, 0]
+    assert [one.findings for one in leave_one_out_robust(twice, SYSTEM, R)] == [15, 15]
+    assert [one.findings for one in leave_one_out_paper(twice, Statistic.GATED, R)] == [0, 0]
 
 
 def test_a_fault_in_clean_frames_is_a_false_alarm_unless_others_show_it_too():
     hard, easy = recording("hard", late=range(5, 8)), recording("easy")
     assert counts(leave_one_out_robust(calibration(easy, hard), SYSTEM, R)) == [("easy", 20, 0, 0), ("hard", 20, 3, 1)]
     both = calibration(hard, recording("as hard", late=range(2)))
-    assert [one.raised for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
+    assert [one.findings for one in leave_one_out_robust(both, SYSTEM, R)] == [0, 0]
 
 
-def test_an_incident_may_begin_with_the_first_frame_and_be_raised_a_little():
+def test_an_incident_may_begin_with_the_first_frame_and_lie_a_little_above_theta():
     barely = recording("barely", lidar_conflicts=(0, 1, 2, 10, 11, 12, 13, 14))
     barely = replace(barely, ratios={e: np.where(x > 0, 0.55, 0.0) for e, x in barely.ratios.items()})
     found = leave_one_out_robust(calibration(recording("easy"), barely), SYSTEM, R)
@@ -80,14 +80,14 @@ def test_an_incident_may_begin_with_the_first_frame_and_be_raised_a_little():
 
 def test_only_faults_are_false_alarms_by_themselves_and_only_from_their_threshold_on():
     easy = recording("easy")
-    for cause, strength, raised in ((Cause.LATE, 0.99, 0), (Cause.LATE, 1.0, 20), (Cause.DARK, 2.0, 0)):
+    for cause, score, findings in ((Cause.LATE, 0.99, 0), (Cause.LATE, 1.0, 20), (Cause.DARK, 2.0, 0)):
         key = (cause, None if cause is Cause.DARK else 1)
-        held = replace(recording("held"), strengths={key: np.full(20, strength)})
+        left_out = replace(recording("left out"), strengths={key: np.full(20, score)})
         other = replace(easy, strengths={key: np.zeros(20), (Cause.FROZEN, 2): np.zeros(20)})
-        assert [one.raised for one in leave_one_out_robust(calibration(other, held), SYSTEM, R)] == [0, raised]
+        assert [one.findings for one in leave_one_out_robust(calibration(other, left_out), SYSTEM, R)] == [0, findings]
 
 
-def test_held_out_scores_are_those_of_half_seconds_recording_by_recording():
+def test_left_out_scores_are_those_of_temporal_windows_recording_by_recording():
     hard = recording("hard", lidar_conflicts=(10,))
     scores = left_out_scores(calibration(recording("easy"), hard), SYSTEM, R)
     assert np.flatnonzero(scores == -np.inf).tolist() == [20, 41]
@@ -97,12 +97,12 @@ def test_held_out_scores_are_those_of_half_seconds_recording_by_recording():
     assert left_out_scores(calibration(), SYSTEM, R).tolist() == [-np.inf]
 
 
-def test_three_sensors_raise_false_alarms_too():
+def test_three_sensors_have_false_alarms_too():
     both = calibration(recording("easy", system=THREE), recording("hard", lidar_conflicts=range(4, 10), system=THREE))
-    assert [one.raised for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
+    assert [one.findings for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
 
 
-def test_one_recording_alone_can_hold_nothing_out():
+def test_one_recording_alone_cannot_be_left_out():
     assert leave_one_out_robust(calibration(recording("only")), SYSTEM, R) == []
     twice = calibration(recording("only"), recording("only"))
     assert leave_one_out_paper(twice, Statistic.GATED, R) == []
@@ -119,9 +119,9 @@ def test_allowed_incidents_set_the_score_s_threshold():
     assert strict.incidents_per_hour == 0
 
 
-def test_one_element_with_too_few_samples_makes_a_rate_unresolvable():
+def test_one_pair_check_with_too_few_samples_makes_a_rate_unresolvable():
     many = recording("many", 200)
-    first, *others = ELEMENTS
+    first, *others = PAIR_CHECKS
     few = {first: np.where(np.arange(200) < 50, 0.1, np.nan)} | {e: many.ratios[e] for e in others}
     assert robust_thresholds(calibration(many), SYSTEM, R).resolvable
     found = robust_thresholds(calibration(replace(many, ratios=few)), SYSTEM, R)
@@ -130,13 +130,13 @@ def test_one_element_with_too_few_samples_makes_a_rate_unresolvable():
     assert (found.r, found.transferred) == (R, False)
 
 
-def test_what_no_clean_frame_has_shown_has_no_yardstick():
+def test_what_no_clean_frame_has_measured_has_no_scale():
     quiet = recording("quiet")
-    known = {ELEMENTS[0]: quiet.ratios[ELEMENTS[0]]}
+    known = {PAIR_CHECKS[0]: quiet.ratios[PAIR_CHECKS[0]]}
     found = robust_thresholds(calibration(replace(quiet, ratios=known)), SYSTEM, R, transferred=True)
-    assert set(found.scales_of) == {ELEMENTS[0]}
+    assert set(found.scales_of) == {PAIR_CHECKS[0]}
     assert found.transferred
-    with pytest.raises(ThresholdsError, match="no clean local ratios"):
+    with pytest.raises(ThresholdsError, match="no clean statistics"):
         robust_thresholds(calibration(replace(quiet, ratios={})), SYSTEM, R)
 
 
@@ -158,7 +158,7 @@ def test_a_longer_incident_counts_once_even_where_a_higher_threshold_splits_it()
     assert score_threshold(scores, hours=1.0, incidents_per_hour=1) == 0.0
 
 
-def test_silent_frames_need_no_threshold():
+def test_frames_in_which_no_check_fires_need_no_threshold():
     assert score_threshold(np.full(5, -0.02), hours=1.0, incidents_per_hour=0) == 0.0
 
 

@@ -4,7 +4,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.faults import Observed, fault_hypotheses, strengths, weigh
+from auditor.identification.faults import ObservedFeatures, fault_hypotheses, fault_scores, weigh
 from auditor.identification.scores import fault_scale, fault_scales
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS
@@ -45,13 +45,13 @@ def seen(level=90.0, saturated=0.0, **changed):
     columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in COLUMNS}
     columns = {name: values.astype(np.float64) for name, values in columns.items()}
     shape = FRAMES, len(CAMERAS)
-    return Observed(PAIRS, columns, CAMERAS, np.full(shape, level), np.full(shape, saturated))
+    return ObservedFeatures(PAIRS, columns, CAMERAS, np.full(shape, level), np.full(shape, saturated))
 
 
 def likeliest(**changed):
     """The causes that are as likely as an attack, as (cause, sensor), the likeliest first."""
-    strength = strengths(seen(**changed), STAMPS_NS, SENSORS)
-    causes = fault_hypotheses(strength, dict.fromkeys(strength, JUST_ENOUGH))[FRAMES // 2]
+    scores = fault_scores(seen(**changed), STAMPS_NS, SENSORS)
+    causes = fault_hypotheses(scores, dict.fromkeys(scores, JUST_ENOUGH))[FRAMES // 2]
     return [(one.cause, one.sensor) for one in causes if one.score >= 0.5]
 
 
@@ -83,7 +83,7 @@ def likeliest(**changed):
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_each_cause_is_told_by_its_symptoms(changed, expected):
+def test_each_fault_follows_from_its_features(changed, expected):
     assert likeliest(**changed) == expected
 
 
@@ -93,7 +93,7 @@ NAN = np.nan
 @pytest.mark.parametrize(
     ("cause", "sensor", "changed", "expected"),
     [
-        # A camera late: more points on their rows, taken for a frame earlier, than now as they are or all moved alike.
+        # A camera lags: more points are row-aligned with the frame before than now, as they are or with one offset.
         (Cause.LATE, 1, {"lagged_i": (0.97, 0.2)}, 0.05 / 0.1),
         (Cause.LATE, 1, {"lagged_i": (0.97, 0.2), "row_aligned": 0.95}, 0.02 / 0.1),
         (Cause.LATE, 2, {"lagged_i": (0.97, 0.2)}, -0.72 / 0.1),
@@ -110,7 +110,7 @@ NAN = np.nan
         (Cause.DISPLACED, 1, {"bias_px": (3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (-3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (2.9, 0), "agreeing": (0.5, 0.8)}, 0.0),
-        # Dirt: darker where unlike, than its partner is among others that are half as unlike at least.
+        # Dirt: darker where inconsistent, than its partner is in pairs with half as many inconsistent pixels at least.
         (Cause.SOILED, 1, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, 6 / 4),
         (Cause.SOILED, 3, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, -6 / 4),
         (Cause.SOILED, 3, {"inconsistent_px": (2000, 2000), "difference": (-6, -7)}, 6 / 4),
@@ -120,11 +120,11 @@ NAN = np.nan
         (Cause.SOILED, 2, {"inconsistent_px": (2000, 1001), "difference": (10, 4)}, -6 / 4),
         (Cause.SOILED, 1, {"inconsistent_px": (200, 0), "difference": (6, 0)}, 6 / 4),
         (Cause.SOILED, 1, {"inconsistent_px": (199, 0), "difference": (6, 0)}, 0.0),
-        # The LiDAR late: by how much more points agree with the frame before, ten unsure ones added.
+        # The LiDAR lags: the excess of points that agree with the frame before, with a pseudo-count of ten.
         (Cause.LATE, 0, {"before_only": 40, "now_only": 10}, 30 / 60 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, 10), "now_only": 10}, 30 / 60 / 2 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, NAN), "now_only": 10}, 30 / 60 / 0.2),
-        # The LiDAR turned: the least of its pairs, but for those whose own bias does as well.
+        # The LiDAR is rotated: the least of its pairs, but for those whose own bias does as well.
         (Cause.DISPLACED, 0, {"rotated_only": (60, 50), "unrotated_only": 20}, 30 / 80 / 0.2),
         (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": 3.0, "biased": 0.79}, 0.0),
         (Cause.DISPLACED, 0, {"rotated_only": 60, "unrotated_only": 20, "bias_px": -3.0, "biased": 0.79}, 0.0),
@@ -136,7 +136,7 @@ NAN = np.nan
             {"rotated_only": 20, "unrotated_only": 60, "bias_px": 3.0, "biased": 0.79},
             -40 / 90 / 0.2,
         ),
-        # Rain: points that stand alone nearby, less twice those farther away.
+        # Rain: isolated points nearby, less twice those farther away.
         (Cause.RAIN, 0, {"isolated_near": (0.03, 0.01), "isolated_beyond": (0.001, 0.004)}, (0.028 + 0.002) / 2 / 0.01),
         # Darkness is that of the brightest camera, glare that of the least saturated one.
         (Cause.DARK, None, {"level": (20.0, 60.0, 40.0)}, 20 / 40),
@@ -144,12 +144,12 @@ NAN = np.nan
         (Cause.GLARE, None, {"saturated": (0.5, 0.3, 0.2)}, 0.2 / 0.25),
     ],
 )
-def test_the_strength_of_a_cause_is_worked_out_by_hand(cause, sensor, changed, expected):
-    found = strengths(seen(**changed), STAMPS_NS, SENSORS)[cause, sensor]
+def test_the_score_of_a_fault_is_worked_out_by_hand(cause, sensor, changed, expected):
+    found = fault_scores(seen(**changed), STAMPS_NS, SENSORS)[cause, sensor]
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_dirt_is_looked_at_over_two_seconds_and_all_else_over_half_a_second():
+def test_the_score_of_dirt_is_a_mean_over_two_seconds_and_all_others_over_half_a_second():
     frames = 41
     columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
     columns["inconsistent_px"][:] = 2000.0
@@ -158,27 +158,27 @@ def test_dirt_is_looked_at_over_two_seconds_and_all_else_over_half_a_second():
     columns["before_only"][20] = 90.0
     still = np.full((frames, 3), 60.0), np.zeros((frames, 3))
     stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
-    found = strengths(Observed(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)
-    dirt, late = found[Cause.SOILED, 1], found[Cause.LATE, 0]
+    found = fault_scores(ObservedFeatures(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)
+    dirt, lagging = found[Cause.SOILED, 1], found[Cause.LATE, 0]
     assert np.flatnonzero(dirt).tolist() == list(range(10, 31))
     assert dirt[20] == pytest.approx(84 / 4 / 21)
-    assert np.flatnonzero(late).tolist() == [18, 19, 20, 21, 22]
-    assert late[20] == pytest.approx(0.9 / 0.2 / 5)
+    assert np.flatnonzero(lagging).tolist() == [18, 19, 20, 21, 22]
+    assert lagging[20] == pytest.approx(0.9 / 0.2 / 5)
 
 
 def test_a_rig_without_a_lidar_has_none_of_its_causes():
-    found = strengths(seen(), STAMPS_NS, (1, 2, 3))
+    found = fault_scores(seen(), STAMPS_NS, (1, 2, 3))
     assert {sensor for _, sensor in found} == {1, 2, 3, None}
 
 
-def test_causes_are_told_from_a_score_of_a_fifth_on_the_likeliest_first():
+def test_causes_are_listed_from_a_score_of_a_fifth_on_the_likeliest_first():
     plain = Scale(0.0, 1.0, 100)
-    strength = {
+    scores = {
         (Cause.LATE, 1): np.array([-1.8, -1.81, 0.0]),
         (Cause.DARK, None): np.array([-1.8, NAN, 3.0]),
         (Cause.RAIN, 0): np.array([5.0, -2.0, 0.0]),
     }
-    hypotheses = fault_hypotheses(strength, dict.fromkeys(strength, plain))
+    hypotheses = fault_hypotheses(scores, dict.fromkeys(scores, plain))
     assert hypotheses[0] == (
         (Cause.RAIN, 0, 1.0),
         (Cause.LATE, 1, pytest.approx(0.2)),
@@ -196,30 +196,30 @@ def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
     ]  # or light in S_3, less likely
 
 
-def test_what_was_not_measured_speaks_for_nothing():
+def test_what_was_not_measured_gives_no_hypothesis():
     nothing = dict.fromkeys(COLUMNS, np.nan)
-    strength = strengths(seen(**nothing), STAMPS_NS, SENSORS)
-    [causes] = set(fault_hypotheses(strength, dict.fromkeys(strength, JUST_ENOUGH)))
+    scores = fault_scores(seen(**nothing), STAMPS_NS, SENSORS)
+    [causes] = set(fault_hypotheses(scores, dict.fromkeys(scores, JUST_ENOUGH)))
     assert causes == ()
 
 
-def test_what_a_rig_has_always_shown_is_not_told_and_what_came_since_is():
-    always = strengths(seen(**TILTED), STAMPS_NS, SENSORS)
+def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
+    always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
     samples = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in always.items()}
     assert samples[Cause.DISPLACED, 0][-1] > 2
     scales = fault_scales(samples, Decimal("0.01"))
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
-    since = strengths(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
+    since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
         (Cause.DISPLACED, 0, True)
     }
-    assert fault_hypotheses(since, {}) == [()] * FRAMES, "nothing is told of what no clean frame has shown"
+    assert fault_hypotheses(since, {}) == [()] * FRAMES, "a fault that no clean frame has measured is not listed"
 
 
 def test_quiet_clean_frames_leave_a_cause_at_just_enough():
     assert fault_scale([-6.0, -5.0], Decimal("0.01")) == Scale(1.0, 0.25, 2)
     assert fault_scale([0.5, 4.0], Decimal(0)) == Scale(5.0, 1.25, 2)
-    assert fault_scale([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs nobody else: r is 1 % at most"
+    assert fault_scale([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs no other check: r is 1 % at most"
 
 
 def verdict(
@@ -231,48 +231,48 @@ def verdict(
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
 
 
-def test_a_fault_doubts_an_accusation_and_is_a_finding_where_there_is_none():
-    late = (FaultHypothesis(Cause.LATE, 1, 0.8),)
+def test_a_fault_makes_an_attack_suspect_and_a_clean_frame_a_finding():
+    lagging = (FaultHypothesis(Cause.LATE, 1, 0.8),)
     for one in (CLEAN, verdict(), verdict(VerdictKind.UNIDENTIFIED, ())):
-        weighed = weigh(one, late)
-        assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), late)
-    assert weigh(verdict(), late).alternatives == (Alternative((1,), 0.0),), "what it would be without the cause"
+        weighed = weigh(one, lagging)
+        assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), lagging)
+    assert weigh(verdict(), lagging).alternatives == (Alternative((1,), 0.0),), "what it would be without the cause"
 
 
-def test_an_attack_that_stands_out_much_further_than_a_fault_is_not_doubted_for_it():
+def test_an_attack_with_a_much_higher_score_than_a_fault_stays_an_attack():
     barely, clearly = (
         (FaultHypothesis(Cause.LATE, 1, 0.6),),
         (FaultHypothesis(Cause.LATE, 1, 0.7),),
-    )  # margins of 0.6 and 1.2
+    )  # z of 0.6 and 1.2
     assert weigh(verdict(), barely) == verdict(causes=barely)
     assert weigh(verdict(), clearly).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, barely).kind is VerdictKind.SUSPECT
 
 
-def test_less_likely_causes_are_only_told():
+def test_less_likely_causes_are_only_listed():
     faint = (FaultHypothesis(Cause.LATE, 1, 0.3),)
     assert weigh(verdict(), faint) == verdict(causes=faint)
     assert weigh(CLEAN, faint) == CLEAN
 
 
-def test_dirt_explains_only_what_its_own_camera_is_accused_of():
+def test_dirt_explains_only_attacks_on_its_own_camera():
     dirt = (FaultHypothesis(Cause.SOILED, 2, 0.9),)
     assert weigh(verdict(), dirt).kind is VerdictKind.ATTACKED
     assert weigh(verdict(attacked=(2,), i=2), dirt).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, dirt) == CLEAN
 
 
-def test_dirt_on_its_partner_clearer_than_what_it_raised_doubts_an_accusation():
+def test_dirt_on_a_partner_with_a_higher_score_than_the_check_makes_an_attack_suspect():
     clear, clearer = (
         (FaultHypothesis(Cause.SOILED, 3, 0.8),),
         (FaultHypothesis(Cause.SOILED, 3, 0.9),),
-    )  # margins of 1.8 and 2.4
+    )  # z of 1.8 and 2.4
     assert weigh(verdict(), clear, {3}).kind is VerdictKind.ATTACKED
     assert weigh(verdict(), clearer, {3}).kind is VerdictKind.SUSPECT
     assert weigh(verdict(), clearer, {2}).kind is VerdictKind.ATTACKED, "to one pair it may be light in the other"
 
 
-def test_darkness_is_told_where_nothing_was_raised_and_throws_no_light():
+def test_darkness_is_listed_where_no_check_fired_and_explains_no_brightness_difference():
     dark = (FaultHypothesis(Cause.DARK, None, 0.9),)
     hypotheses = weigh(CLEAN, dark)
     assert (hypotheses.kind, hypotheses.causes) == (VerdictKind.CLEAN, dark)
@@ -287,38 +287,38 @@ def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
     assert weigh(CLEAN, frozen).kind is VerdictKind.SUSPECT
 
 
-def test_a_sensor_with_a_fault_explains_only_what_it_can_raise():
-    turned = (FaultHypothesis(Cause.DISPLACED, 0, 1.0),)
+def test_a_sensor_with_a_fault_explains_only_checks_that_it_can_make_fire():
+    rotated = (FaultHypothesis(Cause.DISPLACED, 0, 1.0),)
     cameras = replace(
         CLEAN,
         kind=VerdictKind.ATTACKED,
         attacked=(2,),
         evidence=(Evidence("photometric_inconsistency", 2, None, 3, 2.0),),
     )
-    assert weigh(cameras, turned) == cameras
+    assert weigh(cameras, rotated) == cameras
     lidar = replace(
         CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("lidar_conflict", 2, None, 3, 2.0),)
     )
-    assert weigh(lidar, turned).kind is VerdictKind.SUSPECT
-    assert weigh(CLEAN, turned).kind is VerdictKind.SUSPECT
+    assert weigh(lidar, rotated).kind is VerdictKind.SUSPECT
+    assert weigh(CLEAN, rotated).kind is VerdictKind.SUSPECT
 
 
 RAIN = (FaultHypothesis(Cause.RAIN, 0, 1.0),)
 
 
-def test_rain_excuses_what_stands_out_a_little_however_hard_it_rains():
+def test_rain_explains_scores_a_little_above_zero_however_hard_it_rains():
     barely, clearly = (verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin) for margin in (0.2, 0.3))
     weighed = weigh(barely, RAIN)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), RAIN)
-    assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is told"
+    assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is listed"
 
 
-def test_rain_is_told_where_nothing_was_raised_and_is_no_finding():
+def test_rain_is_listed_where_no_check_fired_and_is_no_finding():
     assert weigh(CLEAN, RAIN) == replace(CLEAN, causes=RAIN)
     assert weigh(CLEAN, (FaultHypothesis(Cause.RAIN, 0, 0.4),)) == CLEAN
 
 
-def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
+def test_rain_explains_neither_point_dropout_nor_photometric_inconsistency():
     for check, i in (("point_dropout", 0), ("photometric_inconsistency", 1)):
         identified = verdict(attacked=(i,), check=check, i=i, margin=0.5)
         assert weigh(identified, RAIN) == identified
@@ -327,13 +327,13 @@ def test_rain_leaves_no_sector_empty_and_makes_no_cameras_unlike():
 @pytest.mark.parametrize(
     ("margin", "score", "kind"),
     [
-        (2.5, 0.75, VerdictKind.SUSPECT),  # a margin of 1.5, one less than the attack's
+        (2.5, 0.75, VerdictKind.SUSPECT),  # z of 1.5, one less than the attack's
         (2.51, 0.75, VerdictKind.ATTACKED),
         (1.0, 0.5, VerdictKind.SUSPECT),
         (0.9, 0.49, VerdictKind.ATTACKED),
     ],
 )
-def test_an_attack_that_leads_a_cause_by_more_than_a_margin_of_one_is_not_doubted(margin, score, kind):
+def test_an_attack_whose_score_exceeds_a_fault_by_more_than_one_stays_an_attack(margin, score, kind):
     assert weigh(verdict(margin=margin), (FaultHypothesis(Cause.LATE, 1, score),)).kind is kind
 
 
@@ -343,7 +343,7 @@ def test_a_fault_is_a_finding_from_a_half_on(score, kind):
 
 
 @pytest.mark.parametrize(("others", "kind"), [(1.0, VerdictKind.SUSPECT), (1.01, VerdictKind.ATTACKED)])
-def test_a_fault_explains_what_it_can_have_raised_half_of(others, kind):
+def test_a_fault_explains_a_verdict_of_whose_scores_it_covers_half(others, kind):
     evidence = (
         Evidence("photometric_inconsistency", 1, None, 3, 1.0),
         Evidence("photometric_inconsistency", 2, None, 3, others),
@@ -353,10 +353,10 @@ def test_a_fault_explains_what_it_can_have_raised_half_of(others, kind):
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(0.25, VerdictKind.SUSPECT), (0.26, VerdictKind.ATTACKED)])
-def test_rain_counts_as_a_margin_of_three_quarters_below_its_threshold(margin, kind):
+def test_rain_counts_as_a_score_of_three_quarters_below_its_threshold(margin, kind):
     assert weigh(verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin), RAIN).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(1.5, VerdictKind.SUSPECT), (1.51, VerdictKind.ATTACKED)])
-def test_dirt_on_a_partner_must_be_as_clear_as_what_was_raised(margin, kind):
+def test_dirt_on_a_partner_must_have_as_high_a_score_as_the_check(margin, kind):
     assert weigh(verdict(margin=margin), (FaultHypothesis(Cause.SOILED, 3, 0.75),), {3}).kind is kind

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from auditor.identification.algorithm2 import allowed_attack_sets
-from auditor.identification.attack_sets import explain
-from auditor.identification.robust import System, name_attacked
+from auditor.identification.attack_sets import attack_set_costs
+from auditor.identification.naming import System, name_attacked
 from auditor.model.checks import Check, PairCheck, pair_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import VerdictKind
@@ -19,13 +19,13 @@ POINT_DROPOUT, ISOLATED_POINTS = (PairCheck(check, 0, 3) for check in (Check.POI
 L12 = PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 2)
 
 
-def one(fired, *, system=SYSTEM, missing=NONE, silent=-1.0, threshold=0.0):
-    z = np.array([[fired.get(pair_check, silent) for pair_check in system.pair_checks]])
+def one(fired, *, system=SYSTEM, missing=NONE, others=-1.0, threshold=0.0):
+    z = np.array([[fired.get(pair_check, others) for pair_check in system.pair_checks]])
     (verdict,) = name_attacked(z, system, [missing], threshold)
     return verdict
 
 
-def test_a_silent_frame_is_clean():
+def test_a_frame_in_which_no_check_fires_is_clean():
     verdict = one({})
     assert (verdict.kind, verdict.attacked, verdict.e, verdict.reason) == (VerdictKind.CLEAN, (), "000", "")
 
@@ -41,15 +41,15 @@ def test_a_silent_frame_is_clean():
         ({U13: 0.5, U23: 2.0}, (3,), "111"),
     ],
 )
-def test_what_the_witnesses_say_together_names_the_sensor(fired, attacked, e):
+def test_the_checks_together_name_the_sensor(fired, attacked, e):
     verdict = one(fired)
     assert (verdict.kind, verdict.attacked, verdict.named, verdict.e) == (VerdictKind.ATTACKED, attacked, attacked, e)
 
 
-def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
+def test_a_verdict_has_its_evidence_and_its_alternatives():
     verdict = one({X23: 1.0, X13: 2.0})
     assert verdict.evidence == (("lidar_conflict", 1, None, 3, 2.0), ("lidar_conflict", 2, None, 3, 1.0))
-    # {S_3} would account for nine tenths of both, but for two silent pairs at half price
+    # {S_3} would cover nine tenths of both, but it expects two pairs, by half, that did not fire
     assert verdict.gap == pytest.approx(1.3)
     assert verdict.alternatives[0] == ((3,), pytest.approx(1.3))
     assert verdict.reason == ""
@@ -58,7 +58,9 @@ def test_a_verdict_says_what_carried_it_and_what_else_it_could_be():
 def test_a_clean_verdict_says_how_far_the_nearest_attack_is():
     verdict = one({})
     assert verdict.evidence == ()
-    assert verdict.gap == verdict.alternatives[0].worse_by == pytest.approx(0.52)  # a silent pair, and the price
+    assert (
+        verdict.gap == verdict.alternatives[0].worse_by == pytest.approx(0.52)
+    )  # a pair that did not fire, and the penalty
     assert [len(other.attacked) for other in verdict.alternatives] == [1, 1]
 
 
@@ -79,11 +81,11 @@ def test_two_attacked_of_four_are_not_named_as_one():
     assert "no attack on at most 1 of 4 sensors explains" in verdict.reason
 
 
-def test_two_explanations_as_good_name_nobody():
+def test_of_two_attacks_that_explain_a_frame_equally_well_none_is_named():
     only = System((L12,), SYSTEM.triples, SYSTEM.sensors)
     verdict = one({L12: 2.0}, system=only)
     assert verdict.kind is VerdictKind.UNIDENTIFIED
-    assert "as good" in verdict.reason
+    assert "equally well" in verdict.reason
 
 
 def test_with_three_sensors_an_attack_is_found_and_not_attributed():
@@ -94,27 +96,27 @@ def test_with_three_sensors_an_attack_is_found_and_not_attributed():
     assert one({}, missing=frozenset({0})).kind is VerdictKind.CLEAN
 
 
-def test_a_missing_sensor_s_elements_are_not_heard():
+def test_pair_checks_of_a_missing_sensor_do_not_count():
     verdict = one({U13: 3.0}, missing=frozenset({1}))
     assert verdict.kind is VerdictKind.CLEAN
     assert verdict.e == "-0-"
 
 
 def test_nothing_measured_is_not_auditable():
-    assert one({}, silent=np.nan).kind is VerdictKind.NOT_AUDITABLE
+    assert one({}, others=np.nan).kind is VerdictKind.NOT_AUDITABLE
     assert one({}, missing=frozenset({3, 2, 1})).kind is VerdictKind.NOT_AUDITABLE
 
 
-def test_a_lidar_that_nobody_could_contradict_is_said_to_be_so_whatever_else_is_found():
+def test_a_lidar_that_no_camera_pair_can_check_is_remarked_whatever_else_is_found():
     quiet = one({X13: np.nan, X23: np.nan})
     assert quiet.kind is VerdictKind.CLEAN
-    assert "nobody could deny what S_0 reports" in quiet.reason
-    assert "nobody could deny what S_0 reports" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
+    assert "no camera pair can check the LiDAR here" in quiet.reason
+    assert "no camera pair can check the LiDAR here" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
     assert one({X13: np.nan}).reason == ""
     assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
 
 
-def test_a_reference_is_in_several_pairs_and_its_witnesses_are_not():
+def test_a_reference_is_in_several_pairs_and_its_source_cameras_are_not():
     assert SYSTEM.in_several_pairs == {3}
 
 
@@ -135,43 +137,43 @@ def test_a_system_tells_attacks_on_all_but_three_of_its_sensors_apart(sensors, s
     assert sets[0] == ()
 
 
-def test_of_three_sensors_the_margin_is_the_largest_one_measured():
+def test_of_three_sensors_the_gap_is_the_largest_score_measured():
     assert one({U23: 2.0, U13: 0.5, L12: np.nan}, missing=frozenset({0})).gap == 2.0
     assert one({U23: -0.5}, missing=frozenset({0})).gap == -0.5
 
 
 def test_a_frame_at_the_score_s_threshold_is_clean():
     z = np.array([[2.0 if pair_check == U23 else -1.0 for pair_check in SYSTEM.pair_checks]])
-    score = float(explain(z, SYSTEM.pair_checks, allowed_attack_sets(SYSTEM.sensors)).score[0])
+    score = float(attack_set_costs(z, SYSTEM.pair_checks, allowed_attack_sets(SYSTEM.sensors)).score[0])
     assert score == pytest.approx(1.98)
     assert one({U23: 2.0}, threshold=score).kind is VerdictKind.CLEAN
     assert one({U23: 2.0}, threshold=np.nextafter(score, 0)).kind is VerdictKind.ATTACKED
 
 
 @pytest.mark.parametrize(("left", "kind"), [(1.0, VerdictKind.ATTACKED), (1.01, VerdictKind.UNIDENTIFIED)])
-def test_the_best_explanation_may_leave_a_margin_of_one_over(left, kind):
+def test_the_best_attack_set_may_leave_a_score_of_one_uncovered(left, kind):
     verdict = one({U23: 3.0, POINT_DROPOUT: left})
     assert verdict.kind is kind
     assert (verdict.alternatives[0].attacked == (2,)) == (kind is VerdictKind.UNIDENTIFIED)
 
 
-def test_a_margin_of_zero_raises_nothing():
+def test_a_score_of_zero_does_not_fire():
     verdict = one({X13: 2.0, X23: 2.0, U13: 0.0})
     assert (verdict.attacked, verdict.e, len(verdict.evidence)) == ((0,), "110", 2)
 
 
-def test_a_triple_is_measured_where_its_own_elements_are():
+def test_a_triple_is_measured_where_its_own_pair_checks_are():
     assert one({X13: np.nan}).e == "-00"
     assert one({U13: np.nan}).e == "00-"
-    assert one({X13: np.nan, U13: 1.0}).e == "101", "raised by what is inside it, it needs no measure"
+    assert one({X13: np.nan, U13: 1.0}).e == "101", "a pair check inside it fired, so it need not be measured"
 
 
 def test_of_five_sensors_the_smaller_of_two_attacks_is_named_where_nothing_else_tells_them_apart():
     five = System(pair_checks_of(4, (), (), (4,)), triples_of(4, lidar=True), (0, 1, 2, 3, 4))
-    verdict = one({PairCheck(Check.POINT_DROPOUT, 0, 4): 0.5}, system=five, silent=np.nan)
+    verdict = one({PairCheck(Check.POINT_DROPOUT, 0, 4): 0.5}, system=five, others=np.nan)
     assert (verdict.kind, verdict.attacked, verdict.gap) == (VerdictKind.ATTACKED, (0,), 0.02)
 
 
-def test_a_frame_is_raised_where_any_attack_explains_it_better_than_none():
+def test_a_frame_is_a_finding_where_any_attack_explains_it_better_than_none():
     z = np.array([[0.25 if pair_check == U23 else -1.0 for pair_check in SYSTEM.pair_checks]])
     assert name_attacked(z, SYSTEM, [NONE])[0].attacked == (2,)

@@ -56,13 +56,13 @@ def test_two_attacked_of_five_are_attributed_over_both_references():
         assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, attacked)
 
 
-def test_a_second_reference_that_contradicts_the_first_is_unidentified():
+def test_a_second_reference_that_disagrees_with_the_first_is_unidentified():
     # Over S_4 alone this e says that S_0 is attacked; the triples of S_3 say that nobody is.
     verdict = judge("111000" + "000", N4, FIVE)
     assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, (0,))
 
 
-def test_algorithm_2_hears_the_leftmost_reference_only_where_that_has_zeros():
+def test_algorithm_2_uses_the_leftmost_reference_only_where_that_has_zeros():
     verdict = judge("000000" + "110", N4, FIVE)
     assert (verdict.kind, verdict.named) == (VerdictKind.UNIDENTIFIED, ())
 
@@ -111,7 +111,7 @@ def test_a_missing_sensor_is_taken_out_of_the_system_first():
     assert verdict.reason == "judged without S_1"
 
 
-def test_elements_of_a_missing_sensor_are_not_believed():
+def test_elements_of_a_missing_sensor_do_not_count():
     assert judge("110", N3, FOUR, frozenset({1})).e == "-1-"
 
 
@@ -153,7 +153,7 @@ def test_a_missing_reference_of_four_is_not_auditable_and_named():
     assert "S_3 missing" in verdict.reason
 
 
-def test_a_rig_of_two_sensors_is_not_auditable_and_told_why():
+def test_a_rig_of_two_sensors_is_not_auditable_with_the_reason():
     verdict = judge("", (), (0, 1))
     assert verdict.kind is VerdictKind.NOT_AUDITABLE
     assert "the rig has 2" in verdict.reason
@@ -177,7 +177,7 @@ def test_frames_are_judged_as_one_by_one():
 
 
 def test_a_verdict_names_the_next_best_explanations():
-    verdict = judge("110000000", N4, FIVE)  # S_0 would raise two elements more, S_1 another one
+    verdict = judge("110000000", N4, FIVE)  # S_0 would make two elements more 1, S_1 another one
     assert verdict.kind is VerdictKind.UNIDENTIFIED
     assert [other.worse_by for other in verdict.alternatives] == sorted(o.worse_by for o in verdict.alternatives)
     assert judge("101", N3, FOUR).alternatives == (((3,), 1.0), ((), 2.0))
@@ -185,13 +185,13 @@ def test_a_verdict_names_the_next_best_explanations():
     assert judge("1", triples_of(3, lidar=False), (1, 2, 3)).alternatives == ()
 
 
-def test_the_margin_is_the_smallest_distance_from_theta():
+def test_a_verdict_has_the_smallest_distance_from_theta():
     (verdict,) = judge_frames(np.array([[0.5, 0.25, np.nan]]), thresholds_for(N3), N3, FOUR, [frozenset()])
     assert verdict.e == "11-"
     assert verdict.gap == pytest.approx(0.05)
 
 
-def test_a_frame_with_nothing_measured_has_no_margin():
+def test_a_frame_with_nothing_measured_has_no_distance_from_theta():
     (verdict,) = judge_frames(np.full((1, 3), np.nan), thresholds_for(N3), N3, FOUR, [frozenset()])
     assert (verdict.kind, verdict.gap) == (VerdictKind.NOT_AUDITABLE, None)
 
@@ -236,7 +236,7 @@ def test_a_night_of_frames_is_judged_in_seconds():
 
 
 @pytest.mark.parametrize(("above", "state"), [(-1e-9, "0"), (0.0, "0"), (1e-9, "1")])
-def test_an_element_is_raised_above_theta_and_not_at_it(above, state):
+def test_an_element_is_one_above_theta_and_not_at_it(above, state):
     theta = dict.fromkeys(N4, 0.25)
     errors = np.full((1, len(N4)), 0.125)
     errors[0, 2] = 0.25 + above
@@ -246,7 +246,7 @@ def test_an_element_is_raised_above_theta_and_not_at_it(above, state):
     assert verdict.gap == pytest.approx(abs(above), abs=1e-15)
 
 
-def test_the_evidence_of_a_raised_frame_is_what_lies_above_theta_and_nothing_that_lies_at_it():
+def test_the_evidence_of_an_attacked_frame_is_what_lies_above_theta_and_nothing_that_lies_at_it():
     errors = np.full((1, len(N4)), 0.125)
     errors[0, :3] = 0.5, 0.25, 0.75
     theta = replace(thresholds_for(N4), theta=dict.fromkeys(N4, 0.25))

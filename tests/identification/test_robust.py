@@ -1,11 +1,12 @@
-"""What a frame says by itself and what the half second around it says, together."""
+"""The verdict of a frame and that of its temporal window, together."""
 
 from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
 
-from auditor.identification.robust import FrameSeries, System, judge_frames, window_scores
+from auditor.identification.naming import System
+from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.model.calibration import RobustThresholds, Scale
 from auditor.model.checks import Check, PairCheck, pair_checks_of
 from auditor.model.rig import triples_of
@@ -21,7 +22,7 @@ FRAMES = 20
 
 
 def series_of(hit=(), pair_check=U13, *, frozen=(), missing=(), ratio=0.8):
-    """Frames at 10 Hz; in those `hit` one element's ratio is high, S_2 stands still in those `frozen`."""
+    """Frames at 10 Hz; in those `hit` one pair check's ratio is high, in those `frozen` S_2 repeats its data."""
     ratios = np.full((FRAMES, len(SYSTEM.pair_checks)), 0.3)
     ratios[list(hit), pair_check] = ratio
     prints = np.arange(FRAMES)[:, None] * 10 + np.arange(4)
@@ -43,20 +44,20 @@ def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
     assert verdicts[8].finding == Finding(VerdictKind.ATTACKED, (1,))
 
 
-def test_one_frame_raised_alone_keeps_its_verdict_and_is_no_incident():
+def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
     verdicts = judge([7], ratio=0.45)
     assert verdicts[7].attacked == (1,)
     assert not [v for v in verdicts if v.finding]
 
 
-def test_the_threshold_is_that_of_the_half_seconds():
+def test_the_threshold_is_that_of_the_temporal_windows():
     assert judge(range(5, 12), threshold=2.0)[8].finding
     weak = judge(range(5, 12), threshold=2.0, ratio=0.5)
     assert weak[8].kind is VerdictKind.ATTACKED
     assert weak[8].finding is None
 
 
-def test_a_sensor_that_stands_still_is_a_finding_with_its_cause_and_is_left_out():
+def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out():
     verdicts = judge(range(5, 12), U23, frozen=range(4, 14))
     still = verdicts[8]
     assert (still.kind, still.attacked, still.out_of_system) == (VerdictKind.SUSPECT, (), (2,))
@@ -65,7 +66,7 @@ def test_a_sensor_that_stands_still_is_a_finding_with_its_cause_and_is_left_out(
     assert verdicts[4].kind is VerdictKind.CLEAN, "the first of equal frames repeats nothing yet"
 
 
-def test_of_a_sensor_that_stands_still_no_other_cause_is_told_and_of_the_others_all_are():
+def test_a_frozen_sensor_has_no_other_cause_and_the_others_keep_theirs():
     late = [(Cause.LATE, 1), (Cause.LATE, 2)]
     series = replace(series_of(frozen=range(4, 14)), fault_scores={cause: np.full(FRAMES, 2.0) for cause in late})
     thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, Scale(1.0, 0.25, 100)))
@@ -74,13 +75,13 @@ def test_of_a_sensor_that_stands_still_no_other_cause_is_told_and_of_the_others_
     assert [(one.cause, one.sensor) for one in verdicts[2].causes] == late
 
 
-def test_a_missing_sensor_is_neither_heard_nor_accused():
+def test_a_missing_sensor_is_neither_checked_nor_named():
     verdicts = judge(range(5, 12), missing=range(5, 12))
     assert {v.kind for v in verdicts} == {VerdictKind.CLEAN}
     assert verdicts[8].out_of_system == (1,)
 
 
-def test_frames_asked_for_alone_are_judged_as_among_all():
+def test_frames_judged_alone_are_judged_as_among_all():
     series = series_of(range(5, 12), frozen=range(9, 14))
     everything = judge_frames(series, SYSTEM, THRESHOLDS)
     assert judge_frames(series, SYSTEM, THRESHOLDS, only=[10, 3]) == [everything[10], everything[3]]
@@ -96,7 +97,7 @@ def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_o
     assert (without[8].finding, without[8].causes) == (Finding(VerdictKind.ATTACKED, (1,)), ())
 
 
-def test_the_score_of_a_half_second_is_what_the_threshold_is_compared_with():
+def test_the_score_of_a_temporal_window_is_what_the_threshold_is_compared_with():
     series = series_of(range(5, 12), frozen=range(9, 14), missing=[2])
     scores = window_scores(series, SYSTEM, THRESHOLDS)
     for threshold in (0.0, 1.0, float(scores[6]), 2.9):

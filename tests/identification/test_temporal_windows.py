@@ -7,7 +7,7 @@ from auditor.identification.statistics import window_means
 
 MS = 1_000_000
 STEPS_MS = st.sampled_from([-1000, -100, 0, 50, 100, 200, 225, 250, 251])
-"""At 10 Hz 250 ms is the longest step that is no gap, and the reach of half a window of 0.5 s."""
+"""At 10 Hz 250 ms is the longest step that is no gap, and half a window of 0.5 s."""
 
 
 def by_hand(z, stamps, seconds):

@@ -32,7 +32,7 @@ def test_a_full_window_does_not_overflow_the_counts_own_type():
     assert windowed_ratio(full, full, Window(10, 10, 6400)).ratio == 0.5
 
 
-def test_few_pixels_prove_little_and_fewer_than_the_prior_nothing():
+def test_few_pixels_have_a_small_ratio_and_fewer_than_the_pseudo_count_none():
     valid = np.zeros((10, 10), np.uint8)
     valid[0, 0] = 9
     assert windowed_ratio(valid, valid, Window(2, 2, 10)) is None
@@ -40,14 +40,14 @@ def test_few_pixels_prove_little_and_fewer_than_the_prior_nothing():
     assert windowed_ratio(valid, valid, Window(2, 2, 3)).ratio == 0.75
 
 
-def test_a_grid_smaller_than_the_window_has_no_local_ratio():
+def test_a_grid_smaller_than_the_window_has_no_windowed_ratio():
     small = np.full((3, 40), 16, dtype=np.uint8)
     assert windowed_ratio(small, small, Window(7, 13, 1)) is None
     assert windowed_ratio(np.full((40, 3), 16, np.uint8), small.T, Window(7, 13, 1)) is None
 
 
 @pytest.mark.parametrize(("points", "pseudo_count"), [(5, 40), (2, 36), (1, 18), (0, 15)])
-def test_fewer_beams_have_a_smaller_prior_but_never_a_larger_one_than_sixty_four(points, pseudo_count):
+def test_fewer_beams_have_a_smaller_pseudo_count_but_never_a_larger_one_than_sixty_four(points, pseudo_count):
     grid = np.full((12, 12), points, dtype=np.uint8)
     assert fitted(Window(6, 6, 40), grid) == Window(6, 6, pseudo_count)
 
@@ -59,10 +59,10 @@ def test_windows_that_hold_no_points_do_not_make_it_easier():
     assert fitted(Window(10, 10, 120), grid).pseudo_count == 91
 
 
-def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_ready():
+def test_each_pair_check_gets_the_ratio_of_its_own_cells_or_the_share_that_came_ready():
     full, half, few = (np.full((12, 14), n, dtype=np.uint8) for n in (16, 8, 1))
     few[1:] = 0
-    seen, blind, light, absent = (
+    photometric, conflict, brightness, dropout = (
         PairCheck(check, 1, 3)
         for check in (
             Check.PHOTOMETRIC_INCONSISTENCY,
@@ -72,26 +72,28 @@ def test_each_element_gets_the_ratio_of_its_own_cells_or_the_share_that_came_rea
         )
     )
     found = windowed_ratios(
-        (seen, blind, light, absent), {seen: Cells(full, half), blind: Cells(few, few)}, {light: 0.25}
+        (photometric, conflict, brightness, dropout),
+        {photometric: Cells(full, half), conflict: Cells(few, few)},
+        {brightness: 0.25},
     )
     assert found == (pytest.approx(48 * 8 / (48 * 16 + 200)), None, 0.25, None)
 
 
-def test_the_lidar_is_looked_at_in_windows_of_six_by_six_cells_to_which_forty_innocent_points_are_added():
+def test_lidar_conflicts_are_counted_in_windows_of_six_by_six_cells_with_a_pseudo_count_of_forty():
     valid, inconsistent = np.full((14, 14), 4, dtype=np.uint8), np.zeros((14, 14), dtype=np.uint8)
     inconsistent[4:10, 5:11] = 4
-    denied = PairCheck(Check.LIDAR_CONFLICT, 1, 3)
-    assert windowed_ratios([denied], {denied: Cells(valid, inconsistent)}, {}) == (144 / (144 + 40),)
+    conflict = PairCheck(Check.LIDAR_CONFLICT, 1, 3)
+    assert windowed_ratios([conflict], {conflict: Cells(valid, inconsistent)}, {}) == (144 / (144 + 40),)
 
 
-def test_cameras_are_compared_in_windows_of_six_by_eight_cells_to_which_two_hundred_innocent_pixels_are_added():
+def test_photometric_inconsistencies_are_counted_in_windows_of_six_by_eight_cells_with_a_pseudo_count_of_two_hundred():
     valid, inconsistent = np.full((14, 14), 5, dtype=np.uint8), np.zeros((14, 14), dtype=np.uint8)
     inconsistent[4:10, 5:13] = 5
-    unlike = PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3)
-    assert windowed_ratios([unlike], {unlike: Cells(valid, inconsistent)}, {}) == (240 / (240 + 200),)
+    photometric = PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3)
+    assert windowed_ratios([photometric], {photometric: Cells(valid, inconsistent)}, {}) == (240 / (240 + 200),)
 
 
-def test_the_lidar_s_prior_fits_its_beams():
+def test_the_pseudo_count_of_lidar_conflicts_fits_the_beams():
     one = np.ones((12, 14), dtype=np.uint8)
-    denied = PairCheck(Check.LIDAR_CONFLICT, 1, 3)
-    assert windowed_ratios([denied], {denied: Cells(one, one)}, {}) == (36 / (36 + 18),)
+    conflict = PairCheck(Check.LIDAR_CONFLICT, 1, 3)
+    assert windowed_ratios([conflict], {conflict: Cells(one, one)}, {}) == (36 / (36 + 18),)

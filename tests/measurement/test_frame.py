@@ -27,16 +27,16 @@ def test_a_clean_plane_has_no_disparity_error_in_any_triple() -> None:
 
 
 @pytest.mark.parametrize(
-    ("attacked", "raised"),
+    ("attacked", "above"),
     [(1, {(0, 1, 3), (1, 2, 3)}), (2, {(0, 2, 3), (1, 2, 3)}), (3, {(0, 1, 3), (0, 2, 3), (1, 2, 3)})],
 )
 def test_a_blinded_camera_raises_exactly_the_triples_that_hold_it(
-    attacked: int, raised: set[tuple[int, int, int]]
+    attacked: int, above: set[tuple[int, int, int]]
 ) -> None:
     frame = plane_frame(plane_rig())
     frame.images[attacked].pixels[:, WIDTH // 4 : 3 * WIDTH // 4] = 255
     E = errors(frame)
-    assert {t for t, value in E.items() if value is not None and value > 0.1} == raised
+    assert {t for t, value in E.items() if value is not None and value > 0.1} == above
 
 
 def test_a_wall_nearer_than_the_search_range_is_inconsistent_and_counted_as_out_of_range() -> None:

@@ -20,7 +20,7 @@ class Batching:
 
     def __init__(self, pairs_at_once: int) -> None:
         self.pairs_at_once = pairs_at_once
-        self.asked: list[int] = []
+        self.pairs_matched: list[int] = []
         self.threads: set[str] = set()
         self._sgbm = SgbmMatcher()
 
@@ -28,7 +28,7 @@ class Batching:
         return getattr(self._sgbm, name)
 
     def match_pairs(self, images, pairs):
-        self.asked.append(len(pairs))
+        self.pairs_matched.append(len(pairs))
         self.threads.add(threading.current_thread().name)
         return [self._sgbm.match(images[left], images[right]) for left, right in pairs]
 
@@ -50,8 +50,8 @@ def frames(count: int, skipped: int | None = None):
             yield replace(plane_frame(RIG, 8.0 + number, frozenset({1} if number == 4 else ())), number=number)
 
 
-@pytest.mark.parametrize(("pairs_at_once", "asked"), [(4, [4, 2, 3, 2]), (100, [11]), (2, [2, 2, 2, 1, 2, 2])])
-def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pairs_at_once, asked) -> None:
+@pytest.mark.parametrize(("pairs_at_once", "groups"), [(4, [4, 2, 3, 2]), (100, [11]), (2, [2, 2, 2, 1, 2, 2])])
+def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pairs_at_once, groups) -> None:
     matcher = Batching(pairs_at_once)
     found = list(measure_stream(frames(7, skipped=2), RIG, matcher))
     plain = [one if isinstance(one, Skipped) else measure(one, RIG, SgbmMatcher()) for one in frames(7, skipped=2)]
@@ -59,8 +59,8 @@ def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pair
     for one, other in zip(found, plain, strict=True):
         if not isinstance(other, Skipped):
             assert flat(one[0]) == flat(other[0])
-    assert sum(matcher.asked) == 11
-    assert [count for count in matcher.asked if count] == asked
+    assert sum(matcher.pairs_matched) == 11
+    assert [count for count in matcher.pairs_matched if count] == groups
     assert threading.main_thread().name not in matcher.threads
 
 

@@ -16,7 +16,7 @@ from auditor.model.rig import Camera, Rig
 from auditor.recordings import write_mcap
 
 VIEWS = 9
-FOCAL_PX, STEP_M = 500.0, 0.04  # Middlebury tells neither; disparities do not depend on them
+FOCAL_PX, STEP_M = 500.0, 0.04  # Middlebury gives neither; disparities do not depend on them
 TRUTH_PER_PX = 4
 
 

@@ -55,7 +55,7 @@ def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matc
     assert list(off.pairs) == [(1, 3), (2, 3)]
     for pair in off.pairs.values():
         assert pair.seen.rig.is_rectified
-        assert all(sight.mean() > 0.5 for sight in pair.valid_masks.values())
+        assert all(mask.mean() > 0.5 for mask in pair.valid_masks.values())
 
 
 def test_a_street_measures_like_the_same_street_along_one_line() -> None:
@@ -101,10 +101,10 @@ class Pairing(SgbmMatcher):
 
     def __init__(self) -> None:
         super().__init__()
-        self.asked: list[int] = []
+        self.pairs_matched: list[int] = []
 
     def match_pairs(self, images, pairs):
-        self.asked.append(len(pairs))
+        self.pairs_matched.append(len(pairs))
         return [self.match(images[left], images[right]) for left, right in pairs]
 
 
@@ -113,12 +113,12 @@ def test_a_matcher_of_many_pairs_sees_those_of_several_frames_at_once(bent: Synt
     plain = [measure(frame, bent.rig, SgbmMatcher())[0] for frame in frames]
     streamed = [item[0] for item in measure_stream(frames, bent.rig, matcher)]
     assert [m.counts for m in streamed] == [m.counts for m in plain]
-    assert matcher.asked == [4]
+    assert matcher.pairs_matched == [4]
     attacked_frame = AttackedFrame(frames[0], bent.rig, matcher)
     attacked_frame.match_together(list(cases()))
-    asked = sum(matcher.asked)
+    before = sum(matcher.pairs_matched)
     assert attacked_frame.counts({}) == plain[0].counts
-    assert sum(matcher.asked) == asked
+    assert sum(matcher.pairs_matched) == before
 
 
 def test_without_a_lidar_three_cameras_are_compared(bent: SyntheticDrive) -> None:
@@ -154,7 +154,9 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
     assert beside_line.solid.size_m[2] < 0.2
 
 
-def test_symptoms_are_those_of_the_pairs_own_views_and_a_pair_that_was_away_begins_anew(bent: SyntheticDrive) -> None:
+def test_fault_features_are_those_of_the_pairs_own_views_and_a_pair_that_was_missing_begins_anew(
+    bent: SyntheticDrive,
+) -> None:
     watch = FaultFeatures()
     seen = [
         watch.update(measure(frame, bent.rig, SgbmMatcher())[1])

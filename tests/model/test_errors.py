@@ -15,6 +15,6 @@ def test_an_error_crosses_from_one_process_to_another_whole() -> None:
     assert (type(again), str(again)) == (RecordingError, str(error))
 
 
-def test_an_error_that_does_not_know_its_place_can_be_told_and_one_that_does_keeps_it() -> None:
+def test_an_error_without_a_place_can_be_given_one_and_one_with_a_place_keeps_it() -> None:
     assert str(RecordingError("cut", remedy="nothing").located("a.mcap")) == "a.mcap: cut; nothing"
     assert str(RecordingError("cut", where="b.mcap").located("a.mcap")) == "b.mcap: cut"

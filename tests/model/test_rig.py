@@ -72,7 +72,7 @@ def test_a_description_reads_back_to_the_same_rig() -> None:
         (lambda d: d["cameras"][0].pop("projection"), "camera 1 lacks projection, which should be 3 x 4 finite"),
         (lambda d: d["cameras"][1].update(projection=[[1, 2], [3, 4]]), "projection of camera 2 should be 3 x 4"),
         (lambda d: d["cameras"][0].update(projection=np.full((3, 4), np.nan).tolist()), "projection of camera 1"),
-        (lambda d: d["cameras"][0].update(projection=np.zeros((3, 4)).tolist()), "projection of camera 1 is no K"),
+        (lambda d: d["cameras"][0].update(projection=np.zeros((3, 4)).tolist()), "projection of camera 1 is not K"),
         (lambda d: d["cameras"][0].update(width_px="abc"), "width_px of camera 1 should be a whole number.*'abc'"),
         (lambda d: d["cameras"][0].update(height_px=1.5), "height_px of camera 1 should be a whole number.*1.5"),
         (lambda d: d["cameras"][1].update(rectified="false"), "rectified of camera 2 should be true or false"),
@@ -89,7 +89,7 @@ def test_what_a_description_lacks_or_holds_wrongly_is_named(spoil, says: str) ->
         Rig.from_dict(description)
 
 
-def test_offsets_are_told_by_sensor_and_change_the_id_only_where_they_are_given() -> None:
+def test_offsets_are_given_by_sensor_and_change_the_id_only_where_they_are_given() -> None:
     plain = rig(0.54, 0.0)
     cameras = (replace(plain.cameras[0], offset_ns=-8_000_000), plain.cameras[1])
     given = replace(plain, cameras=cameras, lidar=replace(plain.lidar, offset_ns=0))

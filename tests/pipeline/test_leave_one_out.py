@@ -52,7 +52,8 @@ def measured(tmp_path_factory):
 def test_held_out_frames_and_incidents_are_those_of_a_scan(measured):
     store, known = measured
     everything = calibrate([(store, measurement) for measurement in known.values()])
-    found = {one.recording: (one.raised, one.incidents) for one in leave_one_out_robust(everything, system_of(RIG), R)}
+    left_out = leave_one_out_robust(everything, system_of(RIG), R)
+    found = {one.recording: (one.findings, one.incidents) for one in left_out}
     scanned = {}
     for recording, measurement in known.items():
         others = calibrate([(store, other) for other in known.values() if other != measurement])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.robust import System, name_attacked
-from auditor.identification.scores import scales_of, scores
+from auditor.identification.naming import System, name_attacked
+from auditor.identification.scores import normalised_scores, scales_of
 from auditor.model.checks import rig_pair_checks
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
@@ -55,7 +55,7 @@ def told(made):
                 pair_checks = tuple(ELEMENTS[place] for place in inside)
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, system)]
                 ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
-                z = scores(ratios, [scales[place] for place in inside])
+                z = normalised_scores(ratios, [scales[place] for place in inside])
                 # Every sensor was there, and nothing speaks for another cause: a frame's verdict is its own alone.
                 verdicts = name_attacked(z, System(pair_checks, triples, system), [frozenset()] * len(z))
                 found += [(left_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.robust import WINDOW_S, System, name_attacked
-from auditor.identification.scores import scales_of, scores
+from auditor.identification.naming import System, name_attacked
+from auditor.identification.parameters import TEMPORAL_WINDOW
+from auditor.identification.scores import normalised_scores, scales_of
 from auditor.identification.statistics import window_means
 from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Statistic
@@ -79,8 +80,8 @@ def by_robust(cases, left_out, recording, line):
         }[left_out]
         clean = [c.ratios for r in FRAMES for c in cases["clean", r] if kept(r, c.frame)]
         scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
-        z = scores(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
-        around = window_means(z, np.arange(len(z)) * PERIOD_NS, WINDOW_S)
+        z = normalised_scores(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
+        around = window_means(z, np.arange(len(z)) * PERIOD_NS, TEMPORAL_WINDOW.seconds)
         alone, moment = (name_attacked(x[[case.frame]], SYSTEM, [frozenset()])[0] for x in (z, around))
         found = alone.kind in FINDINGS and moment.kind in FINDINGS
         yield (moment.kind.value, moment.attacked) if found else ("clean", ())

@@ -6,8 +6,9 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.robust import FrameSeries, System, judge_frames
-from auditor.identification.scores import scores
+from auditor.identification.naming import System
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import normalised_scores
 from auditor.model.calibration import RobustThresholds, Scale
 from auditor.model.checks import rig_pair_checks
 from auditor.model.verdict import Finding, VerdictKind
@@ -52,7 +53,7 @@ def judged(tmp_path):
     verdicts = judge_frames(series, system, thresholds)
     rows = zip(loaded.frames.tolist(), loaded.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
-    return store, known, verdicts, scores(loaded.ratios, scales)
+    return store, known, verdicts, normalised_scores(loaded.ratios, scales)
 
 
 def test_margins_in_sql_are_those_in_python(judged):

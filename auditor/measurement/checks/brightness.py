@@ -1,23 +1,28 @@
-"""A check that needs no disparities: light in one camera that the other does not see."""
+"""Brightness differences: light or darkness that one of two cameras alone sees. This check needs no disparities."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.parameters import BRIGHTNESS_DIFFERENCE, GAIN_FIT
+from auditor.model.arrays import Floats32, Image, Mask
 
-Grid = NDArray[np.float32]
+_ROWS, _COLUMNS = BRIGHTNESS_DIFFERENCE.rows, BRIGHTNESS_DIFFERENCE.columns
+_BRIGHTER, _DARKER = BRIGHTNESS_DIFFERENCE.brighter_by, BRIGHTNESS_DIFFERENCE.darker_by
+_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched  # 0 to 5 cells: up to 80 px of an image 1242 px wide
+_NEAR_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched_near
+_USUAL_SHIFT = BRIGHTNESS_DIFFERENCE.usual_shift  # where most of a street's partners lie
+_WHITE = np.float32(255)
 
 
-def fit_gain(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:
+def fit_gain(target: Floats32, source: Floats32) -> tuple[np.float32, np.float32]:
     """Gain and offset that take source to target: least squares over the six tenths that fit best, repeated.
 
-    Both are grey levels of one shape. Saturated ones say nothing of either; where hardly any other is left the cameras
-    are taken to be equal.
+    Both are grey levels of one shape. Saturated ones are left out; where too few are left the cameras are taken to be
+    equal.
     """
     usable = np.maximum(source, target) < GAIN_FIT.saturated
     x, y = source[usable], target[usable]
@@ -34,40 +39,19 @@ def fit_gain(target: Grid, source: Grid) -> tuple[np.float32, np.float32]:
     return np.float32(gain), np.float32(offset)
 
 
-_ROWS, _COLUMNS = BRIGHTNESS_DIFFERENCE.rows, BRIGHTNESS_DIFFERENCE.columns
-
-
-_WHITE = np.float32(255)
-
-
-_BRIGHTER, _DARKER = BRIGHTNESS_DIFFERENCE.brighter_by, BRIGHTNESS_DIFFERENCE.darker_by
-
-
-_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched  # 0 to 5 cells: up to 80 px of an image 1242 px wide
-
-
-_NEAR_SHIFTS = BRIGHTNESS_DIFFERENCE.columns_searched_near
-
-
-_USUAL_SHIFT = BRIGHTNESS_DIFFERENCE.usual_shift  # where most of a street's partners lie
-
-
-Mask = NDArray[np.bool_]
-
-
 @dataclass(frozen=True)
 class BrightnessDifference:
-    """How much light cameras i < k each see that the other one does not.
+    """How much cameras i < k are each brighter than the other one.
 
-    Each is the largest share, 0 to 1, of cells in any window of 6 x 6 that show it. Light thrown into a camera makes
-    its own share large, darkness the other's: a pair cannot tell the two apart.
+    Each is the largest share, 0 to 1, of brighter cells in any window of 6 x 6. Light thrown into a camera makes its
+    own share large, darkness the other's: a pair cannot tell the two apart.
     """
 
     brighter_i: float
     brighter_k: float
 
 
-def coarse(half: NDArray[np.uint8]) -> Grid:
+def coarse(half: Image) -> Floats32:
     """(24, 78) means of a grey image."""
     return np.asarray(cv2.resize(half, (_COLUMNS, _ROWS), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
@@ -78,23 +62,23 @@ def coarse_mask(half: Mask) -> Mask:
 
 
 def range_mask(width_px: int) -> RangeMask:
-    """What is too near in images of that width: its partner lies more than 5 columns away."""
+    """The range mask for images of that width: the partner of what is nearer lies more than 5 columns away."""
     cell_px = width_px / _COLUMNS
     return RangeMask((_SHIFTS - 1) * cell_px, round((_NEAR_SHIFTS - 1) * cell_px))
 
 
-def compare_brightness(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None) -> BrightnessDifference:
+def compare_brightness(coarse_i: Floats32, coarse_k: Floats32, near: Mask | None = None) -> BrightnessDifference:
     """Compare the (24, 78) grids of a right camera i and a left camera k.
 
-    What lies in column u of k lies up to 5 columns farther left in i. A camera alone sees light where a cell of it is
-    more than 75 grey levels brighter than all those of the other one that it may be, and where a cell of the other is
-    more than 40 darker than all those of it: light has swallowed what is there. Gain and offset between the cameras are
-    fitted to the cells that agree best; cells whose partners lie outside the other image are not looked at. What is
-    `near` (24, 78) may be up to 15 columns away, and hidden: there nothing dark is missed.
+    What lies in column u of k lies up to 5 columns farther left in i. A camera is brighter where one of its cells is
+    more than 75 grey levels brighter than all its possible partners in the other image, and where a cell of the other
+    is more than 40 darker than all its possible partners: light covers the dark object. Gain and offset between the
+    cameras are fitted to the cells that agree best; cells whose partners lie outside the other image do not count. What
+    is `near` (24, 78) may be up to 15 columns away, and occluded: there darker cells do not count.
     """
     gain, offset = fit_gain(coarse_k[:, _USUAL_SHIFT:], coarse_i[:, :-_USUAL_SHIFT])
     least_i = np.minimum(gain * coarse_i + offset, _WHITE)
-    most_i = np.where(coarse_i < GAIN_FIT.saturated, least_i, _WHITE)  # saturated, it may be as bright as it likes
+    most_i = np.where(coarse_i < GAIN_FIT.saturated, least_i, _WHITE)  # a saturated cell has no upper limit
     far = True if near is None else ~near
     brighter_i = least_i - _around(cv2.dilate, coarse_k, _NEAR_SHIFTS, ahead=True) > _BRIGHTER
     brighter_i |= far & (least_i - _around(cv2.dilate, coarse_k, _SHIFTS, ahead=True) > _BRIGHTER)
@@ -106,13 +90,13 @@ def compare_brightness(coarse_i: Grid, coarse_k: Grid, near: Mask | None = None)
         of_i[:, _COLUMNS - _SHIFTS + 1 :] = False
     for of_k in (brighter_k, darker_k):
         of_k[:, : _SHIFTS - 1] = False
-    # What one camera is darker in the other swallows about where its partners usually lie.
+    # Where one camera is darker, the other is brighter at the usual shift.
     brighter_i[:, :-_USUAL_SHIFT] |= darker_k[:, _USUAL_SHIFT:]
     brighter_k[:, _USUAL_SHIFT:] |= darker_i[:, :-_USUAL_SHIFT]
     return BrightnessDifference(_largest_share(brighter_i), _largest_share(brighter_k))
 
 
-def _around(extreme: Callable[..., cv2.typing.MatLike], grid: Grid, columns: int, *, ahead: bool) -> Grid:
+def _around(extreme: Callable[..., cv2.typing.MatLike], grid: Floats32, columns: int, *, ahead: bool) -> Floats32:
     """For each cell the extreme value within one row and so many columns, rightwards (ahead) or leftwards."""
     rows = BRIGHTNESS_DIFFERENCE.rows_searched
     anchor = (0 if ahead else columns - 1, rows // 2)

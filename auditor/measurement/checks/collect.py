@@ -1,11 +1,8 @@
-"""What the robust method is told about one frame: who contradicts whom, pair by pair."""
+"""All checks of one frame, pair by pair."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-
-import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.checks.brightness import (
     BrightnessDifference,
@@ -20,26 +17,26 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency, 
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Check, IsolatedShares, Pair, PairCheck, resolves_depth
 from auditor.model.measurement import Cells
 from auditor.model.rig import LIDAR, Rig
 
-Mask = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
 class FrameChecks:
-    """Five witnesses, the first three by camera pair (i, k), the others by reference camera.
+    """The results of the five checks, the first three by camera pair (i, k), the others by reference camera.
 
-    `contradicted`: cells of LiDAR points that both cameras deny. `unlike`: cells where the two cameras do not see the
-    same thing. `light`: brightness that one of them alone sees. `emptiness`: what the emptiest strip of the
-    LiDAR's view lacks. `specks`: how many of its points stand alone. `adjudications` and `likenesses` hold the first
-    two pixel by pixel, for localising: they are not stored.
+    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `photometric_inconsistencies`: counts of
+    pixels where the two cameras do not see the same. `brightness_differences`: light or darkness that one of them alone
+    sees. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many
+    points are isolated. `verified_conflicts` and `consistencies` hold the first two pixel by pixel, for localising:
+    they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
-    unlike: Mapping[Pair, Cells]
-    light: Mapping[Pair, BrightnessDifference]
+    photometric_inconsistencies: Mapping[Pair, Cells]
+    brightness_differences: Mapping[Pair, BrightnessDifference]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
@@ -47,40 +44,42 @@ class FrameChecks:
 
     @property
     def cells(self) -> dict[PairCheck, Cells]:
-        """The counts of the elements that have them."""
+        """The counts of the checks that are counted on the grid."""
         return {PairCheck(Check.LIDAR_CONFLICT, *pair): cells for pair, cells in self.lidar_conflicts.items()} | {
-            PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair): cells for pair, cells in self.unlike.items()
+            PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair): cells
+            for pair, cells in self.photometric_inconsistencies.items()
         }
 
     @property
     def shares(self) -> dict[PairCheck, float]:
-        """The statistics of the others; a pair cannot tell light in one camera from darkness in the other."""
-        light = {
+        """The statistics of the other checks; a pair cannot tell light in one camera from darkness in the other."""
+        brightness = {
             PairCheck(Check.BRIGHTNESS_DIFFERENCE, *pair): max(s.brighter_i, s.brighter_k)
-            for pair, s in self.light.items()
+            for pair, s in self.brightness_differences.items()
         }
-        empty = {PairCheck(Check.POINT_DROPOUT, LIDAR, k): share for k, share in self.point_dropout.items()}
-        scattered = {
+        dropout = {PairCheck(Check.POINT_DROPOUT, LIDAR, k): share for k, share in self.point_dropout.items()}
+        isolated_points = {
             PairCheck(Check.ISOLATED_POINTS, LIDAR, k): isolated_ratio(found)
             for k, found in self.isolated_shares.items()
         }
-        return light | empty | {pair_check: share for pair_check, share in scattered.items() if share is not None}
+        known = {pair_check: share for pair_check, share in isolated_points.items() if share is not None}
+        return brightness | dropout | known
 
 
 def collect_checks(
-    half_res: Mapping[int, NDArray[np.uint8]],
+    half_res: Mapping[int, Image],
     maps: Mapping[Pair, StereoMap],
     views: Mapping[int, LidarView],
     rig: Rig,
 ) -> FrameChecks:
-    """Hear all witnesses of a frame.
+    """Run all checks of a frame.
 
-    `halves` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (witness, reference),
-    `views` the LiDAR's views by reference; all of them as `measure` makes them.
+    `half_res` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (source,
+    reference), `views` the LiDAR's views by reference; all of them as `measure` makes them.
     """
-    alone = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
+    isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
-        (i, k): out_of_range(views[k], alone[k], i, matchable(stereo.range_px), half_res[k].shape)
+        (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
         for (i, k), stereo in maps.items()
         if k in views
     }
@@ -97,23 +96,29 @@ def collect_checks(
             (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
             for (j, k), points in verified_conflicts.items()
         },
-        unlike={pair: cells_of_consistency(map_, near.get(pair)) for pair, map_ in consistencies.items()},
-        light=_brightness_differences(half_res, views, alone, rig),
+        photometric_inconsistencies={
+            pair: cells_of_consistency(map_, near.get(pair)) for pair, map_ in consistencies.items()
+        },
+        brightness_differences=_brightness_differences(half_res, views, isolated_masks, rig),
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
-        isolated_shares={k: isolated_shares(view, alone[k], rig.camera(k).width_px) for k, view in views.items()},
+        isolated_shares={
+            k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
+        },
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
     )
 
 
 def _brightness_differences(
-    half_res: Mapping[int, NDArray[np.uint8]], views: Mapping[int, LidarView], alone: Mapping[int, Mask], rig: Rig
+    half_res: Mapping[int, Image], views: Mapping[int, LidarView], isolated_masks: Mapping[int, Mask], rig: Rig
 ) -> dict[Pair, BrightnessDifference]:
-    """The light that one of two cameras alone sees, for all pairs."""
+    """The light and darkness that one of two cameras alone sees, for all pairs."""
     grids = {camera: coarse(half) for camera, half in half_res.items()}
     pairs = list(combinations(sorted(grids), 2))
     near = {
-        (i, k): coarse_mask(out_of_range(views[k], alone[k], i, range_mask(rig.camera(k).width_px), half_res[k].shape))
+        (i, k): coarse_mask(
+            out_of_range(views[k], isolated_masks[k], i, range_mask(rig.camera(k).width_px), half_res[k].shape)
+        )
         for i, k in pairs
         if k in views
     }

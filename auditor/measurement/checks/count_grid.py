@@ -1,4 +1,4 @@
-"""Counts on a coarse grid: enough to judge every portion of an image again without the image."""
+"""Counts on a coarse grid, from which every portion of an image can be judged again without the image."""
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ _HALF_SIDE = CELL_PX // 2
 
 
 def cells_of_points(conflicts: VerifiedConflicts, height_px: int, width_px: int) -> Cells:
-    """Count LiDAR points, valid and contradicted, in an image of that size."""
+    """Count LiDAR points, valid and in conflict, in an image of that size."""
     rows, columns = -(-height_px // CELL_PX), -(-width_px // CELL_PX)
     cell = conflicts.row // CELL_PX * columns + conflicts.column // CELL_PX
     valid, inconsistent = (
@@ -27,14 +27,14 @@ def cells_of_points(conflicts: VerifiedConflicts, height_px: int, width_px: int)
 
 
 def cells_of_consistency(pair: PairConsistency, near: NDArray[np.bool_] | None = None) -> Cells:
-    """Count half-resolution pixels, comparable and unlike: at most 16 a cell.
+    """Count half-resolution pixels, comparable and inconsistent: at most 16 a cell.
 
-    Those of `near` (h, w) are left out: there something is too near for the matcher, or hides what the reference sees
-    (`visibility.too_near`).
+    Those of the range mask `near` (h, w) are left out: there something is nearer than the matcher's range, or occludes
+    what the reference sees (`lidar.out_of_range`).
     """
     if near is None:
-        return Cells(_count(pair.comparable), _count(pair.unlike))
-    return Cells(_count(pair.comparable & ~near), _count(pair.unlike & ~near))
+        return Cells(_count(pair.comparable), _count(pair.inconsistent))
+    return Cells(_count(pair.comparable & ~near), _count(pair.inconsistent & ~near))
 
 
 def _count(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Two disparity maps of one view, compared pixel by pixel."""
+"""The disparity error E (Eq. 2): two disparity maps of one view, compared pixel by pixel."""
 
 from dataclasses import dataclass
 
@@ -41,8 +41,8 @@ def compare_cameras(
 ) -> Comparison:
     """E_{i,j,k} between two cameras' maps, at the smaller baseline.
 
-    Every pixel counts whose match lies inside both witnesses' images. At the smaller baseline a pair of cameras 6 cm
-    apart keeps its own resolution; scaled up its noise would be multiplied.
+    Every pixel counts whose match lies inside both source images. At the smaller baseline a pair of cameras 6 cm apart
+    keeps its own resolution; scaled up its noise would be multiplied.
     """
     common_m = min(first_baseline_m, second_baseline_m)
     valid = first.valid & second.valid
@@ -64,9 +64,9 @@ def compare_cameras(
 
 
 def compare_with_lidar(view: LidarView, stereo: StereoMap, source: int) -> Comparison:
-    """E_{0,j,k}: DM_{0,k} at witness j against DM_{j,k}, at the pixels that hold a LiDAR point.
+    """E_{0,j,k}: DM_{0,k} at source camera j and DM_{j,k}, compared at the pixels that hold a LiDAR point.
 
-    LiDAR points nearer than the matcher can see are valid: they count as inconsistent where it says farther.
+    LiDAR points nearer than the matcher's range are valid: they are inconsistent where the matcher finds them farther.
     """
     row, column = view.row // stereo.step, view.column // stereo.step
     d0 = view.disparity_px(source)

@@ -1,9 +1,9 @@
-"""Where two cameras agree with each other and contradict the LiDAR.
+"""LiDAR conflicts: where two cameras agree with each other and disagree with the LiDAR.
 
-An inconsistent pixel (Eq. 2) accuses one of three sensors and does not say which; on clean frames most of them accuse
-nobody: a surface hidden from one sensor, glass, dark paint, a matcher's mistake. A contradiction is an inconsistent
-pixel that survived adjudication: nothing hides the point, and the pictures are alike at stereo's disparity and less so
-at the LiDAR's. A facula on a camera makes pictures unlike at every disparity, so it contradicts nothing.
+An inconsistent pixel (Eq. 2) comes from one of three sensors and does not show which; on clean frames most have other
+causes: a surface occluded from one sensor, glass, dark paint, a wrong match. A LiDAR conflict is an inconsistent pixel
+that was verified: nothing occludes the point, and the images are consistent at stereo's disparity and less so at the
+LiDAR's. A facula on a camera makes images inconsistent at every disparity, so it causes no LiDAR conflict.
 """
 
 from dataclasses import dataclass
@@ -16,19 +16,17 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency, 
 from auditor.measurement.disparity.lidar import LidarView, visible_to_source
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_CONFLICT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.model.arrays import Image, Indices, Mask
 from auditor.model.rig import Rig
-
-Mask = NDArray[np.bool_]
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class VerifiedConflicts:
-    """E_{0,j,k} adjudicated, point by point.
+    """The inconsistent pixels of E_{0,j,k}, verified point by point.
 
-    `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): seen by both cameras, with
-    texture, and pictures alike enough at stereo's disparity to say yes or no. `contradicted` (M,): of those, what they
-    say of the LiDAR is no.
+    `row` and `column` (M,) are full-resolution pixels of the view's points. `valid` (M,): the point is seen by both
+    cameras, has texture, and its images are consistent at stereo's disparity. `lidar_conflicts` (M,): valid points with
+    which the cameras disagree.
     """
 
     row: NDArray[np.int32]
@@ -40,14 +38,14 @@ class VerifiedConflicts:
 def verify_conflicts(
     view: LidarView,
     stereo: StereoMap,
-    alike: PairConsistency,
+    consistency: PairConsistency,
     rig: Rig,
     source: int,
-    half_res: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+    half_res: tuple[Image, Image],
 ) -> VerifiedConflicts:
-    """Compare DM_{0,k} at a witness with DM_{j,k}, and keep the inconsistent pixels that the pictures confirm.
+    """Compare DM_{0,k} at a source camera with DM_{j,k}, and keep the inconsistent pixels that the images confirm.
 
-    `halves` are the half-resolution grey images of the reference and of the witness, `alike` their likeness.
+    `half_res` are the half-resolution grey images of the reference and the source, `consistency` compares them.
     """
     d0 = view.disparity_px(source)
     row, column = view.row // stereo.step, view.column // stereo.step
@@ -55,27 +53,27 @@ def verify_conflicts(
     valid = stereo.valid[row, column] & stereo.textured[row, column]
     valid &= (view.u_px - d0 >= 1) & (d0 < stereo.range_px - MATCHER_RANGE.margin_px)
     valid &= visible_to_source(view, rig, source, d0)
-    confident = alike.alike[view.row // HALF, view.column // HALF]
-    valid &= confident > PATCH_CORRELATION.consistent
+    ncc_stereo = consistency.ncc[view.row // HALF, view.column // HALF]
+    valid &= ncc_stereo > PATCH_CORRELATION.consistent
     over = inconsistent(d0, ds)
     flagged = np.flatnonzero(valid & over)
-    # Under a strong attack most pixels are inconsistent: every so many-th stands for its neighbours.
+    # Under a strong attack most pixels are inconsistent: one of `stride` neighbours is verified for all of them.
     stride = max(-(-flagged.size // LIDAR_CONFLICT.most_verified), 1)
     sample = flagged[::stride]
-    n0 = ncc_at(*half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
-    guilty = n0 < confident[sample] - np.float32(LIDAR_CONFLICT.clearly_less)
-    guilty[guilty] = ~_occluded(view, stereo, rig, source, sample[guilty])
+    ncc_lidar = ncc_at(*half_res, view.row[sample] // HALF, view.column[sample] // HALF, d0[sample] / np.float32(HALF))
+    verified = ncc_lidar < ncc_stereo[sample] - np.float32(LIDAR_CONFLICT.clearly_less)
+    verified[verified] = ~_occluded(view, stereo, rig, source, sample[verified])
     lidar_conflicts = np.zeros(valid.size, dtype=np.bool_)
-    # Points lie in row-major order: those left out are neighbours of the one that stands for them.
-    lidar_conflicts[flagged] = guilty.repeat(stride)[: flagged.size]
+    # Points lie in row-major order: those left out are neighbours of the verified one.
+    lidar_conflicts[flagged] = verified.repeat(stride)[: flagged.size]
     return VerifiedConflicts(view.row, view.column, valid & (lidar_conflicts | ~over), lidar_conflicts)
 
 
-def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: NDArray[np.intp]) -> Mask:
+def _occluded(view: LidarView, stereo: StereoMap, rig: Rig, source: int, sample: Indices) -> Mask:
     """(S,) mask of points whose beam passes over the surface that stereo sees (free space).
 
     Stereo sees something nearer than the LiDAR; at its depth z_s = f b / ds the beam runs through a pixel p' whose own
-    disparity is smaller than ds by more than 3 px. Then the point is hidden from the cameras, and nobody is wrong.
+    disparity is smaller than ds by more than 3 px. Then the point is occluded from the cameras, and no sensor is wrong.
     """
     assert rig.lidar is not None
     camera = rig.camera(view.reference)

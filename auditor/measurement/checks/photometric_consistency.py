@@ -1,4 +1,4 @@
-"""How alike the pictures of two cameras are: at the disparities that stereo found, and at the LiDAR's."""
+"""Photometric consistency of two images, by the NCC of patches: at stereo's disparities, and at the LiDAR's."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -11,44 +11,40 @@ from auditor.measurement.checks.brightness import fit_gain
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import GAIN_FIT, HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 
-_REACH = PATCH_CORRELATION.radius_px
-_SIDE = 2 * _REACH + 1
+_RADIUS = PATCH_CORRELATION.radius_px
+_SIDE = 2 * _RADIUS + 1
 _AREA = _SIDE * _SIDE
-_PATCH_FLOOR = PATCH_CORRELATION.norm_floor  # a patch without texture correlates with nothing
+_NORM_FLOOR = PATCH_CORRELATION.norm_floor  # a patch without texture correlates with nothing
 _WHITE = np.float32(255)
 _NEARBY = np.ones(PHOTOMETRIC_CONSISTENCY.nearby_px, dtype=np.uint8)
-_AROUND_HIDDEN = np.ones(PHOTOMETRIC_CONSISTENCY.around_occluded_px, dtype=np.uint8)
+_AROUND_OCCLUDED = np.ones(PHOTOMETRIC_CONSISTENCY.around_occluded_px, dtype=np.uint8)
 _OVERSAMPLING, _BESIDE_STEPS = PATCH_CORRELATION.oversampling, PATCH_CORRELATION.steps_beside
-
-Floats = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class PairConsistency:
-    """A pair's pictures compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
+    """A pair's images compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
-    `alike` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: both cameras can see
-    what is there, and there is texture in either picture or light that does not saturate. `unlike`: comparable, and
-    whatever stereo chose there, the two cameras do not see the same thing: textures alike nowhere within 5 x 5
-    pixels, or, gain and offset fitted, brightness that nothing within 5 x 5 pixels has.
+    `ncc` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: both cameras can see
+    the point, and it has texture in either image or a brightness that does not saturate. `inconsistent`: comparable,
+    and the two cameras do not see the same, whatever stereo chose there: no NCC within 5 x 5 pixels is high, or, gain
+    and offset fitted, no brightness within 5 x 5 pixels is the same.
     """
 
-    alike: Floats
+    ncc: Floats32
     comparable: Mask
-    unlike: Mask
+    inconsistent: Mask
 
 
 def matchable(range_px: int) -> RangeMask:
-    """What is too near for a matcher of that range; towards its end matches are wrong already."""
+    """The range mask of a matcher; towards the end of its range matches are wrong already."""
     return RangeMask(MATCHER_RANGE.comparable_share * range_px, range_px)
 
 
-def photometric_consistency(
-    reference: NDArray[np.uint8], source: NDArray[np.uint8], stereo: StereoMap
-) -> PairConsistency:
-    """Warp the witness by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
+def photometric_consistency(reference: Image, source: Image, stereo: StereoMap) -> PairConsistency:
+    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
     height, width = reference.shape
     step = HALF // stereo.step
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
@@ -61,20 +57,22 @@ def photometric_consistency(
     mean_r, mean_w = _mean(still), _mean(warped)
     norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
     norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
-    alike = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _PATCH_FLOOR) * (norm_w + _PATCH_FLOOR))
-    seen = _inside(valid) & ~_hidden(column)
+    ncc = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _NORM_FLOOR) * (norm_w + _NORM_FLOOR))
+    seen = _inside(valid) & ~_occluded(column)
     structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
     lit, differs = _brightness(mean_r, mean_w)
-    unlike = (structured & (cv2.dilate(alike, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)) | (lit & differs)
+    no_match = structured & (cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)
     return PairConsistency(
-        np.asarray(alike, np.float32), np.asarray(seen & (structured | lit)), np.asarray(seen & unlike)
+        np.asarray(ncc, np.float32),
+        np.asarray(seen & (structured | lit)),
+        np.asarray(seen & (no_match | (lit & differs))),
     )
 
 
 def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple[Mask, Mask]:
-    """Where one of two pictures at least is not saturated, and where the reference's brightness is nowhere near.
+    """Where at least one of two images is not saturated, and where the reference's brightness differs from all nearby.
 
-    What is saturated in the witness may be as bright as it likes: the reference shows at least what was fitted to it.
+    A saturated source pixel has no upper limit: the reference shows at least what was fitted to it.
     """
     every = PHOTOMETRIC_CONSISTENCY.gain_step
     target, source = (np.asarray(mean[::every, ::every], dtype=np.float32) for mean in (mean_r, mean_w))
@@ -87,44 +85,44 @@ def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple
 
 
 def _inside(valid: Mask) -> Mask:
-    """The valid pixels with no invalid one beside them: there the true match lies outside, and a wrong one is taken."""
+    """The valid pixels without invalid ones beside them: next to those the true match often lies outside the image."""
     kernel = np.ones((1, PHOTOMETRIC_CONSISTENCY.beside_invalid_px), dtype=np.uint8)
     eroded = cv2.erode(valid.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(1,))
     return np.asarray(eroded, dtype=np.bool_)
 
 
-def _hidden(column: Floats) -> Mask:
-    """The pixels that a nearer surface to their right hides from the witness: it lands left of their match."""
+def _occluded(column: Floats32) -> Mask:
+    """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs."""
     leftmost = np.minimum.accumulate(np.nan_to_num(column, nan=np.inf)[:, ::-1], axis=1)[:, ::-1]
-    hidden = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
-    return np.asarray(cv2.dilate(hidden, _AROUND_HIDDEN), dtype=np.bool_)
+    occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
+    return np.asarray(cv2.dilate(occluded, _AROUND_OCCLUDED), dtype=np.bool_)
 
 
 def ncc_at(
-    reference: NDArray[np.uint8],
-    source: NDArray[np.uint8],
+    reference: Image,
+    source: Image,
     row: NDArray[np.integer],
     column: NDArray[np.integer],
-    disparity: Floats,
-) -> Floats:
+    disparity: Floats32,
+) -> Floats32:
     """(M,) the largest correlation at given disparities and half a pixel beside them.
 
     Images (h, w) grey, rows, columns and disparities (M,) are all at half resolution.
     """
-    margin = _OVERSAMPLING * (_REACH + _REACH)
+    margin = _OVERSAMPLING * (_RADIUS + _RADIUS)
     wide = _OVERSAMPLING * (_SIDE - 1) + 1
     shifts = 2 * _BESIDE_STEPS + 1
     doubled = cv2.copyMakeBorder(
-        _oversampled(source), _REACH, _REACH, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
+        _oversampled(source), _RADIUS, _RADIUS, margin, margin + _OVERSAMPLING, cv2.BORDER_REPLICATE
     )
-    framed = cv2.copyMakeBorder(reference, _REACH, _REACH, _REACH, _REACH, cv2.BORDER_REPLICATE)
+    framed = cv2.copyMakeBorder(reference, _RADIUS, _RADIUS, _RADIUS, _RADIUS, cv2.BORDER_REPLICATE)
     patch = framed.ravel()[(row * framed.shape[1] + column)[:, None] + _offsets(framed.shape[1], _SIDE)]
     patch = patch.astype(np.float32)
     patch -= patch.mean(axis=1, keepdims=True)
-    norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_PATCH_FLOOR)
+    norm = np.sqrt(np.einsum("mp,mp->m", patch, patch)) + np.float32(_NORM_FLOOR)
     patch = patch.reshape(row.size, _SIDE, _SIDE)
     middle = np.rint((column - disparity) * _OVERSAMPLING).astype(np.intp)
-    start = np.clip(middle, 0, _OVERSAMPLING * (source.shape[1] - 1)) - _OVERSAMPLING * _REACH - _BESIDE_STEPS + margin
+    start = np.clip(middle, 0, _OVERSAMPLING * (source.shape[1] - 1)) - _OVERSAMPLING * _RADIUS - _BESIDE_STEPS + margin
     stride = doubled.shape[1]
     strips = doubled.ravel()[(row * stride + start)[:, None] + _offsets(stride, wide + shifts - 1)]
     strips = strips.astype(np.float32).reshape(row.size, _SIDE, wide + shifts - 1)
@@ -132,10 +130,10 @@ def ncc_at(
     return np.asarray(np.max(scores, axis=0) / norm, dtype=np.float32)
 
 
-def _projection(patch: Floats, other: Floats) -> Floats:
+def _projection(patch: Floats32, other: Floats32) -> Floats32:
     """(M,) products of patches without their means and others, over the others' norms."""
     total, power = np.einsum("mrc->m", other), np.einsum("mrc,mrc->m", other, other)
-    norm = np.sqrt(np.maximum(power - total * total / np.float32(_AREA), 0)) + np.float32(_PATCH_FLOOR)
+    norm = np.sqrt(np.maximum(power - total * total / np.float32(_AREA), 0)) + np.float32(_NORM_FLOOR)
     return np.asarray(np.einsum("mrc,mrc->m", patch, other) / norm, dtype=np.float32)
 
 
@@ -143,7 +141,7 @@ def _mean(image: cv2.typing.MatLike) -> cv2.typing.MatLike:
     return cv2.boxFilter(image, cv2.CV_32F, (_SIDE, _SIDE))
 
 
-def _oversampled(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _oversampled(image: Image) -> Image:
     """(h, 2 w): each pixel, then its mean with the next."""
     doubled = np.repeat(image, _OVERSAMPLING, axis=1)
     doubled[:, 1:-1:2] = (image[:, :-1] & image[:, 1:]) + ((image[:, :-1] ^ image[:, 1:]) >> 1)  # without overflow
@@ -151,6 +149,6 @@ def _oversampled(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @cache
-def _offsets(stride: int, width: int) -> NDArray[np.intp]:
+def _offsets(stride: int, width: int) -> Indices:
     rows = np.arange(_SIDE, dtype=np.intp) * stride
     return np.asarray((rows[:, None] + np.arange(width, dtype=np.intp)).ravel(), dtype=np.intp)

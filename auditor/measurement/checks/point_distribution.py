@@ -1,34 +1,30 @@
-"""How the LiDAR's points are spread: points that stand alone, and strips of a view without any.
+"""The checks of the LiDAR alone: isolated points, and strips of a view that lack points.
 
-An object, real or bogus, returns many points at like range. Drops of rain return one each, all around the sensor and
-near it: their light fades with the fourth power of range. Points spoofed at chance ranges stand alone far away, too.
+An object, real or bogus, returns many points at one range. Drops of rain return one each, all around the sensor and
+near it: their light fades with the fourth power of range. Points spoofed at random ranges are isolated far away, too.
 An attack that removes points leaves a strip without any.
 """
 
 from math import isnan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import ISOLATED_POINTS, POINT_DROPOUT
+from auditor.model.arrays import Mask
 from auditor.model.checks import IsolatedShares
 
 _NEAR_M, _BEYOND_M = ISOLATED_POINTS.near_m, ISOLATED_POINTS.far_m
-
-
 _ACROSS = ISOLATED_POINTS.parts_across
+_STEP_PX = POINT_DROPOUT.step_px
 
 
-Mask = NDArray[np.bool_]
-
-
-def isolated_shares(view: LidarView, alone: Mask, width_px: int) -> IsolatedShares:
-    """How many of the points in a view stand `alone` (M,), near the LiDAR and beyond; NaN where it has under 200."""
+def isolated_shares(view: LidarView, mask: Mask, width_px: int) -> IsolatedShares:
+    """The shares of isolated points, `mask` (M,), in a view, near the LiDAR and beyond; NaN under 200 points."""
     if view.row.size < ISOLATED_POINTS.fewest:
         return IsolatedShares()
     distance = np.linalg.norm(view.point_m, axis=1)
-    near, beyond = alone & (distance < _NEAR_M), alone & (distance >= _NEAR_M) & (distance < _BEYOND_M)
+    near, beyond = mask & (distance < _NEAR_M), mask & (distance >= _NEAR_M) & (distance < _BEYOND_M)
     part = view.column * _ACROSS // width_px + _ACROSS * (view.row > np.median(view.row))
     count = np.bincount(part, minlength=2 * _ACROSS)
     shares = np.bincount(part[near], minlength=2 * _ACROSS) / np.maximum(count, 1)
@@ -36,9 +32,9 @@ def isolated_shares(view: LidarView, alone: Mask, width_px: int) -> IsolatedShar
 
 
 def isolated_ratio(found: IsolatedShares) -> float | None:
-    """How many points stand alone 8 to 40 m away, from 0 to 1; half a per cent of the view's are a half.
+    """The statistic of isolated points 8 to 40 m away, 0 to 1; half a per cent of the view's points give a half.
 
-    Drops of rain do so nearby many times as often: half of what stands alone there is taken off. None where too few
+    Drops of rain are isolated nearby many times as often: half of the share there is subtracted. None where too few
     points are in view.
     """
     if isnan(found.isolated_beyond):
@@ -58,19 +54,17 @@ def isolated(view: LidarView, focal_px: float) -> Mask:
     shape = tuple((cell.max(axis=1, initial=0) + 2).tolist())
     place = np.ravel_multi_index(tuple(cell), shape)
     counts = np.bincount(place, minlength=int(np.prod(shape)))
-    alone: Mask = counts[place] <= ISOLATED_POINTS.most_together
-    around = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - np.ravel_multi_index((1, 1, 1), shape)
-    alone[alone] = counts[place[alone][:, None] + around].sum(axis=1) <= ISOLATED_POINTS.most_together
-    return alone
-
-
-_STEP_PX = POINT_DROPOUT.step_px
+    mask: Mask = counts[place] <= ISOLATED_POINTS.most_together
+    centre = np.ravel_multi_index((1, 1, 1), shape)
+    neighbours = np.ravel_multi_index(np.indices((3, 3, 3)).reshape(3, -1), shape) - centre
+    mask[mask] = counts[place[mask][:, None] + neighbours].sum(axis=1) <= ISOLATED_POINTS.most_together
+    return mask
 
 
 def point_dropout(view: LidarView, width_px: int) -> float:
-    """The share of its usual points that the emptiest upright strip of the view lacks, 0 to 1.
+    """The share of the usual points that the upright strip with the fewest points lacks, 0 to 1.
 
-    Strips are 104 px wide, every 8 px one; usual is the median strip's number of points. 1 where the view is empty.
+    Strips are 104 px wide, every 8 px one; usual is the median strip's number of points. 1 where the view has none.
     """
     steps = np.bincount(view.column // _STEP_PX, minlength=-(-width_px // _STEP_PX))[: width_px // _STEP_PX]
     strips = np.convolve(steps, np.ones(min(POINT_DROPOUT.strip_steps, steps.size)), mode="valid")

@@ -1,4 +1,4 @@
-"""The LiDAR in a camera's view: Eq. 1 through full projection matrices, and what a source camera can see too."""
+"""The LiDAR in a camera's view: Eq. 1 through full projection matrices; what a source camera sees; the range mask."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
+from auditor.model.arrays import Floats32, Mask, Points
 from auditor.model.frames import PointCloud
 from auditor.model.geometry import Matrix
 from auditor.model.rig import Camera, Rig
@@ -15,7 +16,7 @@ from auditor.model.rig import Camera, Rig
 
 @dataclass(frozen=True, eq=False)
 class LidarView:
-    """The LiDAR's points as reference camera k sees them, one a pixel, hidden ones dropped.
+    """The LiDAR's points as reference camera k sees them, one a pixel, occluded ones dropped.
 
     `column` and `row` are (M,) integer pixels; `u_px` the (M,) exact column; `point_m` the (M, 3) points in the LiDAR
     frame; `returns` counts the points in view before any was dropped; `rig` is what they were projected by.
@@ -24,17 +25,17 @@ class LidarView:
     reference: int
     column: NDArray[np.int32]
     row: NDArray[np.int32]
-    u_px: NDArray[np.float32]
-    point_m: NDArray[np.float32]
+    u_px: Floats32
+    point_m: Points
     returns: int
     rig: Rig
-    _disparities: dict[int, NDArray[np.float32]] = field(default_factory=dict, init=False, repr=False)
+    _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
 
-    def disparity_px(self, source: int) -> NDArray[np.float32]:
+    def disparity_px(self, source: int) -> Floats32:
         """DM_{0,k} at a source camera: (M,) column in view k minus column in the source's view; not to be written to.
 
         Both columns come from full projection matrices: f b / z is off by up to a pixel where the cameras' optical
-        centres differ in z. Every check of a frame asks for them, so they are kept.
+        centres differ in z. Every check of a frame needs them, so they are kept.
         """
         if source not in self._disparities:
             u_source, _, _ = _project(_projection(self.rig, self.rig.camera(source)), self.point_m)
@@ -44,7 +45,7 @@ class LidarView:
 
 
 def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
-    """Project a cloud into camera `reference`, keep the nearest point of each pixel, drop what nearer ones hide."""
+    """Project a cloud into camera `reference`, keep the nearest point of each pixel, drop occluded points."""
     camera = rig.camera(reference)
     P = _projection(rig, camera)
     points = cloud.xyz_m
@@ -58,13 +59,11 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     owner = np.full((camera.height_px, camera.width_px), -1, dtype=np.int32)
     owner[row[inside], column[inside]] = inside
     kept = owner[owner >= 0]
-    kept = kept[_unhidden(camera, column[kept], row[kept], depth[kept])]
+    kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
     return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig)
 
 
-def _unhidden(
-    camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32) -> Mask:
     """(M,) mask of the points with no much nearer neighbour: the LiDAR sits above and looks over near edges."""
     disparity = np.float32(camera.focal_px * LIDAR_PROJECTION.baseline_m) / depth
     dense = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
@@ -73,31 +72,29 @@ def _unhidden(
     return np.asarray(nearest[row, column] - disparity <= LIDAR_PROJECTION.nearer_by_px)
 
 
-def _projection(rig: Rig, camera: Camera) -> NDArray[np.float32]:
+def _projection(rig: Rig, camera: Camera) -> Floats32:
     assert rig.lidar is not None
     P: Matrix = camera.projection @ rig.lidar.rig_SE3_lidar
     return P.astype(np.float32)
 
 
-def _project(
-    P: NDArray[np.float32], points: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+def _project(P: Floats32, points: Floats32) -> tuple[Floats32, Floats32, Floats32]:
     """Columns and rows in pixels, and depths in metres, of (N, 3) points."""
     u, v, depth = P[:, :3] @ points.T + P[:, 3:]
     return u / depth, v / depth, depth
 
 
-def visible_to_source(view: LidarView, rig: Rig, source: int, d0_px: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(M,) mask of the points of a view that no much nearer point hides from the witness's camera.
+def visible_to_source(view: LidarView, rig: Rig, source: int, d0_px: Floats32) -> Mask:
+    """(M,) mask of the points of a view that no much nearer point occludes from a source camera.
 
-    `d0_px` is DM_{0,k} at that witness. A point is hidden where another, within 7 x 3 half-resolution pixels of the
-    witness's image, is nearer by more than 3 px at a baseline of 0.6 m. Points outside its image are not visible.
+    `d0_px` is DM_{0,k} at that source. A point is occluded where another, within 7 x 3 half-resolution pixels of the
+    source image, is nearer by more than 3 px at a baseline of 0.6 m. Points outside the source image are not visible.
     """
     # The z-buffer of the source camera is kept at half resolution.
     camera = rig.camera(source)
     scale = np.float32(LIDAR_PROJECTION.baseline_m / rig.baseline_m(source, view.reference))
     height, width = -(-camera.height_px // HALF), -(-camera.width_px // HALF)
-    # Rectified images share their rows, so the point's row in the reference is its row in the witness as well.
+    # Rectified images share their rows, so the point's row in the reference is its row in the source as well.
     row = np.minimum(view.row // HALF, height - 1)
     column = np.rint((view.u_px - d0_px) / HALF).astype(np.intp)
     inside = (column >= 0) & (column < width)
@@ -112,22 +109,20 @@ def visible_to_source(view: LidarView, rig: Rig, source: int, d0_px: NDArray[np.
 
 
 class RangeMask(NamedTuple):
-    """What is nearer than a disparity of `limit_px` is too near, and hides what lies up to `hides_px` left of it."""
+    """Points of disparities above `limit_px` are masked, with what they occlude: up to `hides_px` to their left."""
 
     limit_px: float
     hides_px: int
 
 
-def out_of_range(
-    view: LidarView, alone: NDArray[np.bool_], source: int, range_mask: RangeMask, shape: tuple[int, int]
-) -> NDArray[np.bool_]:
-    """(h, w) half-resolution mask of where the LiDAR sees something too near to be compared.
+def out_of_range(view: LidarView, isolated: Mask, source: int, range_mask: RangeMask, shape: tuple[int, int]) -> Mask:
+    """(h, w) half-resolution mask of where the LiDAR sees something nearer than the range mask's limit.
 
-    16 px around it are masked, and what it can hide from the witness. Points that stand `alone` (M,) hide nothing: in
-    light rain a few dozen drops would keep most of the view from the cameras' witnesses.
+    16 px around it are masked, and what it can occlude from the source. `isolated` points (M,) occlude nothing: in
+    light rain a few dozen drops would mask most of the view.
     """
     near = view.disparity_px(source) > range_mask.limit_px
-    near &= ~alone
+    near &= ~isolated
     mask = np.zeros(shape, dtype=np.uint8)
     if near.any():
         row, column = view.row[near] // HALF, view.column[near] // HALF

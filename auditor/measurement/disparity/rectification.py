@@ -1,9 +1,9 @@
-"""Recorded pictures -> those that the ideal cameras of the rig's common view would have taken.
+"""Rectification: recorded images become those that the ideal cameras of the rig's common view would record.
 
-What follows never knows that a rig was not rectified: it gets one picture a camera, one rig, one depth a disparity.
-Cameras that do not stand on one line have no rows in common. Two of them always do: each pair is a rig of two with a
-view of its own, and what is seen there is brought back to the common view. Turned into their rows, pictures are no
-upright rectangles any more: a pair's view is wide enough for all that both see, and masks say what that is.
+All later steps work on rectified rigs only: one image a camera, one depth a disparity. Cameras that do not stand on one
+line have no rows in common. Two of them always do: each pair is a rig of two with a view of its own, and what is
+measured there is warped to the common view. Rotated to common rows, images are not upright rectangles any more: a
+pair's view is wide enough for all that both see, and valid masks mark what that is.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,10 +12,10 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import RECTIFICATION
+from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
 from auditor.model.common_view import CommonView, common_view, recorded_pixels, sees
 from auditor.model.frames import CameraImage, Frame, Skipped
@@ -23,12 +23,10 @@ from auditor.model.rig import LIDAR, Camera, Rig
 
 _BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
 
-Mask = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
 class _Remap:
-    """How one camera's picture becomes rectified: shrunk by `scale` first, then looked up in the maps.
+    """How one camera's image becomes rectified: shrunk by `scale` first, then remapped.
 
     `seen` (H, W) are the pixels that lie well inside it.
     """
@@ -42,9 +40,9 @@ class _Remap:
 class Rectification:
     """`rig` is the ideal rig: same sensors, same numbers, cameras of one size and focal length that look the same way.
 
-    Where they are so already it is the rig itself, there are no remaps, and frames stay what they are. Where cameras do
-    not stand on one line, and there alone, the `pairs` (i, k) that are matched have views of their own: the ideal rig's
-    pictures are then for looking at and for bringing back to.
+    Where they are so already it is the rig itself, there are no remaps, and frames stay what they are. Only where
+    cameras do not stand on one line, the `pairs` (i, k) that are matched have views of their own: the ideal rig's
+    images are then for display, and its view is the one that pairs are warped to.
     """
 
     rig: Rig
@@ -62,15 +60,15 @@ class Rectification:
         return replace(frame, images={number: self.image(image) for number, image in frame.images.items()})
 
     def image(self, image: CameraImage) -> CameraImage:
-        """One picture, (H, W) or (H, W, 3) of its camera's size, as its ideal camera would have taken it."""
+        """One image, (H, W) or (H, W, 3) of its camera's size, as its ideal camera would have recorded it."""
         if not self.remaps:
             return image
         remap = self.remaps[image.sensor]
         pixels: cv2.typing.MatLike = image.pixels
         if remap.scale < 1:
-            # Looking up every second pixel would turn fine texture into false one.
+            # Remapping every second pixel would alias fine texture.
             pixels = cv2.resize(pixels, None, fx=remap.scale, fy=remap.scale, interpolation=cv2.INTER_AREA)
-        # The maps stay inside the picture up to rounding; at its very border the last pixel stands for the next.
+        # The maps stay inside the image up to rounding; at its very border the last pixel is repeated.
         pixels = cv2.remap(pixels, *remap.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return replace(image, pixels=np.asarray(pixels, dtype=np.uint8))
 
@@ -81,15 +79,15 @@ class PairView:
 
     cameras: Pair
     seen: Rectification
-    back: PairToSharedView
+    to_shared: PairToSharedView
 
     @property
     def valid_masks(self) -> dict[int, Mask]:
-        """(H, W) by camera of the pair what it sees of the view, well inside its picture."""
+        """(H, W) by camera of the pair the pixels of the view that it sees, well inside its image."""
         return {number: remap.seen for number, remap in self.seen.remaps.items()}
 
     def frame(self, frame: Frame) -> Frame:
-        """What the pair's rig recorded of a frame, rectified; cameras that are missing there are here."""
+        """What the pair's rig recorded of a frame, rectified; cameras missing in the frame are missing here."""
         return self.seen.frame(self.recorded(frame))
 
     def recorded(self, frame: Frame) -> Frame:
@@ -106,7 +104,7 @@ class PairView:
 
 @lru_cache(maxsize=8)
 def rectification(rig: Rig) -> Rectification:
-    """What it takes to rectify a rig's frames, worked out once a rig.
+    """The rectification of a rig's frames, computed once a rig.
 
     Raises RigError where the cameras, or two of them that have to be matched in a view of their own, see nothing in
     common.
@@ -121,8 +119,8 @@ def rectification(rig: Rig) -> Rectification:
 def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:
     of_two = rig.pair(*pair)
     view = common_view(of_two, widest=True)
-    back = PairToSharedView(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
-    return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), back)
+    to_shared = PairToSharedView(view.rig.camera(1), whole.rig.camera(1), view.view_SO3_rig @ whole.view_SO3_rig.T)
+    return PairView(pair, Rectification(view.rig, _remaps(of_two, view)), to_shared)
 
 
 def _remaps(rig: Rig, view: CommonView) -> dict[int, _Remap]:
@@ -136,8 +134,8 @@ def _remap(camera: Camera, view: CommonView) -> _Remap:
     pixels = recorded_pixels(camera, view.view_SO3_rig, view.x, view.y)
     inside = sees(pixels, camera, 1).astype(np.uint8)
     seen = np.asarray(cv2.erode(inside, _BORDER, borderType=cv2.BORDER_CONSTANT, borderValue=(1,)), dtype=np.bool_)
-    # A picture at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
-    # What lies behind the lens is not seen, and may show anything.
+    # An image at another scale has its pixels' centres at (u + 0.5) * scale - 0.5.
+    # Rays behind the lens are not seen; their pixels may hold anything.
     u, v = (np.nan_to_num((place + 0.5) * scale - 0.5, nan=-1.0) for place in pixels)
     maps = cv2.convertMaps(u.astype(np.float32), v.astype(np.float32), cv2.CV_16SC2)
     return _Remap(scale, maps, seen)

@@ -6,26 +6,13 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.disparity.matchers.interface import Matcher, match_pairs
 from auditor.measurement.parameters import HALF, TEXTURE
+from auditor.model.arrays import Floats32, Image, Mask
 
 _SOBEL_PX, _SOBEL_GAIN = 3, 8
 """The smallest Sobel kernel, and the sum of its weights' sizes."""
-
-
-def textured(half: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(h, w) mask of the pixels of a half-resolution (h, w) grey image whose surroundings have texture.
-
-    Texture is the root mean square of the horizontal Sobel gradient, in grey levels a pixel.
-    """
-    gradient = cv2.Sobel(half, cv2.CV_32F, 1, 0, ksize=_SOBEL_PX, scale=1 / _SOBEL_GAIN)
-    power = cv2.boxFilter(gradient * gradient, cv2.CV_32F, TEXTURE.window_px)
-    return np.asarray(power > TEXTURE.fewest_levels * TEXTURE.fewest_levels)
-
-
-Mask = NDArray[np.bool_]
 
 
 Key = TypeVar("Key", bound=Hashable)
@@ -36,11 +23,11 @@ class StereoMap:
     """DM_{i,k}, dense, one value a pixel of the matcher's grid.
 
     `disparity_px` (h, w) in full-resolution pixels at baseline b_{i,k}, NaN unknown. `valid` (h, w): a disparity was
-    found and its match lies inside the witness's image. `textured` (h, w): the reference has texture there, or the
-    witness does at the match. Grid pixels are `step` full-resolution ones wide; disparities end at `range_px`.
+    found and its match lies inside the source image. `textured` (h, w): the reference has texture there, or the source
+    does at the match. Grid pixels are `step` full-resolution ones wide; disparities end at `range_px`.
     """
 
-    disparity_px: NDArray[np.float32]
+    disparity_px: Floats32
     valid: Mask
     textured: Mask
     step: int
@@ -49,8 +36,8 @@ class StereoMap:
 
 def stereo_map(
     matcher: Matcher,
-    reference: NDArray[np.uint8],
-    source: NDArray[np.uint8],
+    reference: Image,
+    source: Image,
     reference_texture: Mask,
     source_texture: Mask,
 ) -> StereoMap:
@@ -60,13 +47,13 @@ def stereo_map(
 
 def stereo_maps(
     matcher: Matcher,
-    images: Mapping[Key, NDArray[np.uint8]],
+    images: Mapping[Key, Image],
     texture: Mapping[Key, Mask],
     pairs: Iterable[tuple[Key, Key]],
 ) -> dict[tuple[Key, Key], StereoMap]:
-    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them; the matcher sees all pairs at once.
+    """DM_{i,k} for each pair (i, k) of keys, as `stereo_map` gives them; the matcher gets all pairs at once.
 
-    Keys are whatever names an image: a camera, or a frame and a camera.
+    A key is the name of an image: a camera, or a frame and a camera.
     """
     pairs, cameras = list(pairs), list(images)
     places = [(cameras.index(k), cameras.index(i)) for i, k in pairs]
@@ -78,15 +65,13 @@ def stereo_maps(
 
 
 def within(stereo: StereoMap, reference_sees: Mask, source_sees: Mask) -> StereoMap:
-    """The map, valid only where the reference sees and the witness does at the match; (H, W) full-resolution masks."""
+    """The map, valid only where the reference sees and the source does at the match; (H, W) full-resolution masks."""
     seen = seen_by_both(stereo.disparity_px, stereo.step, reference_sees, source_sees)
     return replace(stereo, valid=stereo.valid & seen)
 
 
-def seen_by_both(
-    disparity_px: NDArray[np.float32], step: int, reference_sees: Mask, source_sees: Mask
-) -> NDArray[np.bool_]:
-    """(h, w) mask of the disparities whose pixel the reference sees and whose match the witness does."""
+def seen_by_both(disparity_px: Floats32, step: int, reference_sees: Mask, source_sees: Mask) -> Mask:
+    """(h, w) mask of the disparities whose pixel the reference sees and whose match the source sees."""
     width = disparity_px.shape[1]
     match = np.nan_to_num(np.rint(np.arange(width) - disparity_px / step))
     column = np.clip(match, 0, width - 1).astype(np.intp)
@@ -94,9 +79,17 @@ def seen_by_both(
     return np.asarray(there & reference_sees[::step, ::step])
 
 
-def _stereo_map(
-    matcher: Matcher, disparity: NDArray[np.float32], reference_texture: Mask, source_texture: Mask
-) -> StereoMap:
+def textured(half: Image) -> Mask:
+    """(h, w) mask of the pixels of a half-resolution (h, w) grey image whose surroundings have texture.
+
+    Texture is the root mean square of the horizontal Sobel gradient, in grey levels a pixel.
+    """
+    gradient = cv2.Sobel(half, cv2.CV_32F, 1, 0, ksize=_SOBEL_PX, scale=1 / _SOBEL_GAIN)
+    power = cv2.boxFilter(gradient * gradient, cv2.CV_32F, TEXTURE.window_px)
+    return np.asarray(power > TEXTURE.fewest_levels * TEXTURE.fewest_levels)
+
+
+def _stereo_map(matcher: Matcher, disparity: Floats32, reference_texture: Mask, source_texture: Mask) -> StereoMap:
     height, width = disparity.shape
     step = matcher.step
     u = np.arange(width, dtype=np.float32)

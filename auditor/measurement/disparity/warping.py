@@ -1,9 +1,9 @@
-"""What a pair saw in its own view, as the reference view of the same camera has it.
+"""Warps from a pair's own view to the reference view of the same camera: a homography by rotation.
 
-Both views of a camera k share its centre, so a turn and two K take the one to the other, whatever the depth. The ray
-r = K_r^-1 (u, v, 1) of the reference view is the direction s = T r of the pair's, seen there at K_p s / s_z. A surface
-at z_p = f_p b / d_p along the pair's axis lies at z_r = z_p / s_z along the reference's, since r_z = 1; so a disparity
-brought back, at the pair's baseline b, is d_r = f_r b / z_r = d_p s_z f_r / f_p.
+Both views of a camera k share its centre, so a rotation and two K take the one to the other, whatever the depth. The
+ray r = K_r^-1 (u, v, 1) of the reference view is the direction s = T r of the pair's, seen there at K_p s / s_z. A
+surface at z_p = f_p b / d_p along the pair's axis lies at z_r = z_p / s_z along the reference's, since r_z = 1; so a
+warped disparity, at the pair's baseline b, is d_r = f_r b / z_r = d_p s_z f_r / f_p.
 """
 
 from dataclasses import dataclass, field
@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.geometry import Matrix
 from auditor.model.rig import Camera
-
-Floats = NDArray[np.float32]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +27,16 @@ class _Lookup:
 
     row: Indices
     column: Indices
-    inside: NDArray[np.bool_]
-    scale: Floats
+    inside: Mask
+    scale: Floats32
 
 
 @dataclass(frozen=True, eq=False)
 class PairToSharedView:
     """From a pair's own view to the reference view of either of its cameras.
 
-    `own` and `reference` are ideal cameras of the two views; `own_SO3_reference` (3, 3) turns the axes of the reference
-    view into the pair's. What is looked up is worked out once a step.
+    `own` and `reference` are ideal cameras of the two views; `own_SO3_reference` (3, 3) rotates the axes of the
+    reference view to the pair's. Each step has one lookup, computed once.
     """
 
     own: Camera
@@ -58,13 +56,13 @@ class PairToSharedView:
         )
 
     def comparison(self, own: Comparison) -> Comparison:
-        """The same counts, their marks in the reference view; those that it does not show are dropped."""
+        """The same counts, their pixels in the reference view; those outside it are dropped."""
         row, column = self._forward(own.row, own.column, own.step)
         height, width = _grid(self.reference, own.step)
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return Comparison(own.counts, row[inside], column[inside], own.step)
 
-    def values(self, own: Floats, step: int) -> Floats:
+    def values(self, own: Floats32, step: int) -> Floats32:
         """Values (h, w) of a grid of that step in the reference view, NaN where the pair does not see."""
         at = self._lookup(step)
         return np.where(at.inside, own[at.row, at.column], np.float32(np.nan))

@@ -1,1 +1,1 @@
-"""Fault features: what tells a sensor's fault from an attack."""
+"""Fault features: numbers that separate a sensor's fault from an attack."""

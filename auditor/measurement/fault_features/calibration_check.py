@@ -1,8 +1,8 @@
-"""Whether a rig fits the pictures and points that were recorded with it.
+"""Whether a rig fits the images and points that were recorded with it.
 
-A wrong calibration makes every frame look attacked: pictures that are not rectified though the rig says so, another
-vehicle's rig, a baseline counted twice, a LiDAR that was moved. It differs from an attack in that it concerns the whole
-view of every frame, so a few frames tell, and it is said before anybody reads verdicts.
+A wrong calibration makes every frame look attacked: images that are not rectified though the rig has them so, another
+vehicle's rig, a baseline counted twice, a LiDAR that was moved. Unlike an attack it affects the whole view of every
+frame, so a few frames are enough, and users are warned before they read verdicts.
 """
 
 from collections import Counter
@@ -13,17 +13,17 @@ import numpy as np
 
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import CALIBRATION_CHECK, HALF, PATCH_CORRELATION
-from auditor.measurement.shared_view import Evidence
-from auditor.model.checks import Pair, PairFaultFeatures, lead
+from auditor.measurement.shared_view import FrameArrays
+from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 
 
 class CalibrationCheck:
-    """Looks at some frames of one recording, and says what does not fit even in the better ones.
+    """Collects some frames of one recording, and warns of what does not fit even in the better ones.
 
-    In every clean frame of KITTI's drives looked at, at least 63 % of the points followed lie on the same row, and at
-    least 60 % of LiDAR points agree with stereo within 1 px. Half a degree of roll leaves at most 24 % on the same row,
-    a picture that is not rectified 35 %, a LiDAR half a degree too low 40 % agreeing (tests/benchmarks/fitting.py).
+    In every tried clean frame of KITTI's drives at least 63 % of the points followed lie on the same row, and at least
+    60 % of LiDAR points agree with stereo within 1 px. Half a degree of roll leaves at most 24 % on the same row, an
+    image that is not rectified 35 %, a LiDAR half a degree too low 40 % agreeing (tests/benchmarks/fitting.py).
     """
 
     def __init__(self) -> None:
@@ -32,18 +32,18 @@ class CalibrationCheck:
         self._features: dict[Pair, list[PairFaultFeatures]] = {}
         self._scales: dict[Pair, list[float]] = {}
 
-    def offer(self, evidence: Evidence, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
-        """Take the next measured frame; most are let pass."""
+    def offer(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
+        """Consider the next measured frame; most are skipped."""
         number, self._frames = self._frames, self._frames + 1
         if number % CALIBRATION_CHECK.every == 0 and number // CALIBRATION_CHECK.every < CALIBRATION_CHECK.most_frames:
-            self.look(evidence, fault_features)
+            self.add(arrays, fault_features)
 
-    def look(self, evidence: Evidence, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
+    def add(self, arrays: FrameArrays, fault_features: Mapping[Pair, PairFaultFeatures]) -> None:
         """Take this frame."""
-        self._rig = evidence.rig
+        self._rig = arrays.rig
         for pair, seen in fault_features.items():
             self._features.setdefault(pair, []).append(seen)
-            scale = _scale(evidence, pair)
+            scale = _scale(arrays, pair)
             if scale is not None:
                 self._scales.setdefault(pair, []).append(scale)
 
@@ -57,7 +57,7 @@ class CalibrationCheck:
             for pair, seen in sorted(self._features.items())
             if pair[1] == leftmost and (sentence := _row_warning(pair, seen, self._rig)) is not None
         ]
-        # Where rows do not fit, stereo's distances are no measure for the LiDAR's.
+        # Where rows do not fit, stereo's distances cannot check the LiDAR's.
         return tuple(off) or tuple(self._lidar_warnings(self._rig))
 
     def _lidar_warnings(self, rig: Rig) -> Iterator[str]:
@@ -75,51 +75,53 @@ class CalibrationCheck:
             if agreeing[pair] < CALIBRATION_CHECK.least_agreeing:
                 yield (
                     f"the LiDAR {rig.lidar.name} and stereo agree at {agreeing[best]:.0%} of points within 1 px by "
-                    f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera turned?"
+                    f"{rig.name(best[0])}, but at {agreeing[pair]:.0%} by {rig.name(pair[0])}: is that camera rotated?"
                 )
 
     def _lidar_warning(self, best: Pair, agreeing: float, known: list[Pair]) -> str | None:
-        fault_features = [s.agreement for s in self._features[best]]
-        leads = [
-            _median([lead(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]])
+        agreements = [s.agreement for s in self._features[best]]
+        excesses = [
+            _median(
+                [relative_excess(s.agreement.rotated_only, s.agreement.unrotated_only) for s in self._features[pair]]
+            )
             for pair in known
         ]
-        rotated = _median([one.rotated for one in fault_features])
-        moved = min(leads) >= CALIBRATION_CHECK.least_lead and rotated >= CALIBRATION_CHECK.least_agreeing
+        rotated = _median([one.rotated for one in agreements])
+        moved = min(excesses) >= CALIBRATION_CHECK.least_excess and rotated >= CALIBRATION_CHECK.least_agreeing
         if agreeing >= CALIBRATION_CHECK.least_agreeing and not moved:
             return None
-        usable = f"agree at {agreeing:.0%} of points within 1 px"
+        shares = f"agree at {agreeing:.0%} of points within 1 px"
         if moved:
-            ways = Counter((one.right_px, one.down_px) for one in fault_features if not isnan(one.rotated))
+            ways = Counter((one.right_px, one.down_px) for one in agreements if not isnan(one.rotated))
             way = _way(*ways.most_common(1)[0][0])
-            return f"{usable}, and better once its points are {way}: wrong LiDAR mounting?"
+            return f"{shares}, and better once its points are {way}: wrong LiDAR mounting?"
         scale = _median(self._scales.get(best, []))
         if abs(scale - 1) > CALIBRATION_CHECK.wrong_scale:
-            usable += f", its disparities being {scale:.2f} times the LiDAR's"
-        return f"{usable}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
+            shares += f", its disparities being {scale:.2f} times the LiDAR's"
+        return f"{shares}: wrong baseline, focal length, rectification flag or LiDAR mounting?"
 
 
 def _row_warning(pair: Pair, seen: list[PairFaultFeatures], rig: Rig) -> str | None:
     row_aligned, offset_px = _fitting([s.rows.row_aligned for s in seen]), _median([s.rows.offset_px for s in seen])
     if isnan(row_aligned) or row_aligned >= CALIBRATION_CHECK.least_aligned:
         return None
-    names = f"the pictures of {rig.name(pair[0])} and {rig.name(pair[1])}"
+    names = f"the images of {rig.name(pair[0])} and {rig.name(pair[1])}"
     if abs(offset_px) >= CALIBRATION_CHECK.clear_offset_px:
         return f"{names} are off by {abs(offset_px):.1f} rows: wrong rectification flag, or another vehicle's rig?"
     return f"{names} show {row_aligned:.0%} of points on the same row: wrong rectification flag, lens or rotation?"
 
 
-def _scale(evidence: Evidence, pair: Pair) -> float | None:
-    """Stereo's disparities over the LiDAR's, the median; None where too few points tell."""
-    if pair in evidence.pairs:
-        evidence, pair = evidence.pairs[pair].own, OF_TWO
+def _scale(arrays: FrameArrays, pair: Pair) -> float | None:
+    """Stereo's disparities over the LiDAR's, the median; None where too few points are comparable."""
+    if pair in arrays.pairs:
+        arrays, pair = arrays.pairs[pair].own, OF_TWO
     i, k = pair
-    if k not in evidence.lidar:
+    if k not in arrays.lidar:
         return None
-    view, stereo = evidence.lidar[k], evidence.maps[pair]
-    sure = evidence.frame_checks.consistencies[pair]
+    view, stereo = arrays.lidar[k], arrays.maps[pair]
+    sure = arrays.frame_checks.consistencies[pair]
     row, column = view.row // stereo.step, view.column // stereo.step
-    usable = (sure.alike * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
+    usable = (sure.ncc * sure.comparable)[view.row // HALF, view.column // HALF] > PATCH_CORRELATION.consistent
     d0, ds = view.disparity_px(i), stereo.disparity_px[row, column]
     usable &= (d0 > CALIBRATION_CHECK.smallest_px) & (ds > 0)
     return (
@@ -130,16 +132,16 @@ def _scale(evidence: Evidence, pair: Pair) -> float | None:
 
 
 def _fitting(shares: list[float]) -> float:
-    """The share that fits in those frames that fit well; NaN where it was never measured.
+    """The share that fits in the better frames; NaN where it was never measured.
 
-    So an attack on up to three quarters of the frames is no wrong calibration.
+    So an attack on up to three quarters of the frames is not taken for a wrong calibration.
     """
     known = [share for share in shares if not isnan(share)]
     return float(np.quantile(known, CALIBRATION_CHECK.frames_quantile)) if known else float("nan")
 
 
 def _median(values: list[float]) -> float:
-    """Of the numbers among the values; NaN where there is none."""
+    """The median of the measured values; NaN where there is none."""
     known = [value for value in values if not isnan(value)]
     return float(np.median(known)) if known else float("nan")
 

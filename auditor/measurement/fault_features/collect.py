@@ -1,50 +1,48 @@
-"""The symptoms of one frame after another: the frame before is remembered, so that delays can be seen."""
+"""The fault features of one frame after another: the frame before is kept, so that lags can be measured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.fault_features.contrast import contrast, smoothed
 from auditor.measurement.fault_features.lidar_agreement import LidarComparison, agreement
-from auditor.measurement.fault_features.row_alignment import Points, corners, register
+from auditor.measurement.fault_features.row_alignment import corners, register
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF
-from auditor.measurement.shared_view import Evidence
+from auditor.measurement.shared_view import FrameArrays
+from auditor.model.arrays import Floats32, Image, Points
 from auditor.model.checks import Agreement, Contrast, IsolatedShares, Pair, PairFaultFeatures, Rows, resolves_depth
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """What symptoms take of one frame: of it, and of it as the frame before.
+class FeatureInputs:
+    """What fault features are made of, of this frame or of the one before.
 
-    `halves` are its half-resolution grey images by camera. By reference: `points` (P, 2) to be followed and its
-    `specks`. By matched pair: stereo's disparities at the points, in half-resolution pixels, contrasts and, where the
-    pair may deny the LiDAR, moments.
+    `half_res` are its half-resolution grey images by camera. By reference: `points` (P, 2) to be followed and
+    `isolated_shares`. By matched pair: stereo's disparities at the points, in half-resolution pixels, `contrasts` and,
+    where the pair can check the LiDAR, `comparisons` with it.
     """
 
     half_res: Mapping[int, Image]
     points: Mapping[int, Points] = field(default_factory=dict)
     isolated_shares: Mapping[int, IsolatedShares] = field(default_factory=dict)
-    disparities_px: Mapping[Pair, NDArray[np.float32]] = field(default_factory=dict)
+    disparities_px: Mapping[Pair, Floats32] = field(default_factory=dict)
     contrasts: Mapping[Pair, Contrast] = field(default_factory=dict)
     comparisons: Mapping[Pair, LidarComparison] = field(default_factory=dict)
 
 
-def prepare(evidence: Evidence) -> Prepared:
-    """What symptoms take of the pairs that were matched in one view."""
-    half_res, maps, views = evidence.views, evidence.maps, evidence.lidar
-    consistencies, rig = evidence.frame_checks.consistencies, evidence.rig
-    points = {k: corners(half_res[k], evidence.valid_masks.get(k)) for k in dict.fromkeys(k for _, k in maps)}
+def feature_inputs(arrays: FrameArrays) -> FeatureInputs:
+    """The inputs of the pairs that were matched in one view."""
+    half_res, maps, views = arrays.views, arrays.maps, arrays.lidar
+    consistencies, rig = arrays.frame_checks.consistencies, arrays.rig
+    points = {k: corners(half_res[k], arrays.valid_masks.get(k)) for k in dict.fromkeys(k for _, k in maps)}
     smooth = {camera: smoothed(half) for camera, half in half_res.items()}
-    return Prepared(
+    return FeatureInputs(
         half_res,
         points,
-        evidence.frame_checks.isolated_shares,
+        arrays.frame_checks.isolated_shares,
         {(i, k): _at(maps[i, k], points[k]) for i, k in maps},
         {(i, k): contrast(smooth[k], smooth[i], consistencies[i, k], maps[i, k]) for i, k in maps},
         {
@@ -55,8 +53,8 @@ def prepare(evidence: Evidence) -> Prepared:
     )
 
 
-def symptoms_of(now: Prepared, before: Prepared | None) -> dict[Pair, PairFaultFeatures]:
-    """The symptoms of a frame by matched pair (i, k), after the frame before it."""
+def fault_features_of(now: FeatureInputs, before: FeatureInputs | None) -> dict[Pair, PairFaultFeatures]:
+    """The fault features of a frame by matched pair (i, k), given the frame before it."""
     rows = register(now.points, now.half_res, before.half_res if before else {}, now.disparities_px)
     earlier = before.comparisons if before else {}
     agreements = {pair: agreement(comparison, earlier.get(pair)) for pair, comparison in now.comparisons.items()}
@@ -72,25 +70,25 @@ def symptoms_of(now: Prepared, before: Prepared | None) -> dict[Pair, PairFaultF
 
 
 class FaultFeatures:
-    """Watches the frames of one recording in their order, pairs with views of their own each for itself."""
+    """The fault features of the frames of one recording, in their order; each pair with its own view by itself."""
 
     def __init__(self) -> None:
         self._pairs: Mapping[Pair, FaultFeatures] = {}
-        self._before: Prepared | None = None
+        self._before: FeatureInputs | None = None
 
-    def update(self, evidence: Evidence) -> dict[Pair, PairFaultFeatures]:
-        """The symptoms of the next frame by matched pair (i, k)."""
-        if evidence.pairs:
-            # A pair that was not there a frame ago begins anew.
-            self._pairs = {pair: self._pairs.get(pair, FaultFeatures()) for pair in evidence.pairs}
-            return {pair: self._pairs[pair].update(part.own)[OF_TWO] for pair, part in evidence.pairs.items()}
-        now = prepare(evidence)
-        found = symptoms_of(now, self._before)
+    def update(self, arrays: FrameArrays) -> dict[Pair, PairFaultFeatures]:
+        """The fault features of the next frame by matched pair (i, k)."""
+        if arrays.pairs:
+            # A pair that the frame before lacks begins anew.
+            self._pairs = {pair: self._pairs.get(pair, FaultFeatures()) for pair in arrays.pairs}
+            return {pair: self._pairs[pair].update(part.own)[OF_TWO] for pair, part in arrays.pairs.items()}
+        now = feature_inputs(arrays)
+        found = fault_features_of(now, self._before)
         self._before = now
         return found
 
 
-def _at(stereo: StereoMap, points: NDArray[np.float32]) -> NDArray[np.float32]:
+def _at(stereo: StereoMap, points: Floats32) -> Floats32:
     """The disparities of half-resolution points, in half-resolution pixels."""
     step = HALF // stereo.step
     column, row = points.astype(np.intp).T * step

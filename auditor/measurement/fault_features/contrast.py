@@ -1,30 +1,28 @@
-"""Which of two pictures is the darker where they differ: dirt takes light away, a laser brings it."""
+"""Which of two images is darker where they are inconsistent: dirt takes light away, a laser adds it."""
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import CONTRAST, HALF, PATCH_CORRELATION
+from auditor.model.arrays import Image, Mask
 from auditor.model.checks import Contrast
 
-Image = NDArray[np.uint8]
 
+def contrast(reference: Image, source: Image, consistency: PairConsistency, stereo: StereoMap) -> Contrast:
+    """Compare two `smoothed` images at their inconsistent pixels, at stereo's disparities.
 
-def contrast(reference: Image, source: Image, alike: PairConsistency, stereo: StereoMap) -> Contrast:
-    """Compare two `smoothed` pictures where they are unlike, at stereo's disparities.
-
-    What the cameras' gains and offsets make different is learnt where they are alike.
+    The difference of the cameras' gains and offsets is estimated at consistent pixels, and taken off.
     """
-    unlike = int(np.count_nonzero(alike.unlike))
-    if unlike < CONTRAST.fewest:
-        return Contrast(unlike)
-    usual = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
-    # Of a blinded camera a few places look alike by chance.
-    fewest = max(CONTRAST.fewest, CONTRAST.least_share * np.count_nonzero(alike.comparable))
-    expected = _apart(reference, source, stereo, usual) if np.count_nonzero(usual) >= fewest else 0.0
-    return Contrast(unlike, _apart(reference, source, stereo, alike.unlike) - expected)
+    inconsistent = int(np.count_nonzero(consistency.inconsistent))
+    if inconsistent < CONTRAST.fewest:
+        return Contrast(inconsistent)
+    usual = consistency.comparable & (consistency.ncc > PATCH_CORRELATION.consistent)
+    # Of a blinded camera a few patches are consistent by chance.
+    fewest = max(CONTRAST.fewest, CONTRAST.least_share * np.count_nonzero(consistency.comparable))
+    expected = _difference(reference, source, stereo, usual) if np.count_nonzero(usual) >= fewest else 0.0
+    return Contrast(inconsistent, _difference(reference, source, stereo, consistency.inconsistent) - expected)
 
 
 def smoothed(half: Image) -> Image:
@@ -32,8 +30,8 @@ def smoothed(half: Image) -> Image:
     return np.asarray(cv2.boxFilter(half, cv2.CV_8U, CONTRAST.window_px), dtype=np.uint8)
 
 
-def _apart(reference: Image, source: Image, stereo: StereoMap, where: NDArray[np.bool_]) -> float:
-    """The median of reference less witness over about 2,000 of the pixels set."""
+def _difference(reference: Image, source: Image, stereo: StereoMap, where: Mask) -> float:
+    """The median of reference less source over about 2,000 of the pixels set."""
     place = np.flatnonzero(where)
     place = place[:: max(place.size // CONTRAST.most, 1)]
     row, column = place // where.shape[1], place % where.shape[1]

@@ -1,4 +1,4 @@
-"""A fingerprint of each sensor's data: a frozen sensor sends the same again and again."""
+"""Fingerprints of each sensor's data: those of a frozen sensor are equal frame after frame."""
 
 import zlib
 

@@ -1,8 +1,8 @@
-"""How well the LiDAR agrees with stereo over the whole picture: as it is, moved as one, biased, or a frame late.
+"""How well the LiDAR agrees with stereo over the whole view: as it is, moved by one offset, biased, or lagging.
 
-An attack changes a portion of the view, a fault all of it: where one constant makes most points agree that did not, a
-sensor has turned; where stereo of the frame before does, the LiDAR lags. Only those disparities are asked at which the
-two pictures are alike.
+An attack changes a portion of the view, a fault all of it: where most points agree only with one constant added, a
+sensor is rotated; where they agree with stereo of the frame before, the LiDAR lags. Only disparities at which the two
+images are consistent are used.
 """
 
 from dataclasses import dataclass
@@ -15,30 +15,28 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, LIDAR_AGREEMENT, MATCHER_RANGE, PATCH_CORRELATION
+from auditor.model.arrays import Floats32
 from auditor.model.checks import Agreement
-
-Floats = NDArray[np.float32]
-Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
 class LidarComparison:
-    """What the LiDAR and a camera pair saw of the same view at one moment, as far as it can be compared.
+    """The comparable data of the LiDAR and a camera pair in one view of one frame.
 
-    `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's pictures are not
-    alike. `row`, `column` and `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
+    `sure_px` (h, w): DM_{j,k} at half resolution, in full-resolution pixels, NaN where the pair's images are not
+    consistent. `row`, `column` and `d0_px` (M,): about 2,500 LiDAR points, full-resolution pixels.
     """
 
-    sure_px: Floats
-    row: Indices
-    column: Indices
-    d0_px: Floats
+    sure_px: Floats32
+    row: NDArray[np.int32]
+    column: NDArray[np.int32]
+    d0_px: Floats32
 
     @classmethod
-    def of(cls, view: LidarView, stereo: StereoMap, alike: PairConsistency, source: int) -> "LidarComparison":
-        """Keep what the pictures confirm, and points within the matcher's range."""
+    def of(cls, view: LidarView, stereo: StereoMap, consistency: PairConsistency, source: int) -> "LidarComparison":
+        """Keep consistent disparities, and points within the matcher's range."""
         step = HALF // stereo.step
-        sure = alike.comparable & (alike.alike > PATCH_CORRELATION.consistent)
+        sure = consistency.comparable & (consistency.ncc > PATCH_CORRELATION.consistent)
         every = slice(None, None, max(view.row.size // LIDAR_AGREEMENT.points, 1))
         d0 = view.disparity_px(source)[every]
         near = d0 < stereo.range_px - MATCHER_RANGE.margin_px
@@ -51,7 +49,7 @@ class LidarComparison:
 
 
 def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement:
-    """Compare the LiDAR's points with stereo, of this frame and of the one before; all NaN where too few can be."""
+    """Compare the LiDAR's points with stereo of this frame and of the one before; all NaN where too few can be."""
     difference = _differences(now, now.sure_px)
     compared = np.count_nonzero(~np.isnan(difference))
     if compared < LIDAR_AGREEMENT.fewest:
@@ -76,7 +74,7 @@ def agreement(now: LidarComparison, before: LidarComparison | None) -> Agreement
     )
 
 
-def _differences(points: LidarComparison, sure_px: Floats, right: int = 0, down: int = 0) -> Floats:
+def _differences(points: LidarComparison, sure_px: Floats32, right: int = 0, down: int = 0) -> Floats32:
     """(M,) disparities of stereo less the LiDAR's, its points moved by some pixels; NaN where stereo is not sure."""
     height, width = sure_px.shape
     row, column = (points.row + down) // HALF, (points.column + right) // HALF
@@ -85,20 +83,20 @@ def _differences(points: LidarComparison, sure_px: Floats, right: int = 0, down:
     return np.asarray(np.where(inside, ds - points.d0_px, np.nan), dtype=np.float32)
 
 
-def _agreeing(difference: Floats) -> float:
-    """The share of those asked that agree; 0 where too few were."""
+def _agreeing(difference: Floats32) -> float:
+    """The share of the compared points that agree; 0 where too few were compared."""
     compared = int(np.count_nonzero(~np.isnan(difference)))
     agreeing = float(np.count_nonzero(np.abs(difference) <= LIDAR_AGREEMENT.agree_px))
     return agreeing / compared if compared >= LIDAR_AGREEMENT.fewest else 0.0
 
 
-def _only(these: Floats, others: Floats) -> float:
-    """How many points agree by these differences and are far off by the others, where both can be asked."""
+def _only(these: Floats32, others: Floats32) -> float:
+    """How many points agree by these differences and are far off by the others, where both are known."""
     agree, differ = np.abs(these) <= LIDAR_AGREEMENT.agree_px, np.abs(others) > LIDAR_AGREEMENT.differ_px
     return float(np.count_nonzero(agree & differ))
 
 
-def _bias(difference: Floats) -> tuple[float, float]:
+def _bias(difference: Floats32) -> tuple[float, float]:
     """The constant with which most points agree, in whole pixels, and their share."""
     largest, window = LIDAR_AGREEMENT.largest_bias_px, LIDAR_AGREEMENT.bias_window_px
     near = difference[np.abs(difference) < largest]

@@ -1,8 +1,8 @@
-"""Whether the points of one picture lie on the same rows of another, now or a frame ago.
+"""Row alignment: whether the points of one image lie on the same rows of another, of this frame or the one before.
 
-Rectified cameras that see one moment see every point on one row. A camera that has tilted moves all rows by a
-constant; one that lags moves them as the scene has moved since: points are followed to the other camera and to the
-frame before (pyramidal Lucas-Kanade), and each hypothesis is scored by the share of points that it puts on one row.
+Rectified cameras that see one moment see every point on one row. A tilted camera moves all rows by a constant; one that
+lags moves them as the scene has moved since. Points are followed to the other camera and to the frame before (pyramidal
+Lucas-Kanade), and each hypothesis is scored by the share of points that it puts on one row.
 """
 
 from collections.abc import Mapping
@@ -10,24 +10,20 @@ from math import nan
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.parameters import HALF, ROW_ALIGNMENT
+from auditor.model.arrays import Floats32, Image, Mask, Points
 from auditor.model.checks import Pair, Rows
 
 _ROWS, _COLUMNS = ROW_ALIGNMENT.blocks
 _AROUND = np.ones(ROW_ALIGNMENT.border_px, dtype=np.uint8)
 _ACCURACY = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ROW_ALIGNMENT.iterations, ROW_ALIGNMENT.accuracy_px)
 
-Image = NDArray[np.uint8]
-Points = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-
 
 def corners(half: Image, sees: Mask | None = None) -> Points:
     """(P, 2) columns and rows of the strongest corner of each of 6 x 20 blocks, without the weakest three in ten.
 
-    Of a view that the camera does not see whole, only what it `sees`: (H, W) at full resolution.
+    In a view that the camera does not see whole, only where it `sees`: (H, W) at full resolution.
     """
     strength = cv2.cornerMinEigenVal(half, ROW_ALIGNMENT.corner_px)
     if sees is not None:
@@ -52,13 +48,13 @@ def register(
     points: Mapping[int, Points],
     now: Mapping[int, Image],
     before: Mapping[int, Image],
-    disparities_px: Mapping[Pair, NDArray[np.float32]],
+    disparities_px: Mapping[Pair, Floats32],
 ) -> dict[Pair, Rows]:
-    """Follow the points (P, 2) of each reference k to each of its witnesses, and both to the frame before.
+    """Follow the points (P, 2) of each reference k to each of its source cameras, and both to the frame before.
 
     `now` and `before` are half-resolution grey images. `disparities_px` holds DM_{i,k} at the points, (P,)
-    half-resolution pixels, where to look first. A pair of which fewer than 15 points can be followed is left out;
-    cameras that `before` lacks are not asked whether they lag.
+    half-resolution pixels, where following begins. A pair of which fewer than 15 points can be followed is left out;
+    the lag of cameras that `before` lacks is not measured.
     """
     flows = {k: _follow(now[k], before[k], points[k], points[k]) for k in points if k in before}
     found = {}
@@ -72,7 +68,7 @@ def register(
             tracked = tracked & back[1] if back else tracked
         if np.count_nonzero(tracked) >= ROW_ALIGNMENT.fewest:
             apart = match[:, 1] - points[k][:, 1]
-            # Where i lags it shows the scene of the frame before, where k's points then lay; and the other way round.
+            # Where i lags it shows the scene of the frame before, where k's points lay then; and the other way round.
             lagged_i = _share(match[:, 1] - back_k[0][:, 1], tracked) if back_k else nan
             lagged_k = _share(back_i[0][:, 1] - points[k][:, 1], tracked) if back_i else nan
             found[i, k] = _features(apart, tracked, lagged_i, lagged_k)
@@ -96,7 +92,7 @@ def _share(residual: Points, among: Mask) -> float:
 
 
 def _follow(source: Image, target: Image, points: Points, start: Points) -> tuple[Points, Mask]:
-    """Where (P, 2) points of one picture lie in another, and which of them were found again."""
+    """Where (P, 2) points of one image lie in another, and which of them were found."""
     if len(points) == 0:
         return points, np.zeros(0, dtype=np.bool_)
     moved, found, residue = cv2.calcOpticalFlowPyrLK(

@@ -1,4 +1,4 @@
-"""Which pixels of a camera are brighter or darker than what all other cameras see of the same points."""
+"""The damaged pixels of a camera: brighter or darker than what all other cameras see of the same points."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,8 @@ from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import DAMAGED_PIXELS, GAIN_FIT, HALF
-from auditor.measurement.shared_view import Evidence
+from auditor.measurement.shared_view import FrameArrays
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.checks import Pair
 from auditor.model.measurement import REGION_STEP
 from auditor.model.rig import Rig
@@ -18,43 +19,38 @@ from auditor.model.rig import Rig
 _OPENED = np.ones(DAMAGED_PIXELS.opened_px, dtype=np.uint8)
 _CLOSED = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, DAMAGED_PIXELS.closed_px)
 
-Mask = NDArray[np.bool_]
-Floats = NDArray[np.float32]
 
+def damaged_pixels(arrays: FrameArrays, camera: int) -> Mask:
+    """(h, w) mask, its pixels REGION_STEP full-resolution ones wide; all False where there is no other camera.
 
-def damaged_pixels(evidence: Evidence, camera: int) -> Mask:
-    """(h, w) mask, its pixels REGION_STEP full-resolution ones wide; empty where there is no other camera.
-
-    The other cameras' pictures are warped into this one's by the LiDAR's depths and by stereo's where two pictures are
-    alike. What is brighter (or darker) than in all of them by 35 grey levels is marked, gains and offsets fitted, if it
-    is larger than a speck; whichever of light and darkness takes the larger area. Pairs with views of their own compare
-    there, and each knows only its own depths.
+    The other cameras' images are warped into this one's by the LiDAR's depths, and by stereo's where two images are
+    consistent. Pixels are marked that are brighter (or darker) than in all of them by 35 grey levels, gains and offsets
+    fitted, in parts that are large enough; of brighter and darker the larger area counts. Pairs with views of their own
+    are compared there, each by its own depths.
     """
-    differences = _brought_back(evidence, camera) if evidence.pairs else _differences(evidence, camera)
+    differences = _warped_differences(arrays, camera) if arrays.pairs else _differences(arrays, camera)
     if not differences:
-        return np.zeros(_shrunk(evidence.views[camera]).shape, dtype=np.bool_)
+        return np.zeros(_shrunk(arrays.views[camera]).shape, dtype=np.bool_)
     brighter, darker = (_solid(np.nan_to_num(d)) for d in (np.fmin.reduce(differences), -np.fmax.reduce(differences)))
     return brighter if np.count_nonzero(brighter) >= np.count_nonzero(darker) else darker
 
 
-def _brought_back(evidence: Evidence, camera: int) -> list[Floats]:
-    """(h, w) each: what each pair that the camera is in says in its own view, NaN where it does not see."""
-    with_it = [(pair.index(camera) + 1, part) for pair, part in evidence.pairs.items() if camera in pair]
+def _warped_differences(arrays: FrameArrays, camera: int) -> list[Floats32]:
+    """(h, w) each: the differences in the own views of the camera's pairs, warped; NaN where a pair does not see."""
+    with_it = [(pair.index(camera) + 1, part) for pair, part in arrays.pairs.items() if camera in pair]
     return [
-        part.back.values(difference, REGION_STEP)
+        part.to_shared.values(difference, REGION_STEP)
         for number, part in with_it
         for difference in _differences(part.own, number)
     ]
 
 
-def _differences(evidence: Evidence, camera: int) -> list[Floats]:
-    """(h, w) each: by how much a camera's picture is brighter than another's, warped into it."""
-    rig = evidence.rig
-    small = {number: _shrunk(half) for number, half in evidence.views.items()}
+def _differences(arrays: FrameArrays, camera: int) -> list[Floats32]:
+    """(h, w) each: by how much a camera's image is brighter than another's, warped into it."""
+    rig = arrays.rig
+    small = {number: _shrunk(half) for number, half in arrays.views.items()}
     still = small[camera].astype(np.float32)
-    nearness, sure = _nearness(
-        camera, rig, evidence.lidar, evidence.maps, evidence.frame_checks.consistencies, still.shape
-    )
+    nearness, sure = _nearness(camera, rig, arrays.lidar, arrays.maps, arrays.frame_checks.consistencies, still.shape)
     place = np.indices(still.shape).astype(np.float32)
     row, column = place[0], place[1]
     differences = []
@@ -63,18 +59,18 @@ def _differences(evidence: Evidence, camera: int) -> list[Floats]:
             there = column - nearness * np.float32(_direction(rig, camera, other) / REGION_STEP)
             warped = cv2.remap(seen, there, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             difference = still - _fitted(warped.astype(np.float32), still, sure)
-            if evidence.valid_masks:
-                seen_there = cv2.remap(_shrunk_mask(evidence.valid_masks[other]), there, row, cv2.INTER_NEAREST)
-                difference[np.minimum(seen_there, _shrunk_mask(evidence.valid_masks[camera])) == 0] = np.nan
+            if arrays.valid_masks:
+                seen_there = cv2.remap(_shrunk_mask(arrays.valid_masks[other]), there, row, cv2.INTER_NEAREST)
+                difference[np.minimum(seen_there, _shrunk_mask(arrays.valid_masks[camera])) == 0] = np.nan
             differences.append(difference)
     return differences
 
 
-def _shrunk_mask(sees: Mask) -> NDArray[np.uint8]:
+def _shrunk_mask(sees: Mask) -> Image:
     return sees[::REGION_STEP, ::REGION_STEP].astype(np.uint8)
 
 
-def _shrunk(half: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shrunk(half: Image) -> Image:
     size = (-(-half.shape[1] * HALF // REGION_STEP), -(-half.shape[0] * HALF // REGION_STEP))
     return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
@@ -91,16 +87,16 @@ def _nearness(
     maps: Mapping[Pair, StereoMap],
     consistencies: Mapping[Pair, PairConsistency],
     shape: tuple[int, ...],
-) -> tuple[Floats, Mask]:
-    """Disparities at a baseline of one metre in a camera's picture, and where that picture was alike to another.
+) -> tuple[Floats32, Mask]:
+    """Disparities at a baseline of one metre in a camera's image, and where that image is consistent with another.
 
-    (h, w) each; what neither the LiDAR nor stereo knows gets the nearest known value.
+    (h, w) each; pixels that neither the LiDAR nor stereo measured get the nearest known value.
     """
     known = np.zeros(shape, dtype=np.float32)
     sure = np.zeros(shape, dtype=np.bool_)
 
-    def put(k: int, u: Floats, v: NDArray[np.integer], value: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Take points of view k over into the camera's picture."""
+    def put(k: int, u: Floats32, v: NDArray[np.integer], value: Floats32) -> tuple[Indices, Indices]:
+        """Move points of view k into the camera's image."""
         moved = u if k == camera else u - value * np.float32(_direction(rig, k, camera))
         column, row = (moved / np.float32(REGION_STEP)).astype(np.intp), (v // REGION_STEP).astype(np.intp)
         inside = (moved >= 0) & (column < shape[1]) & (row < shape[0])
@@ -113,8 +109,7 @@ def _nearness(
         put(k, view.u_px, view.row, view.disparity_px(i) / np.float32(rig.baseline_m(i, k)))
     for (i, k), stereo in maps.items():
         step, every = HALF // stereo.step, REGION_STEP // HALF
-        photometric_consistency = consistencies[i, k]
-        consistent = photometric_consistency.comparable & (photometric_consistency.alike > DAMAGED_PIXELS.consistent)
+        consistent = consistencies[i, k].comparable & (consistencies[i, k].ncc > DAMAGED_PIXELS.consistent)
         row, column = np.nonzero(consistent[::every, ::every])
         disparity = stereo.disparity_px[:: step * every, :: step * every][row, column]
         u = (column * REGION_STEP).astype(np.float32)
@@ -130,8 +125,8 @@ def _nearness(
     return np.asarray(cv2.medianBlur(values[nearest], DAMAGED_PIXELS.median_px), dtype=np.float32), sure
 
 
-def _fitted(warped: Floats, still: Floats, sure: Mask) -> Floats:
-    """The other picture at this camera's gain and offset, learnt where the two are surely alike."""
+def _fitted(warped: Floats32, still: Floats32, sure: Mask) -> Floats32:
+    """The other image at this camera's gain and offset, fitted where the two are consistent."""
     of_pairs = sure & (np.maximum(warped, still) < GAIN_FIT.saturated)
     x, y = warped[of_pairs], still[of_pairs]
     if x.size < DAMAGED_PIXELS.gain_fewest:
@@ -146,8 +141,8 @@ def _fitted(warped: Floats, still: Floats, sure: Mask) -> Floats:
     return np.asarray(np.clip(gain * warped + offset, 0, 255), dtype=np.float32)
 
 
-def _solid(difference: Floats) -> Mask:
-    """The larger parts of what stands out, without specks and gaps."""
+def _solid(difference: Floats32) -> Mask:
+    """The larger parts of what differs, without small parts and gaps."""
     mark = (cv2.blur(difference, DAMAGED_PIXELS.blur_px) > DAMAGED_PIXELS.differs_by).astype(np.uint8)
     _, part, boxes, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(mark, cv2.MORPH_OPEN, _OPENED))
     area = boxes[:, cv2.CC_STAT_AREA].copy()

@@ -1,4 +1,4 @@
-"""Which LiDAR points are invented: those that two cameras deny, and their neighbours on the same surface."""
+"""The damaged points of the LiDAR: those in conflict with two cameras, and their neighbours on the same surface."""
 
 from collections.abc import Sequence
 
@@ -10,18 +10,16 @@ from auditor.measurement.checks.count_grid import CELL_PX
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import DAMAGED_POINTS
+from auditor.model.arrays import Mask, Points
 from auditor.model.measurement import Solid
 from auditor.model.rig import Rig
 
-Mask = NDArray[np.bool_]
-Points = NDArray[np.float32]
-
 
 def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflicts], rig: Rig) -> Mask:
-    """(M,) mask of the view's points, from what its pairs say of them.
+    """(M,) mask of the view's points, from the verified conflicts of its pairs.
 
-    Where denied points are dense they are taken apart into layers of equal depth, and each layer grows over its
-    connected points: a wall has parts in front of which the pictures have no texture, and nothing to deny it by.
+    Where points in conflict are dense they are split into layers of equal depth, and each layer grows over its
+    connected points: behind parts of a wall the images have no texture, so points there cannot be in conflict.
     """
     camera = rig.camera(view.reference)
     shape = -(-camera.height_px // CELL_PX), -(-camera.width_px // CELL_PX)
@@ -37,8 +35,8 @@ def damaged_points(view: LidarView, verified_conflicts: Sequence[VerifiedConflic
     for _ in range(DAMAGED_POINTS.layers):
         if np.count_nonzero(left) < fewest:
             break
-        middle, reach = _densest_layer(depth[left])
-        layer = np.abs(depth - middle) <= reach
+        middle, thickness = _densest_layer(depth[left])
+        layer = np.abs(depth - middle) <= thickness
         seeds = left & layer
         if np.count_nonzero(seeds) < fewest:
             break

@@ -1,41 +1,39 @@
-"""Where in its image or cloud each sensor under suspicion would be damaged."""
+"""Regions: the portion of its image or cloud that would be damaged if a sensor is attacked."""
 
 from collections.abc import Collection, Iterable
 from itertools import combinations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.localisation.images import damaged_pixels
 from auditor.measurement.localisation.points import among, damaged_points, solid_around
 from auditor.measurement.pairwise_views import OF_TWO
-from auditor.measurement.shared_view import Evidence
+from auditor.measurement.shared_view import FrameArrays
+from auditor.model.arrays import Mask
 from auditor.model.checks import Check, Pair, PairCheck
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
-Mask = NDArray[np.bool_]
 
+def localise(arrays: FrameArrays, candidates: Collection[PairCheck]) -> tuple[Region, ...]:
+    """The regions of the sensors that may be attacked, given the `candidates`: checks that may exceed their thresholds.
 
-def localise(evidence: Evidence, raised: Collection[PairCheck]) -> tuple[Region, ...]:
-    """The regions of the sensors that may be attacked, given the elements that thresholds could raise.
-
-    Which of them is attacked is only known once a frame is judged with its neighbours.
+    Which of the sensors is attacked is only known once a frame is judged with its neighbours.
     """
-    rig = evidence.rig
-    regions = [_of_camera(evidence, camera) for camera in suspects(raised, tuple(evidence.views))]
-    if any(pair_check.check is Check.LIDAR_CONFLICT for pair_check in raised):
-        regions.append(_of_lidar(evidence, rig))
+    rig = arrays.rig
+    regions = [_of_camera(arrays, camera) for camera in candidate_cameras(candidates, tuple(arrays.views))]
+    if any(pair_check.check is Check.LIDAR_CONFLICT for pair_check in candidates):
+        regions.append(_of_lidar(arrays, rig))
     return tuple(region for region in regions if region)
 
 
-def suspects(raised: Iterable[PairCheck], cameras: Collection[int]) -> tuple[int, ...]:
-    """The cameras of the smallest sets that touch every pair raised by what cameras see."""
+def candidate_cameras(candidates: Iterable[PairCheck], cameras: Collection[int]) -> tuple[int, ...]:
+    """The cameras of the smallest sets that touch every candidate pair of the checks of cameras."""
     pairs: set[Pair] = {
-        (e.i, e.k) for e in raised if e.check in (Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE)
+        (e.i, e.k) for e in candidates if e.check in (Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE)
     }
     for size in range(len(cameras) + 1):
         sets = [s for s in combinations(sorted(cameras), size) if all(i in s or k in s for i, k in pairs)]
@@ -44,15 +42,15 @@ def suspects(raised: Iterable[PairCheck], cameras: Collection[int]) -> tuple[int
     return ()
 
 
-def _of_camera(evidence: Evidence, camera: int) -> Region | None:
-    mask = damaged_pixels(evidence, camera)
-    return _region(camera, camera, mask, float(mask.mean()), evidence.rig) if mask.any() else None
+def _of_camera(arrays: FrameArrays, camera: int) -> Region | None:
+    mask = damaged_pixels(arrays, camera)
+    return _region(camera, camera, mask, float(mask.mean()), arrays.rig) if mask.any() else None
 
 
-def _of_lidar(evidence: Evidence, rig: Rig) -> Region | None:
-    k = max(evidence.lidar)
-    view = evidence.lidar[k]
-    verified_conflicts = _verified_conflicts(evidence, k)
+def _of_lidar(arrays: FrameArrays, rig: Rig) -> Region | None:
+    k = max(arrays.lidar)
+    view = arrays.lidar[k]
+    verified_conflicts = _verified_conflicts(arrays, k)
     damaged = (
         damaged_points(view, verified_conflicts, rig) if verified_conflicts else np.zeros(view.row.size, dtype=np.bool_)
     )
@@ -64,12 +62,12 @@ def _of_lidar(evidence: Evidence, rig: Rig) -> Region | None:
     return Region(LIDAR, k, region.box_px, region.share, region.mask, points, solid_around(view.point_m[damaged], rig))
 
 
-def _verified_conflicts(evidence: Evidence, k: int) -> list[VerifiedConflicts]:
-    """What pairs say of the LiDAR's points in view k; those with views of their own say it of the same points there."""
-    if not evidence.pairs:
-        return [points for (_, of), points in evidence.frame_checks.verified_conflicts.items() if of == k]
-    view = evidence.lidar[k]
-    own = [part.own for (_, of), part in evidence.pairs.items() if of == k]
+def _verified_conflicts(arrays: FrameArrays, k: int) -> list[VerifiedConflicts]:
+    """The verified conflicts of all pairs in view k; those of a pair's own view are found there by their points."""
+    if not arrays.pairs:
+        return [points for (_, of), points in arrays.frame_checks.verified_conflicts.items() if of == k]
+    view = arrays.lidar[k]
+    own = [part.own for (_, of), part in arrays.pairs.items() if of == k]
     of_pairs = [
         (one.lidar[OF_TWO[1]], points) for one in own for points in one.frame_checks.verified_conflicts.values()
     ]

@@ -31,14 +31,14 @@ def facula(image, amplitude, radius=100, centre=(90, 300)):
 
 
 def test_clean_pictures_show_no_light(pair):
-    light = compare_brightness(*map(coarse, pair))
-    assert (light.brighter_i, light.brighter_k) == (0.0, 0.0)
+    difference = compare_brightness(*map(coarse, pair))
+    assert (difference.brighter_i, difference.brighter_k) == (0.0, 0.0)
 
 
 def test_a_camera_of_another_gain_and_offset_shows_no_light(pair):
     i, k = pair
-    light = compare_brightness(coarse((i * 0.7 + 50).astype(np.uint8)), coarse(k))
-    assert (light.brighter_i, light.brighter_k) == (0.0, 0.0)
+    difference = compare_brightness(coarse((i * 0.7 + 50).astype(np.uint8)), coarse(k))
+    assert (difference.brighter_i, difference.brighter_k) == (0.0, 0.0)
 
 
 def test_a_facula_names_the_brighter_camera(pair):
@@ -57,12 +57,12 @@ def test_darkness_in_one_camera_makes_the_other_the_brighter_one(pair):
 
 def test_a_facula_over_half_the_image_does_not_spoil_the_fit_of_the_gain(pair):
     i, k = pair
-    light = compare_brightness(coarse(facula(i, 2000, radius=150)), coarse(k))
-    assert light.brighter_i == 1.0
-    assert light.brighter_k == 0.0
+    difference = compare_brightness(coarse(facula(i, 2000, radius=150)), coarse(k))
+    assert difference.brighter_i == 1.0
+    assert difference.brighter_k == 0.0
 
 
-def test_light_that_lies_elsewhere_in_the_other_picture_within_its_reach_is_the_scene_s(pair):
+def test_light_that_lies_elsewhere_in_the_other_image_within_the_search_is_the_scene_s(pair):
     i, k = pair
     both = compare_brightness(coarse(facula(i, 2000, radius=30)), coarse(facula(k, 2000, radius=30, centre=(90, 320))))
     assert both.brighter_i == 0.0
@@ -115,7 +115,7 @@ def test_a_cell_is_near_where_any_pixel_of_it_is():
     assert np.argwhere(coarse_mask(half)).tolist() == [[1, 2], [23, 77]]
 
 
-def test_its_reach_is_five_of_78_columns():
+def test_the_search_is_five_of_78_columns():
     assert range_mask(780) == RangeMask(50, 150)
 
 
@@ -148,7 +148,7 @@ def by_hand(grid_i, grid_k, near):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_light_is_what_comparing_cell_by_cell_finds(seed):
+def test_the_difference_is_what_comparing_cell_by_cell_finds(seed):
     rng = np.random.default_rng(seed)
     scene = rng.uniform(60, 160, (24, 90))
     grid_i, grid_k = (np.float32(scene[:, 2:80] * 0.9 + 12), np.float32(scene[:, :78]))
@@ -170,25 +170,25 @@ def street():
     return grid, grid.copy()
 
 
-@pytest.mark.parametrize(("level", "light"), [(175, 0.0), (176, 30 / 36)])
-def test_light_is_more_than_seventy_five_grey_levels(level, light):
+@pytest.mark.parametrize(("level", "share"), [(175, 0.0), (176, 30 / 36)])
+def test_light_is_more_than_seventy_five_grey_levels(level, share):
     grid, lit = street()
     lit[9:15, 30:35] = level
     for found in (compare_brightness(lit, grid), compare_brightness(grid, lit)):
-        assert max(found.brighter_i, found.brighter_k) == pytest.approx(light)
+        assert max(found.brighter_i, found.brighter_k) == pytest.approx(share)
         assert min(found.brighter_i, found.brighter_k) == 0
 
 
-@pytest.mark.parametrize(("level", "light"), [(60, 0.0), (59, 1.0)])
-def test_darkness_is_more_than_forty_grey_levels(level, light):
+@pytest.mark.parametrize(("level", "share"), [(60, 0.0), (59, 1.0)])
+def test_darkness_is_more_than_forty_grey_levels(level, share):
     grid, dark = street()
     dark[9:15, 30:36] = level
-    assert compare_brightness(dark, grid) == BrightnessDifference(0.0, light)
-    assert compare_brightness(grid, dark) == BrightnessDifference(light, 0.0)
+    assert compare_brightness(dark, grid) == BrightnessDifference(0.0, share)
+    assert compare_brightness(grid, dark) == BrightnessDifference(share, 0.0)
 
 
 def line(count=400, every=0):
-    """Values of one camera and of another of gain 1.5 and offset 10; every so many-th says something else."""
+    """Values of one camera and of another of gain 1.5 and offset 10; every so many-th differs."""
     source = np.linspace(5, 140, count, dtype=np.float32)
     target = source * np.float32(1.5) + 10
     if every:

@@ -1,4 +1,4 @@
-"""Every witness accuses whom it should, and nobody else, on a real frame."""
+"""On a real frame exactly the pair checks of the attacked sensor fire."""
 
 import os
 from itertools import islice
@@ -27,7 +27,7 @@ def attacked_frame():
 
 
 @pytest.mark.parametrize(
-    ("attacks", "raised"),
+    ("attacks", "fired"),
     [
         ({}, set()),
         ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"lidar_conflict 1 3", "lidar_conflict 2 3"}),
@@ -37,9 +37,9 @@ def attacked_frame():
     ],
     ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
-def test_exactly_the_elements_of_the_attacked_sensor_are_raised(attacked_frame, attacks, raised):
+def test_exactly_the_pair_checks_of_the_attacked_sensor_fire(attacked_frame, attacks, fired):
     ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
-    assert {f"{e.check} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.check]} == raised
+    assert {f"{e.check} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.check]} == fired
 
 
 def test_sixty_four_beams_need_what_the_window_says(attacked_frame):

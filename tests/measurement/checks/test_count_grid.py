@@ -18,10 +18,10 @@ def test_points_are_counted_in_the_cell_they_lie_in():
 def test_half_resolution_pixels_are_counted_in_fours_and_the_ragged_edge_is_kept():
     rng = np.random.default_rng(0)
     comparable = rng.random((13, 22)) < 0.7
-    unlike = comparable & (rng.random((13, 22)) < 0.3)
-    cells = cells_of_consistency(PairConsistency(np.zeros((13, 22), np.float32), comparable, unlike))
+    inconsistent = comparable & (rng.random((13, 22)) < 0.3)
+    cells = cells_of_consistency(PairConsistency(np.zeros((13, 22), np.float32), comparable, inconsistent))
     assert cells.valid.shape == (4, 6)
-    for grid, mask in ((cells.valid, comparable), (cells.inconsistent, unlike)):
+    for grid, mask in ((cells.valid, comparable), (cells.inconsistent, inconsistent)):
         by_hand = [[mask[4 * r : 4 * r + 4, 4 * c : 4 * c + 4].sum() for c in range(6)] for r in range(4)]
         assert grid.tolist() == by_hand
         assert grid.dtype == np.uint8

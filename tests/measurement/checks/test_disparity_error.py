@@ -65,7 +65,7 @@ def test_lidar_points_are_counted_as_worked_out_by_hand() -> None:
             (0, 0, 10.0, 10.0),  # valid, its match in column 0; no texture
             (0, 2, 30.0, 20.0),  # stereo has nothing there
             (1, 5, 20.0, 13.5),  # 3.5 px off, and out of range
-            (3, 6, 9.0, 9.5),  # its match lies left of the witness's image
+            (3, 6, 9.0, 9.5),  # its match lies left of the source image
             (2, 9, 20.0, 13.0),  # 3 px off, and just in range
             (2, 0, 30.0, 6.0),  # 4 px off; no texture
         ]

@@ -1,4 +1,4 @@
-"""LiDARs of fewer beams contradict and are contradicted as those of sixty-four are, without a calibration."""
+"""LiDARs of fewer beams have conflicts as those of sixty-four have, without a calibration."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def street():
 
 
 @pytest.mark.parametrize("beams", [64, 32, 16])
-def test_a_wall_is_contradicted_and_a_clean_street_is_not(street, beams):
+def test_a_wall_is_in_conflict_and_a_clean_street_is_not(street, beams):
     rig, frame = street
     x, y, z = frame.cloud.xyz_m.T
     ring = np.floor((np.rad2deg(np.arctan2(z, np.hypot(x, y))) - LOWEST_DEG) / (FIELD_DEG / BEAMS))

@@ -1,4 +1,4 @@
-"""Points that stand alone are told from those of objects, and drops from points at chance ranges."""
+"""Isolated points are separated from those of objects, and drops from points at random ranges."""
 
 from dataclasses import replace
 from math import isnan
@@ -47,7 +47,7 @@ def test_a_point_alone_at_its_range_is_isolated_and_a_surface_is_not():
     assert np.linalg.norm(view.point_m[alone], axis=1).round(1).tolist() == [4.0]
 
 
-def test_a_dry_view_has_no_specks():
+def test_a_dry_view_has_no_isolated_points():
     assert seen(PLANE) == (0, 0)
 
 
@@ -68,7 +68,7 @@ def test_drops_in_one_part_of_the_view_are_no_rain():
     assert seen(pulled(0.05, 1.5, 6)).isolated_near > 0.01
 
 
-def test_objects_real_or_bogus_and_a_hidden_sector_are_no_specks():
+def test_objects_real_or_bogus_and_a_hidden_strip_have_no_isolated_points():
     for attack in (BogusWall(8.0, 0.0), HiddenSector(10, 0)):
         assert seen(attack.apply(PLANE, RIG)).isolated_near == 0
 
@@ -77,7 +77,7 @@ def test_a_view_of_hardly_any_points_says_nothing():
     assert all(isnan(value) for value in seen(PointCloud(0, PLANE.xyz_m[:150])))
 
 
-def test_they_are_watched_where_a_pair_may_deny_the_lidar():
+def test_they_are_fault_features_where_a_pair_can_check_the_lidar():
     frame = plane_frame(RIG)
     wet = replace(frame, cloud=Rain(25, seed=1).apply(frame.cloud, RIG))
     watch = FaultFeatures()
@@ -90,10 +90,10 @@ def test_they_are_watched_where_a_pair_may_deny_the_lidar():
     assert isnan(blind[1, 3].isolated_shares.isolated_near)
 
 
-def test_scattered_points_are_told_and_neither_drops_nor_a_dry_view():
-    dry, rain, scattered = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
+def test_isolated_points_far_away_count_and_neither_drops_nor_a_dry_view():
+    dry, rain, spoofed = (seen(cloud) for cloud in (PLANE, Rain(25, seed=1).apply(PLANE, RIG), pulled(0.02, 4, 19)))
     assert isolated_ratio(dry) == isolated_ratio(rain) == 0
-    assert isolated_ratio(scattered) > 0.6
+    assert isolated_ratio(spoofed) > 0.6
     assert isolated_ratio(IsolatedShares()) is None
 
 

@@ -18,7 +18,7 @@ BORDER_PX = 4  # the last columns have nothing beside them to be matched by
 
 
 def judged(cloud, images=None):
-    """Adjudicate S_1 and S_3's pictures of a plane 9 m away against a cloud."""
+    """Verify conflicts of S_1 and S_3's images of a plane 9 m away with a cloud."""
     rig = plane_rig()
     images = images or plane_images(rig, DEPTH_M)
     half_res = halve(images[3]), halve(images[1])
@@ -33,13 +33,13 @@ def with_wall(cloud, depth_m=5.0):
     return np.where(inside[:, None], cloud * np.float32(depth_m / DEPTH_M), cloud)
 
 
-def test_a_cloud_that_agrees_is_not_contradicted():
+def test_a_cloud_that_agrees_has_no_conflict():
     result = judged(plane_cloud(DEPTH_M))
     assert result.valid.sum() > 5000
     assert not result.lidar_conflicts[result.column < WIDTH - BORDER_PX].any()
 
 
-def test_a_bogus_wall_is_contradicted_where_it_stands_and_nowhere_else():
+def test_a_bogus_wall_is_in_conflict_where_it_stands_and_nowhere_else():
     result = judged(with_wall(plane_cloud(DEPTH_M)))
     inside = np.abs(result.column - WIDTH / 2) < 25
     assert result.lidar_conflicts[result.valid & inside].mean() > 0.9
@@ -47,7 +47,7 @@ def test_a_bogus_wall_is_contradicted_where_it_stands_and_nowhere_else():
     assert not result.lidar_conflicts[outside].any()
 
 
-def test_a_facula_on_a_camera_contradicts_nothing():
+def test_a_facula_on_a_camera_causes_no_conflict():
     images = plane_images(plane_rig(), DEPTH_M)
     images[1] = images[1].copy()
     images[1][20:100, 100:220] = 255
@@ -55,21 +55,21 @@ def test_a_facula_on_a_camera_contradicts_nothing():
     assert result.lidar_conflicts.sum() < 0.01 * result.valid.sum()
 
 
-def test_points_moved_by_one_period_of_a_texture_are_denied_only_by_a_pair_of_another_baseline():
+def test_points_moved_by_one_period_of_a_texture_are_in_conflict_only_with_a_pair_of_another_baseline():
     rig, period = plane_rig(), 24
     texture = np.tile(np.random.default_rng(0).integers(0, 256, (HEIGHT, period)), 40).astype(np.uint8)
     shifts = {1: 20, 2: 10, 3: 0}
     images = {n: np.ascontiguousarray(texture[:, WIDTH + s : 2 * WIDTH + s]) for n, s in shifts.items()}
     near_m = 300 * 0.6 / (20 + period)  # 44 px instead of 20 between S_1 and S_3, 22 instead of 10 between S_2 and S_3
     view = lidar_view(PointCloud(0, plane_cloud(near_m)), rig, 3)
-    denied = {}
+    conflicts = {}
     for source in (1, 2):
         half_res = halve(images[3]), halve(images[source])
         stereo = stereo_map(SgbmMatcher(), images[3], images[source], *(textured(half) for half in half_res))
         found = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, source, half_res)
-        denied[source] = int(found.lidar_conflicts[found.column < WIDTH - period].sum())
-    assert denied[2] > 3000
-    assert denied[1] < denied[2] / 50
+        conflicts[source] = int(found.lidar_conflicts[found.column < WIDTH - period].sum())
+    assert conflicts[2] > 3000
+    assert conflicts[1] < conflicts[2] / 50
 
 
 def test_only_points_that_the_pictures_can_judge_are_valid():
@@ -90,15 +90,15 @@ def test_of_many_flagged_points_a_few_stand_for_all(monkeypatch):
     cloud = with_wall(plane_cloud(DEPTH_M))
     everything = judged(cloud).lidar_conflicts
     monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=50))
-    asked = []
+    sizes = []
     original = lidar_conflict.ncc_at
-    monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: asked.append(a[2].size) or original(*a))
+    monkeypatch.setattr(lidar_conflict, "ncc_at", lambda *a: sizes.append(a[2].size) or original(*a))
     few = judged(cloud).lidar_conflicts
-    assert asked[0] <= 50
+    assert sizes[0] <= 50
     assert few.sum() == pytest.approx(everything.sum(), rel=0.1)
 
 
-def test_a_surface_that_the_beam_passes_over_is_no_contradiction():
+def test_a_surface_that_the_beam_passes_over_is_no_conflict():
     # Stereo sees a post 4.5 m away. The LiDAR stands 2 m higher and sees the plane behind the post's upper part.
     rig = plane_rig()
     up = np.eye(4)
@@ -120,7 +120,7 @@ def test_a_surface_that_the_beam_passes_over_is_no_contradiction():
         result = verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), vehicle, 1, half_res)
         band = (result.row > top + 8) & (result.row < top + 20) & (result.column > 155) & (result.column < 190)
         results[name] = int(result.lidar_conflicts[band].sum())
-    # The beam from the camera's own place would have to go through the post: there it is a contradiction.
+    # The beam from the camera's own place would have to go through the post: there it is a conflict.
     assert results["beside"] > 50
     assert results["above"] < results["beside"] / 5
 
@@ -174,12 +174,12 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     grid = HEIGHT // 2, WIDTH // 2
     disparity = rng.choice([8.0, 15.0, 17.0, 20.0, 24.0], grid).astype(np.float32)
     valid, textured = rng.random(grid) < 0.9, rng.random(grid) < 0.9
-    alike = rng.choice([0.7, 0.71, 0.9, 1.0], grid, p=[0.1, 0.3, 0.3, 0.3]).astype(np.float32)
+    ncc = rng.choice([0.7, 0.71, 0.9, 1.0], grid, p=[0.1, 0.3, 0.3, 0.3]).astype(np.float32)
     d0 = rng.choice([5.0, 12.0, 17.0, 20.0, 40.0, 125.0, 124.0], count)
     near_edge = rng.random(count) < 0.2
     d0[near_edge] = np.maximum(u[near_edge] - rng.choice([0.5, 1.0], near_edge.sum()), 1.0)
-    confident = alike[row // 2, column // 2]
-    n0 = confident - rng.choice([0.0, 0.25, 0.3, 0.35, 0.9], count).astype(np.float32)
+    ncc_stereo = ncc[row // 2, column // 2]
+    n0 = ncc_stereo - rng.choice([0.0, 0.25, 0.3, 0.35, 0.9], count).astype(np.float32)
     n0_at = {(r, c): value for r, c, value in zip((row // 2).tolist(), (column // 2).tolist(), n0, strict=True)}
     monkeypatch.setattr(lidar_conflict, "LIDAR_CONFLICT", replace(lidar_conflict.LIDAR_CONFLICT, most_verified=most))
     monkeypatch.setattr(
@@ -190,28 +190,28 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     found = verify_conflicts(
         seen_at(rig, row, column, u, d0),
         StereoMap(disparity, valid, textured, 2, 128),
-        PairConsistency(alike, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
+        PairConsistency(ncc, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
         rig,
         1,
         NO_IMAGES,
     )
 
-    can_be, over, denies = np.zeros((3, count), np.bool_)
+    valid, over, conflict = np.zeros((3, count), np.bool_)
     for n in range(count):
         cell = row[n] // 2, column[n] // 2
         ds = disparity[cell]
         inside = 0 <= round((u[n] - d0[n]) / 2) < grid[1]
-        can_be[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
-        can_be[n] &= alike[cell] > np.float32(0.7)
+        valid[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
+        valid[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
-        denies[n] = n0[n] < alike[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
-    flagged = np.flatnonzero(can_be & over)
+        conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
+    flagged = np.flatnonzero(valid & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
     lidar_conflicts = np.zeros(count, np.bool_)
     for place, n in enumerate(flagged):
-        lidar_conflicts[n] = denies[flagged[place - place % stride]]
+        lidar_conflicts[n] = conflict[flagged[place - place % stride]]
     np.testing.assert_array_equal(found.lidar_conflicts, lidar_conflicts)
-    np.testing.assert_array_equal(found.valid, can_be & (lidar_conflicts | ~over))
+    np.testing.assert_array_equal(found.valid, valid & (lidar_conflicts | ~over))
 
 
 @pytest.mark.parametrize(
@@ -257,8 +257,8 @@ def test_a_beam_passes_where_stereo_sees_more_than_three_pixels_less(monkeypatch
     assert found.lidar_conflicts.tolist() == [not hidden]
 
 
-@pytest.mark.parametrize(("flagged", "asked"), [(1000, 1000), (1001, 501), (2001, 667)])
-def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th(monkeypatch, flagged, asked):
+@pytest.mark.parametrize(("flagged", "verified"), [(1000, 1000), (1001, 501), (2001, 667)])
+def test_of_a_thousand_flagged_points_all_are_verified_and_of_more_every_so_many_th(monkeypatch, flagged, verified):
     grid = HEIGHT // 2, WIDTH // 2
     sizes = []
 
@@ -272,5 +272,5 @@ def test_of_a_thousand_flagged_points_all_are_asked_and_of_more_every_so_many_th
     view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))
     stereo = StereoMap(np.full(grid, 20.0, np.float32), ones, ones, 2, 128)
     found = verify_conflicts(view, stereo, PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES)
-    assert sizes == [asked]
+    assert sizes == [verified]
     assert found.lidar_conflicts.sum() == flagged

@@ -25,36 +25,38 @@ def half_res():
     return halve(images[3]), halve(images[1])
 
 
-def test_pictures_of_one_plane_are_alike_at_its_disparity(half_res):
+def test_images_of_one_plane_are_consistent_at_its_disparity(half_res):
     pair = photometric_consistency(*half_res, flat_map(20))
-    assert np.median(pair.alike[:, 20:]) > 0.9
+    assert np.median(pair.ncc[:, 20:]) > 0.9
     assert pair.comparable[:, 22:].all()
     assert not pair.comparable[:, :22].any()  # ten without a match, and twelve beside them
-    assert not pair.unlike.any()
+    assert not pair.inconsistent.any()
 
 
-def test_a_full_resolution_map_gives_the_same_likeness(half_res):
+def test_a_full_resolution_map_gives_the_same_ncc(half_res):
     coarse, fine = (
         photometric_consistency(*half_res, flat_map(20)),
         photometric_consistency(*half_res, flat_map(20, step=1)),
     )
-    np.testing.assert_array_equal(coarse.alike, fine.alike)
+    np.testing.assert_array_equal(coarse.ncc, fine.ncc)
     np.testing.assert_array_equal(coarse.comparable, fine.comparable)
 
 
-def test_a_change_of_brightness_and_contrast_is_not_unlike(half_res):
+def test_a_change_of_brightness_and_contrast_is_consistent(half_res):
     reference, source = half_res
     pair = photometric_consistency(reference, (source * 0.7 + 40).astype(np.uint8), flat_map(20))
-    assert not pair.unlike.any()
+    assert not pair.inconsistent.any()
 
 
-def test_where_one_camera_sees_something_else_they_are_unlike_and_nowhere_else(half_res):
+def test_where_one_camera_sees_something_else_they_are_inconsistent_and_nowhere_else(half_res):
     reference, source = half_res
     source = source.copy()
     source[10:50, 60:110] = 255
     pair = photometric_consistency(reference, source, flat_map(20))
-    assert pair.unlike[16:44, 78:112].all()  # ten half-resolution pixels to the right of it, less the patch's reach
-    assert not pair.unlike[:, 125:].any()
+    assert pair.inconsistent[
+        16:44, 78:112
+    ].all()  # ten half-resolution pixels to the right of it, less the patch's radius
+    assert not pair.inconsistent[:, 125:].any()
 
 
 @pytest.mark.parametrize(("level", "comparable"), [(128, True), (255, False)])
@@ -62,29 +64,29 @@ def test_without_texture_light_is_compared_unless_it_saturates(level, comparable
     grey = np.full((60, 160), level, dtype=np.uint8)
     pair = photometric_consistency(grey, grey, flat_map(20))
     assert pair.comparable[:, 22:].all() == comparable
-    assert not pair.unlike.any()
+    assert not pair.inconsistent.any()
 
 
 @pytest.mark.parametrize("added", [60, -60])
 @pytest.mark.parametrize("brighter", [0, 1])
-def test_light_or_darkness_that_only_one_camera_sees_is_unlike_where_there_is_no_texture(brighter, added):
+def test_light_or_darkness_that_only_one_camera_sees_is_inconsistent_where_there_is_no_texture(brighter, added):
     shade = np.tile(np.linspace(80, 160, 60, dtype=np.float32)[:, None], (1, 160)).astype(np.uint8)
     pair = [shade, shade.copy()]
     pair[brighter][20:45, 60:110] += np.uint8(added % 256)
-    found = photometric_consistency(*pair, flat_map(0)).unlike
+    found = photometric_consistency(*pair, flat_map(0)).inconsistent
     assert found[26:39, 66:104].all()
     assert not found[:, 120:].any()
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.2])
-def test_a_sky_that_saturates_in_one_camera_is_not_unlike_where_the_other_s_lens_darkens_it(gain):
+def test_a_sky_that_saturates_in_one_camera_is_consistent_where_the_other_s_lens_darkens_it(gain):
     scene = np.random.default_rng(1).uniform(20, 180, (60, 160))
     scene = np.repeat(np.repeat(scene[::6, ::6], 6, axis=0), 6, axis=1)[:60, :160]
     scene[:20] = 400
     fade = np.linspace(1, 0.6, 160)  # to 240 at the right edge of the reference
     reference = np.clip(scene * np.where(scene > 255, fade, 1), 0, 255).astype(np.uint8)
     source = np.clip(scene / gain, 0, 255).astype(np.uint8)
-    assert not photometric_consistency(reference, source, flat_map(0)).unlike[:16].any()
+    assert not photometric_consistency(reference, source, flat_map(0)).inconsistent[:16].any()
 
 
 def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(half_res):
@@ -95,10 +97,10 @@ def test_what_a_nearer_surface_to_the_right_hides_is_not_comparable(half_res):
     assert comparable[:, 125:].all()
 
 
-def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_not_unlike(half_res):
+def test_stereo_s_mistake_in_a_pixel_beside_good_ones_is_consistent(half_res):
     stereo = flat_map(20)
     stereo.disparity_px[30, 80] = 90
-    assert not photometric_consistency(*half_res, stereo).unlike.any()
+    assert not photometric_consistency(*half_res, stereo).inconsistent.any()
 
 
 def test_pixels_without_a_disparity_are_not_comparable(half_res):
@@ -108,7 +110,7 @@ def test_pixels_without_a_disparity_are_not_comparable(half_res):
     assert not photometric_consistency(*half_res, nothing).comparable.any()
 
 
-def test_single_points_are_alike_at_the_right_disparity_and_half_a_pixel_beside_it_only(half_res):
+def test_single_points_are_consistent_at_the_right_disparity_and_half_a_pixel_beside_it_only(half_res):
     row, column = np.array([30, 40, 0, 59]), np.array([80, 100, 60, 150])
     right = ncc_at(*half_res, row, column, np.full(4, 10, np.float32))
     assert right.min() > 0.8
@@ -121,7 +123,7 @@ def test_a_point_whose_match_lies_outside_the_image_is_compared_with_its_edge(ha
     assert -1 <= ncc_at(*half_res, row, column, np.array([60], np.float32))[0] <= 1
 
 
-def test_no_points_have_no_likeness(half_res):
+def test_no_points_have_no_ncc(half_res):
     nothing = np.zeros(0, dtype=np.int64)
     assert ncc_at(*half_res, nothing, nothing, np.zeros(0, np.float32)).shape == (0,)
 
@@ -133,7 +135,7 @@ def patches(image, border):
 
 
 def correlated(one, other):
-    """Zero-mean correlations of patches (..., 7, 7), their norms raised by the floor."""
+    """Zero-mean correlations of patches (..., 7, 7), the floor added to their norms."""
     one, other = (patch - patch.mean(axis=(-2, -1), keepdims=True) for patch in (one, other))
     norms = [np.sqrt((patch**2).sum(axis=(-2, -1))) + PATCH_FLOOR for patch in (one, other)]
     return (one * other).sum(axis=(-2, -1)) / (norms[0] * norms[1])
@@ -149,7 +151,7 @@ def test_the_correlation_of_two_pictures_is_that_of_each_patch_by_itself(contras
     column = np.clip(np.arange(90) - disparity.astype(int) // 2, 0, 89)
     warped = np.take_along_axis(source, column, axis=1)
     expected = correlated(patches(reference, "reflect"), patches(warped, "reflect"))
-    np.testing.assert_allclose(photometric_consistency(reference, source, stereo).alike, expected, atol=2e-4)
+    np.testing.assert_allclose(photometric_consistency(reference, source, stereo).ncc, expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("contrast", [1.0, 0.05])
@@ -185,24 +187,24 @@ def test_light_that_saturates_both_cameras_says_nothing(level, comparable):
     assert pair.comparable[30, 80] == comparable
 
 
-@pytest.mark.parametrize(("difference", "unlike"), [(40, False), (41, True), (-40, False), (-41, True)])
-def test_brightness_differs_from_forty_grey_levels_on(difference, unlike):
+@pytest.mark.parametrize(("difference", "differs"), [(40, False), (41, True), (-40, False), (-41, True)])
+def test_brightness_differs_from_forty_grey_levels_on(difference, differs):
     # Half of the picture is brighter: gain and offset follow the larger, equal part.
     reference, source = flat(100), flat(100)
     reference[:, :50] += difference
     found = compared(reference, source)
-    assert found.unlike[30, 20] == unlike
-    assert not found.unlike[:, 60:].any()
+    assert found.inconsistent[30, 20] == differs
+    assert not found.inconsistent[:, 60:].any()
 
 
-@pytest.mark.parametrize(("shift", "unlike"), [(22, False), (23, True)])
-def test_brightness_is_looked_for_two_pixels_either_way(shift, unlike):
+@pytest.mark.parametrize(("shift", "differs"), [(22, False), (23, True)])
+def test_brightness_is_searched_two_pixels_either_way(shift, differs):
     # Slopes of two levels a pixel have too little texture; of their shift two pixels are searched, 40 levels allowed.
     def slope(right):
         return np.tile(np.clip(100 - 2.0 * (np.arange(160) - right), 40, 100), (60, 1))
 
-    assert compared(slope(115), slope(115 - shift)).unlike.any() == unlike
-    assert compared(slope(115 - shift), slope(115)).unlike.any() == unlike
+    assert compared(slope(115), slope(115 - shift)).inconsistent.any() == differs
+    assert compared(slope(115 - shift), slope(115)).inconsistent.any() == differs
 
 
 @pytest.mark.parametrize(("gap_px", "comparable"), [(4, True), (5, False)])

@@ -7,24 +7,24 @@ from auditor.model.frames import PointCloud
 from tests.making.scenes import WIDTH, plane_cloud, plane_rig
 
 
-def emptiness_of(cloud):
+def dropout_of(cloud):
     return point_dropout(lidar_view(PointCloud(0, cloud), plane_rig(), 3), WIDTH)
 
 
 def test_an_even_cloud_lacks_nothing():
-    assert emptiness_of(plane_cloud(9.0)) == pytest.approx(0, abs=0.01)
+    assert dropout_of(plane_cloud(9.0)) == pytest.approx(0, abs=0.01)
 
 
 def test_a_removed_sector_as_wide_as_a_strip_lacks_everything():
     cloud = plane_cloud(9.0)  # 120 px at 300 px and 9 m are 3.6 m
-    assert emptiness_of(cloud[np.abs(cloud[:, 1]) > 1.8]) == 1.0
+    assert dropout_of(cloud[np.abs(cloud[:, 1]) > 1.8]) == 1.0
 
 
 def test_a_thinned_sector_lacks_some():
     cloud = plane_cloud(9.0)
     inside = cloud[:, 1] > 3.0  # the leftmost 60 px of 320
-    assert emptiness_of(cloud[~inside | (np.arange(len(cloud)) % 2 == 0)]) == pytest.approx(0.5 * 60 / 104, abs=0.02)
+    assert dropout_of(cloud[~inside | (np.arange(len(cloud)) % 2 == 0)]) == pytest.approx(0.5 * 60 / 104, abs=0.02)
 
 
-def test_an_empty_view_lacks_everything():
-    assert emptiness_of(np.zeros((0, 3), np.float32)) == 1.0
+def test_a_view_without_points_lacks_all():
+    assert dropout_of(np.zeros((0, 3), np.float32)) == 1.0

@@ -21,7 +21,7 @@ def at(u: float, v: float, depth_m: float) -> tuple[float, float, float]:
     return depth_m, -(u - WIDTH / 2) / FOCAL * depth_m, -(v - HEIGHT / 2) / FOCAL * depth_m
 
 
-def test_disparities_at_a_witness_follow_equation_1_where_the_optical_axes_are_parallel() -> None:
+def test_disparities_at_a_source_camera_follow_equation_1_where_the_optical_axes_are_parallel() -> None:
     rig = plane_rig((0.6, 0.3, 0.0))
     view = lidar_view(PointCloud(0, plane_cloud(9.0)), rig, 3)
     assert view.row.size == (WIDTH // 2) * (HEIGHT // 2)
@@ -46,7 +46,7 @@ def test_points_behind_the_camera_or_outside_its_image_are_not_in_view() -> None
     assert (view.row.size, view.returns) == (0, 0)
 
 
-def test_an_empty_cloud_gives_an_empty_view() -> None:
+def test_a_cloud_without_points_gives_a_view_without_points() -> None:
     view = lidar_view(PointCloud(0, np.empty((0, 3), np.float32)), plane_rig(), 3)
     assert view.disparity_px(1).shape == (0,)
 
@@ -54,7 +54,7 @@ def test_an_empty_cloud_gives_an_empty_view() -> None:
 def test_a_full_projection_matrix_moves_columns_that_the_simple_equation_would_not() -> None:
     rig = plane_rig((0.6, 0.0))
     moved = rig.cameras[0].projection.copy()
-    moved[2, 3] = -0.02  # the witness's optical centre 2 cm nearer to the scene
+    moved[2, 3] = -0.02  # the source's optical centre 2 cm nearer to the scene
     tilted = type(rig)(rig.lidar, (type(rig.cameras[0])(1, "", "", WIDTH, HEIGHT, moved), rig.cameras[1]))
     points = cloud((10.0, -4.0, 0.0))
     simple = lidar_view(points, rig, 2).disparity_px(1)
@@ -123,7 +123,7 @@ def test_all_checks_of_a_frame_project_its_points_once_into_each_camera_of_a_vie
     rig, projected, project = plane_rig((0.6, 0.3, 0.0)), [], lidar._project
     monkeypatch.setattr(lidar, "_project", lambda P, points: projected.append(P.tobytes()) or project(P, points))
     _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
-    CalibrationCheck().look(evidence, FaultFeatures().update(evidence))
+    CalibrationCheck().add(evidence, FaultFeatures().update(evidence))
     localise(evidence, rig_pair_checks(rig))
     assert sorted(evidence.lidar) == [3]
     assert len(projected) == len(set(projected)) == 3

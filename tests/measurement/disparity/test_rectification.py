@@ -30,7 +30,7 @@ def crooked_rig(seed: int = 1, **settings: object) -> Rig:
     return perturbed(make_rig(3, lidar=True, width_px=621, height_px=188), LENSES, seed, **settings)
 
 
-def turned(rig: Rig, rig_SO3_new: np.ndarray) -> Rig:
+def rotated(rig: Rig, rig_SO3_new: np.ndarray) -> Rig:
     """The same rig described in another frame, as it might be in a rig file."""
     turn = motion(rig_SO3_new, np.zeros(3))
     lidar = replace(rig.lidar, rig_SE3_lidar=invert(turn) @ rig.lidar.rig_SE3_lidar)
@@ -44,7 +44,7 @@ def test_rigs_that_are_rectified_keep_their_frames_to_the_last_bit() -> None:
     assert seen.frame(frame) is frame
 
 
-def test_the_ideal_cameras_are_alike_on_one_line_and_at_their_old_places() -> None:
+def test_the_ideal_cameras_are_the_same_on_one_line_and_at_their_old_places() -> None:
     rig = crooked_rig()
     ideal = rectification(rig).rig
     K = ideal.camera(1).intrinsics
@@ -67,7 +67,7 @@ def test_a_point_appears_in_the_rectified_picture_where_the_ideal_camera_says(ca
     rows, columns = np.mgrid[: real.height_px, : real.width_px]
     dots = sum(np.exp(-((columns - a) ** 2 + (rows - b) ** 2) / 8) for a, b in zip(u, v, strict=True))
     picture = seen.image(CameraImage(camera, 0, np.rint(dots * 250).astype(np.uint8))).pixels.astype(float)
-    # The ideal rig has a frame of its own: the LiDAR tells how it is turned.
+    # The ideal rig has a frame of its own: the LiDAR shows how it is rotated.
     ideal_SE3_rig = seen.rig.lidar.rig_SE3_lidar @ invert(rig.lidar.rig_SE3_lidar)
     expected = seen.rig.camera(camera).projection @ ideal_SE3_rig @ np.column_stack([at_m, np.ones(6)]).T
     for a, b in (expected[:2] / expected[2]).T:
@@ -93,7 +93,7 @@ def in_the_drives_frame(drive: SyntheticDrive, ideal: Rig) -> Rig:
     return Rig(drive.rig.lidar, tuple(cameras))
 
 
-def test_a_drive_through_bent_and_turned_cameras_measures_like_one_through_ideal_ones() -> None:
+def test_a_drive_through_bent_and_rotated_cameras_measures_like_one_through_ideal_ones() -> None:
     drive = make_drive(2, 2, width_px=621, height_px=188)
     crooked = replace(drive, vehicle=replace(drive.vehicle, rig=perturbed(drive.rig, LENSES, 2)))
     ideal = rectification(crooked.rig).rig
@@ -108,14 +108,14 @@ def test_a_drive_through_bent_and_turned_cameras_measures_like_one_through_ideal
 
 def test_the_frame_that_a_rig_is_described_in_does_not_matter() -> None:
     rig = crooked_rig()
-    again = turned(rig, rotation(0.02, 0.03, -0.01))
+    again = rotated(rig, rotation(0.02, 0.03, -0.01))
     cloud = PointCloud(0, np.random.default_rng(0).uniform((4, -4, -1), (20, 4, 2), (500, 3)).astype(np.float32))
     a, b = (lidar_view(cloud, rectification(r).rig, 3) for r in (rig, again))
     assert np.allclose(a.u_px, b.u_px, atol=1e-3)
     assert np.allclose(a.disparity_px(1), b.disparity_px(1), atol=1e-3)
 
 
-def test_cameras_of_other_sizes_and_focal_lengths_see_alike_after_rectifying() -> None:
+def test_cameras_of_other_sizes_and_focal_lengths_see_the_same_after_rectifying() -> None:
     rig = plane_rig()
     fine = rig.camera(2)
     twice = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])  # pixels' centres lie at whole numbers

@@ -18,23 +18,23 @@ def view_of(columns, rows, depths):
     return LidarView(3, column, row, u, nowhere, u.size, plane_rig()), (FOCAL * 0.6 / z).astype(np.float32)
 
 
-def test_a_point_behind_a_near_one_in_the_witness_s_image_is_hidden_from_it():
-    # In the witness both fall into column 140: 150 - 10 and 200 - 60.
+def test_a_point_behind_a_near_one_in_the_source_image_is_occluded():
+    # In the source both fall into column 140: 150 - 10 and 200 - 60.
     view, d0 = view_of([150, 200], [60, 60], [18, 3])
     assert visible_to_source(view, plane_rig(), 1, d0).tolist() == [False, True]
 
 
-def test_points_side_by_side_in_the_witness_s_image_hide_nothing():
+def test_points_side_by_side_in_the_source_image_occlude_nothing():
     view, d0 = view_of([150, 230], [60, 60], [18, 3])
     assert visible_to_source(view, plane_rig(), 1, d0).all()
 
 
-def test_a_slope_of_less_than_three_pixels_hides_nothing():
+def test_a_slope_of_less_than_three_pixels_occludes_nothing():
     view, d0 = view_of([150, 152], [60, 60], [18, 15])
     assert visible_to_source(view, plane_rig(), 1, d0).all()
 
 
-def test_a_point_outside_the_witness_s_image_is_not_visible_to_it():
+def test_a_point_outside_the_source_image_is_not_visible_to_it():
     view, d0 = view_of([5, 200], [60, 60], [9, 9])
     assert visible_to_source(view, plane_rig(), 1, d0).tolist() == [False, True]
 
@@ -69,7 +69,7 @@ def test_a_point_is_hidden_by_one_nearer_by_more_than_three_pixels(d0, visible):
 
 
 @pytest.mark.parametrize(("column", "visible"), [(-1.1, False), (-0.9, True), (318.9, True), (319.0, False)])
-def test_a_point_is_visible_as_far_as_the_witness_s_half_resolution_image_goes(column, visible):
+def test_a_point_is_visible_as_far_as_the_source_s_half_resolution_image_goes(column, visible):
     assert seen([column + 4], [60], [4]) == [visible]
 
 
@@ -87,17 +87,17 @@ def test_half_the_baseline_is_half_the_difference(d0, visible):
     assert visible_to_source(view, plane_rig(), 2, np.float32([30, d0])).tolist() == [True, visible]
 
 
-def test_a_point_left_of_the_witness_s_image_hides_nothing():
+def test_a_point_left_of_the_source_image_occludes_nothing():
     assert seen([50, 3], [60, 60], [60, 2]) == [False, True]
 
 
-def test_rows_below_a_lower_witness_count_as_its_last():
+def test_rows_below_a_lower_source_count_as_its_last():
     rig = plane_rig()
     lower = replace(rig, cameras=(replace(rig.cameras[0], height_px=99), *rig.cameras[1:]))
     assert seen([200, 150, 150], [98, 119, 80], [60, 10, 10], lower) == [True, False, True]
 
 
-def test_the_mask_of_what_is_too_near_is_that_worked_out_by_hand():
+def test_the_range_mask_is_that_worked_out_by_hand():
     # One point a little over the limit at row 30, column 100 of the half-resolution grid; the others are not.
     rows, columns = np.int32([60, 60, 100]), np.int32([200, 40, 100])
     view = WrittenDown(
@@ -113,7 +113,7 @@ def nothing(view):
     return np.zeros(view.row.size, dtype=np.bool_)
 
 
-def test_what_is_too_near_to_be_matched_and_what_it_hides_to_its_left_is_masked():
+def test_what_is_out_of_range_and_what_it_occludes_to_its_left_is_masked():
     cloud = plane_cloud(1.5)  # 300 px 0.6 m / 1.5 m = 120 px
     right = cloud[:, 1] < -0.2
     view = lidar_view(PointCloud(0, cloud[right]), plane_rig(), 3)
@@ -129,7 +129,7 @@ def test_nothing_is_masked_where_everything_can_be_matched():
     assert not out_of_range(view, nothing(view), 1, MATCHER, (HEIGHT // 2, WIDTH // 2)).any()
 
 
-def test_drops_that_stand_alone_hide_nothing():
+def test_drops_that_stand_alone_occlude_nothing():
     view = lidar_view(PointCloud(0, plane_cloud(1.5)[::97]), plane_rig(), 3)
     alone = isolated(view, plane_rig().camera(3).focal_px)
     assert alone.any()

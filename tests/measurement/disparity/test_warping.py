@@ -36,23 +36,23 @@ def depths(camera: Camera, step: int, axes: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("step", [1, 2])
 @pytest.mark.parametrize("pair", [(1, 3), (2, 3)])
 @pytest.mark.parametrize("name", list(OFFSETS))
-def test_a_disparity_brought_back_is_f_b_over_z_of_the_common_view(name: str, pair: tuple[int, int], step: int) -> None:
+def test_a_warped_disparity_is_f_b_over_z_of_the_common_view(name: str, pair: tuple[int, int], step: int) -> None:
     rig = off_line(name)
     seen = rectification(rig)
     view = seen.pairs[pair]
     own, reference = view.seen.rig.camera(2), seen.rig.camera(pair[1])
-    # Rows of the pair's axes in the rig's frame: the LiDAR tells how either is turned.
-    turned = rig.lidar.rig_SE3_lidar[:3, :3].T
-    axes, common = (r.lidar.rig_SE3_lidar[:3, :3] @ turned for r in (view.seen.rig, seen.rig))
+    # Rows of the pair's axes in the rig's frame: the LiDAR shows how either is rotated.
+    rotation = rig.lidar.rig_SE3_lidar[:3, :3].T
+    axes, common = (r.lidar.rig_SE3_lidar[:3, :3] @ rotation for r in (view.seen.rig, seen.rig))
     b = rig.baseline_m(*pair)
     assert view.seen.rig.baseline_m(1, 2) == pytest.approx(b)
     disparity = (own.focal_px * b / depths(own, step, axes)).astype(np.float32)
-    told = np.ones(disparity.shape, dtype=np.bool_)
-    brought = view.back.stereo(StereoMap(disparity, told, told, step, 128))
+    everywhere = np.ones(disparity.shape, dtype=np.bool_)
+    warped = view.to_shared.stereo(StereoMap(disparity, everywhere, everywhere, step, 128))
     expected = reference.focal_px * b / depths(reference, step, common)
-    off_px = np.abs(brought.disparity_px - expected)[brought.valid]
-    print(name, pair, f"{brought.valid.mean():.0%} seen, off by {off_px.max():.3f} px at most of {expected.max():.0f}")
-    assert brought.valid.mean() > 0.6
+    off_px = np.abs(warped.disparity_px - expected)[warped.valid]
+    print(name, pair, f"{warped.valid.mean():.0%} seen, off by {off_px.max():.3f} px at most of {expected.max():.0f}")
+    assert warped.valid.mean() > 0.6
     assert off_px.max() < 0.25  # what the next pixel shows, of a plane that is slanted
 
 
@@ -67,10 +67,10 @@ def test_marks_lie_where_the_reference_view_has_them() -> None:
         u, v, w = r.camera(camera).projection @ ideal_SE3_rig @ at_m.T
         pixels.append(np.rint(np.stack([v / w, u / w]) // 2).astype(int))
     counts = Counts(1, 1, 1, 1, 0)
-    back = view.back.comparison(Comparison(counts, *pixels[0], 2))
+    back = view.to_shared.comparison(Comparison(counts, *pixels[0], 2))
     assert back.counts is counts
     assert np.abs(np.stack([back.row, back.column]) - pixels[1]).max() <= 1
-    outside = view.back.comparison(Comparison(counts, np.array([0]), np.array([0]), 2))
+    outside = view.to_shared.comparison(Comparison(counts, np.array([0]), np.array([0]), 2))
     assert outside.row.size == 0
 
 

@@ -10,7 +10,8 @@ import pytest
 from auditor.lab.attacks.paper import Facula
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from tests.benchmarks.fitting import CASES, warnings
+from tests.benchmarks.calibration_warnings import CASES
+from tests.benchmarks.calibration_warnings import warnings as warnings_of
 from tests.benchmarks.real_drives import frames
 
 
@@ -21,7 +22,7 @@ def some(real_data: Path) -> tuple[Rig, list[Frame]]:
 
 
 @pytest.mark.parametrize(
-    ("case", "said"),
+    ("case", "warning"),
     [
         ("as it is", None),
         ("LiDAR pitch 0.5 deg", "px lower: wrong LiDAR mounting"),
@@ -29,18 +30,18 @@ def some(real_data: Path) -> tuple[Rig, list[Frame]]:
         ("baselines x 2", "0.49 times the LiDAR's: wrong baseline"),
         ("S_1 pitch 0.25 deg", "off by 3.. rows: wrong rectification flag"),
         ("S_1 not rectified", "points on the same row: wrong rectification flag"),
-        ("S_1 yaw 0.5 deg", "by camera_gray_right: is that camera turned"),
+        ("S_1 yaw 0.5 deg", "by camera_gray_right: is that camera rotated"),
     ],
 )
-def test_a_broken_geometry_is_told_and_a_sound_one_is_not(
-    some: tuple[Rig, list[Frame]], case: str, said: str | None
+def test_a_broken_geometry_has_a_warning_and_a_sound_one_has_none(
+    some: tuple[Rig, list[Frame]], case: str, warning: str | None
 ) -> None:
-    usable = warnings(CASES[case], *some)
-    if said is None:
-        assert usable == ()
+    warnings = warnings_of(CASES[case], *some)
+    if warning is None:
+        assert warnings == ()
     else:
-        assert len(usable) == 1
-        assert re.search(said, usable[0])
+        assert len(warnings) == 1
+        assert re.search(warning, warnings[0])
 
 
 def test_an_attack_on_two_frames_of_three_is_no_broken_geometry(some: tuple[Rig, list[Frame]]) -> None:
@@ -49,5 +50,5 @@ def test_an_attack_on_two_frames_of_three_is_no_broken_geometry(some: tuple[Rig,
         replace(frame, images={**frame.images, 3: Facula(2000, 375, 600, 180).apply(frame.images[3])})
         for frame in clean * 2
     ]
-    assert warnings(CASES["as it is"], rig, dazzled)
-    assert warnings(CASES["as it is"], rig, [clean[0], *dazzled[:2], clean[1], *dazzled[2:]]) == ()
+    assert warnings_of(CASES["as it is"], rig, dazzled)
+    assert warnings_of(CASES["as it is"], rig, [clean[0], *dazzled[:2], clean[1], *dazzled[2:]]) == ()

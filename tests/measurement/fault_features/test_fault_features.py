@@ -40,7 +40,7 @@ def test_cameras_that_see_one_moment_are_in_step_and_nothing_is_said_of_a_frame_
         assert pair.agreement.agreeing > 0.9
 
 
-def test_a_tilted_camera_moves_all_rows_of_its_pairs_alike():
+def test_a_tilted_camera_moves_all_rows_of_its_pairs_by_one_offset():
     seen = observed(with_image(scene(), 1, ShiftedCamera(6)))
     assert seen[1, 3].rows.row_aligned < 0.1
     assert seen[1, 3].rows.offset_px == pytest.approx(6, abs=0.5)
@@ -60,14 +60,14 @@ def test_a_camera_a_frame_behind_is_on_its_rows_with_the_frame_before():
 
 def test_a_reference_a_frame_behind_all_along_is_on_its_rows_with_the_others_frame_before():
     moments = [scene(down_px=rows) for rows in (0, 6, 12)]
-    late = [replace(now, images={**now.images, 3: before.images[3]}) for before, now in pairwise(moments)]
-    for pair in observed(*late).values():
+    lagging = [replace(now, images={**now.images, 3: before.images[3]}) for before, now in pairwise(moments)]
+    for pair in observed(*lagging).values():
         assert pair.rows.row_aligned < 0.1
         assert pair.rows.lagged_k > 0.8
         assert pair.rows.lagged_i < 0.1
 
 
-def test_a_camera_turned_aside_biases_its_disparities_by_a_constant():
+def test_a_camera_rotated_aside_biases_its_disparities_by_a_constant():
     agreement = observed(with_image(scene(), 1, ShiftedCamera(0, -6)))[1, 3].agreement
     assert agreement.agreeing < 0.1
     assert agreement.bias_px == pytest.approx(6, abs=1)
@@ -75,7 +75,7 @@ def test_a_camera_turned_aside_biases_its_disparities_by_a_constant():
 
 
 def step(aside_px=0):
-    """A plane whose right half stands nearer: a plane alone would not tell where the LiDAR looks."""
+    """A plane whose right half stands nearer: a plane alone would not show a rotation of the LiDAR."""
     far, near = scene(), scene(depth_m=NEAR_M)
     images = {}
     for number, image in far.images.items():
@@ -89,27 +89,27 @@ def step(aside_px=0):
     return replace(far, images=images, cloud=replace(far.cloud, xyz_m=cloud))
 
 
-def test_a_turned_lidar_agrees_once_all_its_points_are_moved():
-    straight, turned = (observed(step(aside))[2, 3].agreement for aside in (0, 16))
+def test_a_rotated_lidar_agrees_once_all_its_points_are_moved():
+    straight, rotated = (observed(step(aside))[2, 3].agreement for aside in (0, 16))
     assert straight.agreeing > 0.9
     assert max(straight.rotated, straight.biased) < straight.agreeing + 0.01
-    assert turned.agreeing < straight.agreeing - 0.02
-    assert turned.rotated > turned.agreeing + 0.02
-    assert (turned.right_px, turned.down_px) == (-16, 0)
-    assert turned.rotated_only > 5 * turned.unrotated_only
-    assert straight.rotated_only < turned.rotated_only / 10
+    assert rotated.agreeing < straight.agreeing - 0.02
+    assert rotated.rotated > rotated.agreeing + 0.02
+    assert (rotated.right_px, rotated.down_px) == (-16, 0)
+    assert rotated.rotated_only > 5 * rotated.unrotated_only
+    assert straight.rotated_only < rotated.rotated_only / 10
 
 
 def test_the_points_of_a_lidar_a_frame_behind_agree_with_the_frame_before_alone():
     far, near = scene(), scene(depth_m=NEAR_M)
-    row_aligned, late = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
-    assert row_aligned.now_only > 500
-    assert row_aligned.before_only == 0
-    assert late.before_only > 500
-    assert late.now_only == 0
+    now, lagging = (observed(far, frame)[2, 3].agreement for frame in (near, replace(near, cloud=far.cloud)))
+    assert now.now_only > 500
+    assert now.before_only == 0
+    assert lagging.before_only > 500
+    assert lagging.now_only == 0
 
 
-def test_dirt_makes_a_camera_the_darker_one_where_the_pictures_are_unlike():
+def test_dirt_makes_a_camera_the_darker_one_at_inconsistent_pixels():
     for sensor, sign in ((1, 1), (3, -1)):
         frame = scene()
         pixels = frame.images[sensor].pixels.copy()

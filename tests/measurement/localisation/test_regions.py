@@ -7,7 +7,7 @@ import pytest
 from auditor.measurement import localise, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.localisation.points import solid_around
-from auditor.measurement.localisation.regions import suspects
+from auditor.measurement.localisation.regions import candidate_cameras
 from auditor.model.checks import Check, PairCheck
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import REGION_STEP
@@ -19,9 +19,9 @@ PHOTOMETRIC_INCONSISTENCY = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, 3) fo
 LIDAR_CONFLICT = [PairCheck(Check.LIDAR_CONFLICT, i, 3) for i in (1, 2)]
 
 
-def regions(frame, raised):
-    _, evidence = measure(frame, RIG, SgbmMatcher())
-    return {region.sensor: region for region in localise(evidence, raised)}
+def regions(frame, candidates):
+    _, arrays = measure(frame, RIG, SgbmMatcher())
+    return {region.sensor: region for region in localise(arrays, candidates)}
 
 
 def covered(region):
@@ -67,7 +67,7 @@ def test_a_wall_s_points_and_their_box_are_found():
     assert region.solid.size_m[2] < 0.05
 
 
-def test_nothing_is_looked_for_where_nothing_can_be_raised():
+def test_no_region_is_localised_without_candidates():
     assert regions(scene(), []) == {}
 
 
@@ -76,12 +76,12 @@ def test_nothing_is_found_where_nothing_is_wrong():
 
 
 def test_the_fewest_cameras_that_touch_all_raised_pairs_are_suspects():
-    assert suspects(PHOTOMETRIC_INCONSISTENCY, (1, 2, 3)) == (3,)
-    assert suspects(PHOTOMETRIC_INCONSISTENCY[:1], (1, 2, 3)) == (1, 3)
-    assert suspects(LIDAR_CONFLICT, (1, 2, 3)) == ()
+    assert candidate_cameras(PHOTOMETRIC_INCONSISTENCY, (1, 2, 3)) == (3,)
+    assert candidate_cameras(PHOTOMETRIC_INCONSISTENCY[:1], (1, 2, 3)) == (1, 3)
+    assert candidate_cameras(LIDAR_CONFLICT, (1, 2, 3)) == ()
     two = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair) for pair in ((1, 4), (2, 4), (1, 3), (2, 3))]
-    assert suspects(two, (1, 2, 3, 4)) == (1, 2, 3, 4)  # either S_1 and S_2, or S_3 and S_4
-    assert suspects([*two, PairCheck(Check.BRIGHTNESS_DIFFERENCE, 3, 4)], (1, 2, 3, 4)) == (3, 4)
+    assert candidate_cameras(two, (1, 2, 3, 4)) == (1, 2, 3, 4)  # either S_1 and S_2, or S_3 and S_4
+    assert candidate_cameras([*two, PairCheck(Check.BRIGHTNESS_DIFFERENCE, 3, 4)], (1, 2, 3, 4)) == (3, 4)
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 20, -30])

@@ -109,17 +109,17 @@ def test_every_pixel_has_a_disparity_inside_the_range_even_where_nothing_matches
 
 
 def test_pairs_of_a_frame_share_the_features_of_its_images(small: PsmnetMatcher, monkeypatch) -> None:
-    looked_at = []
+    seen = []
     features = Engine.features
 
     def counted(self: Engine, images: list[np.ndarray]) -> torch.Tensor:
-        looked_at.extend(images)
+        seen.extend(images)
         return features(self, images)
 
     monkeypatch.setattr(Engine, "features", counted)
     images = [noise(48, 64, seed) for seed in range(4)]
     maps = small.match_pairs(images, [(0, 1), (0, 2), (1, 2)])
-    assert [id(image) for image in looked_at] == [id(image) for image in images[:3]]
+    assert [id(image) for image in seen] == [id(image) for image in images[:3]]
     for (left, right), disparity in zip([(0, 1), (0, 2), (1, 2)], maps, strict=True):
         np.testing.assert_array_equal(disparity, small.match(images[left], images[right]))
 
@@ -177,7 +177,7 @@ def test_settings_tell_weights_convention_range_and_precision_apart(small: Psmne
     assert PsmnetMatcher(unsaid, align_corners=True).settings == small.settings
 
 
-def test_the_upsampling_convention_has_no_default_and_no_contradiction() -> None:
+def test_the_upsampling_convention_has_no_default_and_no_disagreement() -> None:
     unsaid = Weights(ruled_state(4), 4, "", None, None, "w.tar")
     with pytest.raises(SettingError, match=r"w\.tar: the file does not say which upsampling .* 2018"):
         PsmnetMatcher(unsaid)
@@ -243,7 +243,7 @@ def test_the_evidence_room_is_entered_without_torch() -> None:
     assert subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=False).returncode == 0
 
 
-def test_a_frame_is_measured_with_each_image_looked_at_once(monkeypatch) -> None:
+def test_a_frame_is_measured_with_each_image_seen_once(monkeypatch) -> None:
     counts = []
     features = Engine.features
 

@@ -113,7 +113,7 @@ def test_the_first_frames_are_compared_with_their_lidar(monkeypatch) -> None:
     monkeypatch.setattr(matcher, "match_pairs", lambda *a: found(*a, disparity_px=22.0))
     (warning,) = first_frames_warnings(matcher, rig, frames)
     assert "off scale" in warning
-    assert first_frames_warnings(matcher, rig, frames[1:]) == ()  # without a LiDAR nothing is said
+    assert first_frames_warnings(matcher, rig, frames[1:]) == ()  # without a LiDAR there is no warning
 
 
 def test_a_lower_precision_is_checked_on_the_first_frame(monkeypatch) -> None:
@@ -136,9 +136,9 @@ def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypat
     )
     monkeypatch.setattr(
         "auditor.measurement.disparity.matchers.psmnet.preflight.first_frames_warnings",
-        lambda matcher, rig, frames: (f"{len(frames)} looked at",),
+        lambda matcher, rig, frames: (f"{len(frames)} checked",),
     )
-    said = preflight(matcher, rig, [plane_frame(rig)], 7200)
+    lines = preflight(matcher, rig, [plane_frame(rig)], 7200)
     # Three images, and two pairs in the view of the leftmost.
-    assert said == ("psmnet on cuda:0: about 5.5 s a frame, 11.0 h for 7200 frames", "1 looked at")
+    assert lines == ("psmnet on cuda:0: about 5.5 s a frame, 11.0 h for 7200 frames", "1 checked")
     assert preflight(SgbmMatcher(), rig, [plane_frame(rig)], 7200) == ()

@@ -8,7 +8,7 @@ from tests.making.scenes import HEIGHT, WIDTH, plane_images, plane_rig
 
 
 @pytest.mark.parametrize("step", [2, 1])
-def test_a_plane_is_matched_everywhere_the_witness_sees_it(step: int) -> None:
+def test_a_plane_is_matched_everywhere_the_source_sees_it(step: int) -> None:
     images = plane_images(plane_rig(), depth_m=9.0)  # 20 px at 0.6 m
     disparity = SgbmMatcher(step).match(images[3], images[1])
     assert disparity.shape == (HEIGHT // step, WIDTH // step)

@@ -35,7 +35,7 @@ def take_apart(
     given = description.output
     boxes = _part(outputs, given.boxes, where)
     if boxes.ndim < 2 or boxes.shape[-1] != columns or boxes.size != boxes.shape[-2] * columns:
-        raise _unlike(given.boxes, boxes, f"(M, {columns})", where)
+        raise _mismatch(given.boxes, boxes, f"(M, {columns})", where)
     boxes = boxes.reshape(-1, columns)
     scores = _part(outputs, given.scores, where)
     if given.labels or scores.size == len(boxes):
@@ -45,7 +45,7 @@ def take_apart(
             labels = _vector(given.labels, _part(outputs, given.labels, where), len(boxes), where) - description.first
     else:
         if scores.ndim < 2 or scores.size != len(boxes) * scores.shape[-1]:
-            raise _unlike(given.scores, scores, f"({len(boxes)}, C)", where)
+            raise _mismatch(given.scores, scores, f"({len(boxes)}, C)", where)
         by_class = scores.reshape(len(boxes), -1)
         labels, scores = by_class.argmax(axis=1).astype(np.float64), by_class.max(axis=1, initial=-np.inf)
         labels -= description.first
@@ -72,17 +72,17 @@ def _part(outputs: Mapping[str, NDArray[np.generic]], place: str, where: Path) -
     first = int(part["first"])
     end = int(part["end"] or first + 1)
     if values.ndim < 2 or not first < end <= values.shape[-1]:
-        raise _unlike(place, values, f"{end} columns at least", where)
+        raise _mismatch(place, values, f"{end} columns at least", where)
     return values[..., first:end]
 
 
 def _vector(place: str, values: Values, length: int, where: Path) -> Values:
     if values.size != length:
-        raise _unlike(place, values, f"({length},)", where)
+        raise _mismatch(place, values, f"({length},)", where)
     return values.reshape(length)
 
 
-def _unlike(place: str, values: Values, meant: str, where: Path) -> SettingError:
+def _mismatch(place: str, values: Values, meant: str, where: Path) -> SettingError:
     return SettingError(
         f"the model gives {place} as {values.shape} where its description means {meant}",
         where=where,

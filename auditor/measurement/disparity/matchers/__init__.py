@@ -14,7 +14,7 @@ from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 
 NO_NETWORK = MatcherOptions()
-"""Of matchers that are no networks."""
+"""The options of matchers that are not networks."""
 
 
 def find_matcher(name: str, options: MatcherOptions = NO_NETWORK) -> Matcher:
@@ -78,9 +78,9 @@ def _torchscript(path: Path, options: MatcherOptions) -> Matcher:
 
 
 def preflight(matcher: Matcher, rig: Rig, first: Sequence[Frame], count: int) -> tuple[str, ...]:
-    """What a network says before it measures `count` frames, from the first of them: its cost, and what looks wrong.
+    """What a network reports before it measures `count` frames, from the first of them: its cost, and warnings.
 
-    Matchers that are no networks of this package say nothing.
+    Matchers other than PSMNet report nothing.
     """
     if matcher.name != "psmnet":
         return ()

@@ -1,6 +1,6 @@
 """What a user says of a model of their own, in a TOML file beside it: `model.toml` for `model.onnx`.
 
-A kind of description is a dataclass, and so is each of its tables. TOML has types of its own that nobody checked, so
+A kind of description is a dataclass, and so is each of its tables. TOML has types of its own that are not checked, so
 fields carry rules: `divisor: Annotated[float, POSITIVE] = 255.0`. What concerns several fields is in `rules`.
 """
 
@@ -104,7 +104,7 @@ def read_model_file(path: Path) -> bytes:
 
 
 def sha256(content: bytes) -> str:
-    """The hash that tells one model from another."""
+    """The hash that identifies a model."""
     return hashlib.sha256(content).hexdigest()
 
 

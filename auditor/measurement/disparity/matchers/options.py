@@ -1,4 +1,4 @@
-"""What the command line can say about a matcher beside its name."""
+"""The options of a matcher on the command line, beside its name."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -8,7 +8,7 @@ from auditor.errors import SettingError
 
 @dataclass(frozen=True)
 class MatcherOptions:
-    """Options of matchers that are networks; what is None or left at its default was not asked for.
+    """Options of matchers that are networks; what is None or left at its default was not given.
 
     `weights` file, `align_corners` convention and `max_disparity` in pixels of PSMNet, `device` cpu, cuda or cuda:1,
     `precision` fp32, tf32, fp16 or bf16, whether it is `compiled` for the device, `threads` of the CPU that one process
@@ -24,7 +24,7 @@ class MatcherOptions:
     threads: int = 1
 
     def only(self, matcher: str, *taken: str) -> None:
-        """Raises SettingError where something was asked for that the matcher does not take."""
+        """Raises SettingError where an option was given that the matcher does not take."""
         for option in fields(self):
             if option.name not in (*taken, "threads") and getattr(self, option.name) != option.default:
                 raise SettingError(f"{matcher} takes no such option", where=_spelt(option.name), remedy="leave it out")

@@ -1,4 +1,4 @@
-"""Stereo networks of the user's own: what they take and give is said in a TOML file beside the model.
+"""Stereo networks of the user's own: a TOML file beside the model describes what they take and give.
 
     # crestereo.toml, beside crestereo.onnx
     range_px = 192                      # largest disparity that it gives

@@ -40,11 +40,11 @@ class SgbmMatcher:
         """Disparities (ceil(H / step), ceil(W / step)) of two (H, W) grey images, in full-resolution pixels."""
         if self.step == 2:
             left, right = halve(left), halve(right)
-        # Without the border SGBM gives no disparity in the leftmost `reach` columns of the left image.
-        range_mask = self.range_px // self.step
+        # Without the border SGBM gives no disparity in the leftmost `border_px` columns of the left image.
+        border_px = self.range_px // self.step
         matcher = cv2.StereoSGBM.create(
             minDisparity=0,
-            numDisparities=range_mask,
+            numDisparities=border_px,
             blockSize=_BLOCK,
             P1=SGBM.smoothness_1 * _BLOCK * _BLOCK,
             P2=SGBM.smoothness_2 * _BLOCK * _BLOCK,
@@ -52,11 +52,11 @@ class SgbmMatcher:
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         )
         # Negative where there is no match.
-        fixed = matcher.compute(_bordered(left, range_mask), _bordered(right, range_mask))[:, range_mask:]
+        fixed = matcher.compute(_bordered(left, border_px), _bordered(right, border_px))[:, border_px:]
         disparity = fixed.astype(np.float32) * np.float32(self.step / _SIXTEENTHS)
         disparity[fixed < 0] = np.nan
         return disparity
 
 
-def _bordered(image: NDArray[np.uint8], range_mask: int) -> cv2.typing.MatLike:
-    return cv2.copyMakeBorder(image, 0, 0, range_mask, 0, cv2.BORDER_REPLICATE)
+def _bordered(image: NDArray[np.uint8], border_px: int) -> cv2.typing.MatLike:
+    return cv2.copyMakeBorder(image, 0, 0, border_px, 0, cv2.BORDER_REPLICATE)

@@ -1,6 +1,6 @@
 """Stereo networks in TorchScript files, run by torch.
 
-A TorchScript file is a program: unlike weights and unlike ONNX it must come from somebody who is trusted.
+A TorchScript file is a program: unlike weights and unlike ONNX it must come from a trusted source.
 """
 
 import io

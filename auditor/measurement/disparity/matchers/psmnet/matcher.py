@@ -45,7 +45,7 @@ class PsmnetMatcher:
         batch: int = _LARGEST_BATCH,
         compiled: bool = False,
     ) -> None:
-        """Raises SettingError for a convention that nobody says, a device that is not there, an unknown precision."""
+        """Raises SettingError for a missing convention, a device that does not exist, an unknown precision."""
         self.align_corners, self.range_px = settle(weights, align_corners=align_corners, max_disparity=max_disparity)
         self.step, self.colour = weights.step, weights.colour
         self._weights = weights
@@ -134,8 +134,8 @@ class PsmnetMatcher:
     def _features(self, images: Sequence[Image], used: Sequence[int]) -> dict[int, Tensor]:
         features: dict[int, Tensor] = {}
         for size in dict.fromkeys(images[position].shape[:2] for position in used):
-            alike = [position for position in used if images[position].shape[:2] == size]
-            for some, result in self._batches(alike, lambda some: self.engine.features([images[p] for p in some])):
+            same_size = [position for position in used if images[position].shape[:2] == size]
+            for some, result in self._batches(same_size, lambda some: self.engine.features([images[p] for p in some])):
                 features.update(zip(some, result, strict=True))
         return features
 

@@ -1,4 +1,4 @@
-"""What PSMNet says before a recording is measured: its cost, and what goes wrong without a sound.
+"""Preflight of PSMNet before a recording is measured: its cost, and errors that its disparities do not show.
 
 The wrong upsampling and too low a precision give plausible disparities: the first frames are checked for both.
 """
@@ -16,13 +16,33 @@ from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import seen_by_both
 from auditor.measurement.parameters import PSMNET_PREFLIGHT
+from auditor.model.arrays import Mask
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 
 Pixels = NDArray[np.floating]
+"""Disparities in px, of any shape."""
+
+_PROBE_PX = (128, 256)
+_ROUNDS = 2
+_HOUR_S, _MINUTE_S = 3600.0, 60.0
 
 
-Mask = NDArray[np.bool_]
+def preflight(matcher: PsmnetMatcher, rig: Rig, first: Sequence[Frame], count: int) -> Iterator[str]:
+    """Sentences for people, from the first frames of a recording of `count` frames; the cost comes first."""
+    seen = rectification(rig)
+    camera = seen.rig.cameras[-1]
+    # A camera is another image in each pair that has a view of its own.
+    images = 2 * len(rig.pairs) if seen.pairs else len({camera for pair in rig.pairs for camera in pair})
+    cost = frame_cost(matcher, (camera.height_px, camera.width_px))
+    frame_s = cost.frame_s(images, len(rig.pairs))
+    where = cost.device if cost.device != "cpu" else f"cpu ({cost.threads} threads)"
+    yield f"psmnet on {where}: about {_span(frame_s)} a frame, {_span(frame_s * count)} for {count} frames"
+    if seen.pairs:
+        own = seen.pairs[1, rig.n]
+        yield from first_frames_warnings(matcher, own.seen.rig, [own.frame(frame) for frame in first], own.valid_masks)
+    else:
+        yield from first_frames_warnings(matcher, seen.rig, [seen.frame(frame) for frame in first])
 
 
 @dataclass(frozen=True)
@@ -30,7 +50,7 @@ class ScaleCheck:
     """How PSMNet's disparities stand to the LiDAR's on the same pixels.
 
     `ratio` is the median of PSMNet / LiDAR, `residual_px` the median of |PSMNet - LiDAR|, `other_residual_px` the same
-    had the weights been used with the other `align_corners`. `warning` is None where nothing looks wrong.
+    with the other `align_corners`. `warning` is None where both fit.
     """
 
     pixels: int
@@ -48,7 +68,7 @@ def check_scale(
     Pixels where either is NaN, where the LiDAR has under 4 px or where it leaves PSMNet's range are not used; None
     where under 500 are left. Upsampling D / 4 levels to D puts level i at i (D - 1) / (D / 4 - 1) with aligned corners
     and at 4 i + 1.5 without, in the network's own pixels, `step` of the full image wide: with the wrong convention d
-    becomes a line of d, which is undone here to see whether the LiDAR likes that better.
+    becomes a linear function of d, which is inverted here to see whether it agrees better with the LiDAR.
     """
     parts = list(pairs)
     if not parts:
@@ -106,11 +126,11 @@ def check_precision(
 def first_frames_warnings(
     matcher: PsmnetMatcher, rig: Rig, frames: Iterable[Frame], valid_masks: Mapping[int, Mask] | None = None
 ) -> tuple[str, ...]:
-    """What looks wrong with a matcher on the first frames of a recording; no warning where nothing can be checked.
+    """Warnings about a matcher on the first frames of a recording; none where nothing can be checked.
 
     Each frame costs one pair more: the leftmost camera with the rightmost, whose disparities are the largest; with a
-    lower precision than fp32 the first of them costs that pair twice again. Of pictures that are not seen whole only
-    the `sights` (H, W) are looked at.
+    lower precision than fp32 the first of them costs that pair twice again. Of images that are not seen whole only the
+    pixels of `valid_masks` (H, W) are used.
     """
     measured: list[tuple[Pixels, Pixels]] = []
     warnings: list[str | None] = []
@@ -136,12 +156,6 @@ def first_frames_warnings(
     return tuple(warning for warning in warnings if warning)
 
 
-_PROBE_PX = (128, 256)
-
-
-_ROUNDS = 2
-
-
 @dataclass(frozen=True)
 class Cost:
     """Seconds that the features of one image and the comparison of one pair take on this machine."""
@@ -152,7 +166,7 @@ class Cost:
     threads: int
 
     def frame_s(self, images: int, pairs: int) -> float:
-        """Seconds for a frame of so many images, each looked at once, compared in so many pairs."""
+        """Seconds for a frame of so many images, each used once, compared in so many pairs."""
         return images * self.seconds_per_image + pairs * self.seconds_per_pair
 
 
@@ -181,26 +195,6 @@ def _seconds(work: Callable[[], object]) -> float:
         work()
         rounds.append(perf_counter() - started)
     return min(rounds)
-
-
-_HOUR_S, _MINUTE_S = 3600.0, 60.0
-
-
-def preflight(matcher: PsmnetMatcher, rig: Rig, first: Sequence[Frame], count: int) -> Iterator[str]:
-    """Sentences for people, from the first frames of a recording of `count` frames; the cost comes first."""
-    seen = rectification(rig)
-    camera = seen.rig.cameras[-1]
-    # A camera is another image in each pair that has a view of its own.
-    images = 2 * len(rig.pairs) if seen.pairs else len({camera for pair in rig.pairs for camera in pair})
-    cost = frame_cost(matcher, (camera.height_px, camera.width_px))
-    frame_s = cost.frame_s(images, len(rig.pairs))
-    where = cost.device if cost.device != "cpu" else f"cpu ({cost.threads} threads)"
-    yield f"psmnet on {where}: about {_span(frame_s)} a frame, {_span(frame_s * count)} for {count} frames"
-    if seen.pairs:
-        own = seen.pairs[1, rig.n]
-        yield from first_frames_warnings(matcher, own.seen.rig, [own.frame(frame) for frame in first], own.valid_masks)
-    else:
-        yield from first_frames_warnings(matcher, seen.rig, [seen.frame(frame) for frame in first])
 
 
 def _span(seconds: float) -> str:

@@ -1,8 +1,8 @@
-"""Files of weights that nobody vouches for, read without running anything that they hold.
+"""Untrusted files of weights, read without running anything that they hold.
 
 `torch.load` alone would read a checkpoint. Without `weights_only` it runs what a pickle asks for, and with it refuses a
 file whose training left numpy scalars or its arguments beside the weights. So it is called with `weights_only` and with
-stand-ins that forget what they are given, and its refusals are said in one line.
+stand-ins that forget what they are given, and each refusal is one line.
 """
 
 import io
@@ -48,7 +48,7 @@ _UNREADABLE = (
 
 @dataclass(frozen=True, eq=False)
 class WeightsFile:
-    """What was found: tensors by name without the prefix, what the file says of itself, and what was not looked at."""
+    """What was found: tensors by name without the prefix, the file's own metadata, and what was not read."""
 
     layout: str
     content: bytes
@@ -82,7 +82,7 @@ _STAND_INS = [
 
 
 def read_weights_file(path: Path) -> WeightsFile:
-    """Read a safetensors file or one of torch, told apart by their content, prefix `module.` or not.
+    """Read a safetensors file or one of torch, distinguished by their content, prefix `module.` or not.
 
     torch reads with `weights_only=True` and inert stand-ins for what training runs leave beside the parameters. Raises
     SettingError where the file is none of these or asks for anything else.

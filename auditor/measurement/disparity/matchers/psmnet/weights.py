@@ -1,4 +1,4 @@
-"""Weights from files that nobody vouches for: read without running anything, checked name by name, hashed."""
+"""Weights from untrusted files: read without running anything, checked name by name, hashed."""
 
 import hashlib
 import json
@@ -76,7 +76,7 @@ def load_weights(path: Path) -> Weights:
     """The weights in a .tar, .pth or .pt file of torch or a .safetensors file, with or without the prefix `module.`.
 
     Nothing in the file is run: torch reads with `weights_only=True`, and there is no other way. Optimiser state,
-    losses and whatever else training left beside the parameters are not looked at. Raises SettingError where the file
+    losses and whatever else training left beside the parameters are ignored. Raises SettingError where the file
     cannot be read safely, and with the missing and unexpected names where it holds another network.
     """
     file = read_weights_file(path)
@@ -151,10 +151,10 @@ def convert_weights(
 
 
 def settle(weights: Weights, *, align_corners: bool | None, max_disparity: int | None) -> tuple[bool, int]:
-    """The upsampling convention and the largest disparity in pixels, from what was asked for and what the file says.
+    """The upsampling convention and the largest disparity in pixels, from the user's options and the file's metadata.
 
     With the wrong convention nothing fails and every disparity is a little off, so there is no default. Raises
-    SettingError where nobody says the convention, where file and user differ, or where the range is no multiple of 16
+    SettingError where neither has the convention, where file and user differ, or where the range is no multiple of 16
     of the network's pixels.
     """
     if align_corners is None and weights.align_corners is None:
@@ -170,15 +170,15 @@ def settle(weights: Weights, *, align_corners: bool | None, max_disparity: int |
             where=weights.where,
             remedy="leave the option out, or convert the original file again",
         )
-    asked = max_disparity or weights.max_disparity or DEFAULT_MAX_DISPARITY
+    range_px = max_disparity or weights.max_disparity or DEFAULT_MAX_DISPARITY
     multiple = MULTIPLE * weights.step
-    if asked < multiple or asked % multiple:
+    if range_px < multiple or range_px % multiple:
         raise SettingError(
-            f"{asked} px is no disparity range of PSMNet",
+            f"{range_px} px is not a disparity range of PSMNet",
             where="--max-disparity",
             remedy=f"use a multiple of {multiple}",
         )
-    return bool(weights.align_corners if align_corners is None else align_corners), asked
+    return bool(weights.align_corners if align_corners is None else align_corners), range_px
 
 
 def content_sha256(state: Mapping[str, Tensor]) -> str:
@@ -198,7 +198,7 @@ def _weights(path: Path, file: WeightsFile) -> Weights:
         for name in _shapes(width)
     }
     align_corners, max_disparity = _align_corners(file.metadata), _max_disparity(file.metadata)
-    said = file.metadata
+    metadata = file.metadata
     return Weights(
         state,
         width,
@@ -206,8 +206,8 @@ def _weights(path: Path, file: WeightsFile) -> Weights:
         align_corners,
         max_disparity,
         str(path),
-        _step(said),
-        _colour(said),
+        _step(metadata),
+        _colour(metadata),
         file.layout,
     )
 

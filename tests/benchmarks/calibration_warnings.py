@@ -1,6 +1,6 @@
 """The warnings of the calibration check on real drives, and on the same drives with changed geometry.
 
-AUDITOR_TEST_DATA=... python -m tests.benchmarks.fitting
+AUDITOR_TEST_DATA=... python -m tests.benchmarks.calibration_warnings
 """
 
 from collections.abc import Callable, Iterable
@@ -89,11 +89,11 @@ CASES: dict[str, Case] = {
 
 def warnings(case: Case, rig: Rig, some: Iterable[Frame]) -> tuple[str, ...]:
     """The warnings for a rig and a few frames."""
-    fitting = CalibrationCheck()
+    check = CalibrationCheck()
     for frame in some:
         _, evidence = measure(*reversed(case(rig, frame)), SgbmMatcher())
-        fitting.look(evidence, FaultFeatures().update(evidence))
-    return fitting.warnings()
+        check.add(evidence, FaultFeatures().update(evidence))
+    return check.warnings()
 
 
 def main() -> None:

@@ -1,0 +1,241 @@
+"""Names and prose use the words of docs/glossary.md: no name of the old design, and no word of a court room.
+
+The lists are data. A name or phrase that has a new word goes into them, and every room is searched.
+"""
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+ROOMS_TO_COME: tuple[str, ...] = (
+    "README.md",
+    "auditor/__init__.py",
+    "auditor/cli",
+    "auditor/pipeline",
+    "auditor/reporting",
+    "auditor/store",
+    "docs/python.md",
+    "docs/store.md",
+    "queries",
+    "reports",
+    "schemas",
+    "tests/cli",
+    "tests/pipeline",
+    "tests/reporting",
+    "tests/store",
+)
+"""Files and folders that are not searched yet."""
+
+HISTORY = ("CHANGELOG.md", "docs/decisions.md", "docs/glossary.md", "tests/benchmarks/golden_rows.py")
+"""What tells of old words on purpose."""
+
+HERE = "tests/test_words.py"
+
+OLD_NAMES = frozenset(
+    [
+        "Adjudication",
+        "Bench",
+        "Dice",
+        "Element",
+        "Fitting",
+        "Heard",
+        "Likeness",
+        "Looked",
+        "Reach",
+        "Specks",
+        "Testimony",
+        "WayBack",
+        "Witness",
+        "Yardstick",
+        "accusable",
+        "accuse",
+        "accusing",
+        "adjudicate",
+        "adjudications",
+        "askew",
+        "bringing_back",
+        "candidate_score",
+        "compare_light",
+        "contradicted",
+        "emptiness",
+        "explained_by",
+        "foretell",
+        "foretelling",
+        "heard",
+        "hear",
+        "hold_out",
+        "in_step",
+        "judge_heard",
+        "late_i",
+        "late_k",
+        "likeness",
+        "likeness_at",
+        "likenesses",
+        "local_ratio",
+        "local_ratios",
+        "LOCAL_RATIO",
+        "merely_hidden",
+        "misfits",
+        "raisable",
+        "scattered",
+        "sights",
+        "specks",
+        "specks_beyond",
+        "specks_near",
+        "suspicion",
+        "suspicions",
+        "symptoms",
+        "symptom_rows",
+        "testify",
+        "testimony",
+        "too_near",
+        "turned_only",
+        "unlike",
+        "unlike_px",
+        "unlikeness",
+        "unturned_only",
+        "witness",
+        "witnesses",
+        "yardstick",
+        "yardsticks",
+    ]
+)
+"""Identifiers, and names of columns, that have a new one."""
+
+OLD_MODULES = frozenset(
+    [
+        "accusing",
+        "ahead",
+        "bringing_back",
+        "contradiction",
+        "damaged_images",
+        "damaged_points",
+        "damaged_scenes",
+        "elements",
+        "explaining",
+        "false_alarms",
+        "fingerprints",
+        "fitting",
+        "foretelling",
+        "joint",
+        "joining",
+        "likeness",
+        "local_ratio",
+        "measuring",
+        "one_view",
+        "raisable",
+        "rectifying",
+        "salvaging",
+        "specks",
+        "surveying",
+        "symptoms",
+        "teaching",
+        "testimony",
+        "watching",
+        "witnesses",
+    ]
+)
+"""File names of modules that have a new one."""
+
+OLD_PHRASES = (
+    r"witness(es)?\b",
+    r"testimon",
+    r"testif",
+    r"\baccus",
+    r"\bconvict",
+    r"\binnocent",
+    r"\b(could|may) deny\b",
+    r"\bden(y|ies|ied) the lidar\b",
+    r"\bstands? against\b",
+    r"\bheld[ -]out\b",
+    r"\bhalf seconds? around\b",
+    r"\blocal ratios?\b",
+    r"\byardsticks?\b",
+    r"\bheard\b",
+    r"\badjudicat",
+    r"\bbrought back\b",
+    r"\bunlikeness\b",
+    r"\blikeness(es)?\b",
+    r"\bsymptoms?\b",
+    r"\bis no number\b",
+    r"\bmerely hidden\b",
+)
+"""Regular expressions of prose in the old sense, found in any case."""
+
+
+def files(pattern: str, *folders: str) -> Iterator[Path]:
+    """The files of some folders, or of the root, that are searched."""
+    for folder in folders:
+        for path in sorted((ROOT / folder).glob(pattern)):
+            place = path.relative_to(ROOT).as_posix()
+            exempt = (*ROOMS_TO_COME, *HISTORY, HERE)
+            if not any(place == one or place.startswith(f"{one}/") for one in exempt):
+                yield path
+
+
+def by_room(offenders: dict[Path, list[str]]) -> dict[str, list[str]]:
+    """The offenders of each room, as a failing test prints them."""
+    rooms: dict[str, list[str]] = {}
+    for path, found in offenders.items():
+        place = path.relative_to(ROOT)
+        rooms.setdefault("/".join(place.parts[:2]), []).extend(f"{place.as_posix()}: {one}" for one in found)
+    return rooms
+
+
+def offenders(found: Iterator[tuple[Path, str]]) -> dict[str, list[str]]:
+    gathered: dict[Path, list[str]] = {}
+    for path, one in found:
+        gathered.setdefault(path, []).append(one)
+    return by_room(gathered)
+
+
+def names(tree: ast.AST) -> Iterator[str]:
+    """Every identifier that a module defines or uses."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name) | ast.keyword(arg=str(name)):
+                yield name
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.alias(name=name):
+                yield from name.split(".")
+
+
+def old_names(path: Path) -> Iterator[str]:
+    found = {part for name in names(ast.parse(path.read_text(encoding="utf-8"))) for part in (name, name.strip("_"))}
+    yield from sorted(found & OLD_NAMES)
+
+
+def old_phrases(text: str) -> Iterator[str]:
+    for phrase in OLD_PHRASES:
+        for hit in re.finditer(phrase, text, re.IGNORECASE):
+            line = text.count("\n", 0, hit.start()) + 1
+            yield f"line {line}: {hit.group()}"
+
+
+def test_no_identifier_of_python_is_an_old_one() -> None:
+    found = ((path, name) for path in files("**/*.py", "auditor", "tests") for name in old_names(path))
+    assert offenders(found) == {}
+
+
+def test_no_module_has_an_old_name() -> None:
+    found = ((path, path.name) for path in files("**/*.py", "auditor", "tests") if path.stem in OLD_MODULES)
+    assert offenders(found) == {}
+
+
+def test_no_query_names_an_old_column() -> None:
+    words = ((path, word) for path in files("**/*.sql", "queries") for word in re.findall(r"\w+", path.read_text()))
+    assert offenders((path, word) for path, word in words if word in OLD_NAMES) == {}
+
+
+def test_no_table_has_an_old_column() -> None:
+    texts = ((path, tomllib.loads(path.read_text(encoding="utf-8"))) for path in files("*.toml", "schemas"))
+    words = ((path, word) for path, schema in texts for word in re.findall(r"\w+", repr(schema.get("columns", schema))))
+    assert offenders((path, word) for path, word in words if word in OLD_NAMES) == {}
+
+
+def test_no_prose_uses_an_old_word() -> None:
+    paths = (*files("*.md", ".", "docs"), *files("**/*.py", "auditor", "tests"), *files("**/*.toml", "reports"))
+    assert offenders((path, hit) for path in paths for hit in old_phrases(path.read_text(encoding="utf-8"))) == {}
