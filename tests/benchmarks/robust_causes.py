@@ -136,7 +136,7 @@ def accusations(
         if verdict.kind is not VerdictKind.ATTACKED:
             continue
         who = ", ".join(f"S_{sensor}" for sensor in verdict.attacked)
-        why = ", ".join(f"{e.source} {e.i}-{e.k} {e.margin:.2f}" for e in verdict.evidence)
+        why = ", ".join(f"{e.check_name} {e.i}-{e.k} {e.margin:.2f}" for e in verdict.evidence)
         ranked = sorted({*verdict.causes, *causes}, key=lambda one: -one.score)[:LIKELIEST]
         likeliest = ", ".join(_told(one, explains=one in verdict.causes) for one in ranked) or "no cause"
         yield f"  {series.name}{where}, {series.recording}, frame {number}: {who} by {why}; {likeliest}"

@@ -35,7 +35,7 @@ def test_a_wall_is_in_conflict_and_a_clean_street_is_not(street, beams):
 
     def lidar_conflicts(attacks):
         ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
-        return [ratio for pair_check, ratio in ratios if pair_check.source is Check.LIDAR_CONFLICT]
+        return [ratio for pair_check, ratio in ratios if pair_check.check is Check.LIDAR_CONFLICT]
 
     assert max(lidar_conflicts({})) < FLOORS[Check.LIDAR_CONFLICT]
     assert min(lidar_conflicts({0: BogusWall(range_m=7.0, lateral_m=0.5)})) > CEILINGS[Check.LIDAR_CONFLICT]
