@@ -81,16 +81,16 @@ def attack_set_costs(z: Floats, pair_checks: Sequence[PairCheck], sets: Sequence
     of the LiDAR alone fires, LiDAR conflicts are not expected: a LiDAR that lacks points, or has isolated ones, need
     not disagree with the cameras.
     """
-    fired, silent = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
+    fired, not_fired = np.nan_to_num(np.maximum(z, 0)), np.nan_to_num(np.maximum(-z, 0))
     lidar_checks = np.array([e.check in LIDAR_CHECKS for e in pair_checks], dtype=np.bool_)
     conflicts = np.array([e.check is Check.LIDAR_CONFLICT for e in pair_checks], dtype=np.bool_)
-    silent[np.ix_(fired[:, lidar_checks].any(axis=1), conflicts)] = 0
+    not_fired[np.ix_(fired[:, lidar_checks].any(axis=1), conflicts)] = 0
     uncovered = np.array([[1 - covered_share(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
     expected = np.array([[expects(e, s) for s in sets] for e in pair_checks], dtype=np.float64)
     if not pair_checks:
         uncovered = expected = np.zeros((0, len(sets)))
     penalty = ATTACK_SET_COST.penalty_per_sensor * np.array([len(s) for s in sets], dtype=np.float64)
-    return AttackSetCosts(tuple(sets), fired @ uncovered + silent @ expected + penalty)
+    return AttackSetCosts(tuple(sets), fired @ uncovered + not_fired @ expected + penalty)
 
 
 def triple_states(

@@ -47,7 +47,7 @@ class ThetaFloor:
 
 @dataclass(frozen=True)
 class ThetaCeiling:
-    """theta is never larger: attacked frames among the clean ones must not silence a check.
+    """theta is never larger: attacked frames among the clean ones must not switch a check off.
 
     The LiDAR's own checks have no ceiling: some LiDARs never fill the view, and of some all points lie far apart.
     """

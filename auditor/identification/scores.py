@@ -19,9 +19,9 @@ CEILINGS: Mapping[Check, float] = {
     Check.POINT_DROPOUT: THETA_CEILING.point_dropout,
     Check.ISOLATED_POINTS: THETA_CEILING.isolated_points,
 }
-"""theta is never larger: attacked frames among the clean ones must not silence a check.
+"""theta is never larger: attacked frames among the clean ones must not switch a check off.
 
-Only a LiDAR that never fills the view, or whose points always lie far apart, may silence its own.
+The LiDAR's own checks have no ceiling: some LiDARs never fill the view, and of some all points lie far apart.
 """
 
 

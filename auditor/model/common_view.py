@@ -2,7 +2,7 @@
 
 All cameras get one orientation (z as near as can be to where they look, x along the line of their centres; where they
 do not stand on one, upright) and one focal length, the shortest there is. Of the plane that they all look at, the
-largest rectangle is kept that every camera sees whole: no pixel of a rectified picture lies outside the recorded one,
+largest rectangle is kept that every camera sees whole: no pixel of a rectified image lies outside the recorded one,
 and none needs a mask.
 """
 

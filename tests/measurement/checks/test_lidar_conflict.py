@@ -72,7 +72,7 @@ def test_points_moved_by_one_period_of_a_texture_are_in_conflict_only_with_a_pai
     assert conflicts[1] < conflicts[2] / 50
 
 
-def test_only_points_that_the_pictures_can_judge_are_valid():
+def test_only_points_that_the_images_can_verify_are_valid():
     images = {n: np.full_like(image, 128) for n, image in plane_images(plane_rig(), DEPTH_M).items()}
     for n, left in ((1, 100), (3, 120)):
         images[n][:, left : left + 100] = plane_images(plane_rig(), DEPTH_M)[3][:, 120:220]
@@ -196,22 +196,22 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
         NO_IMAGES,
     )
 
-    valid, over, conflict = np.zeros((3, count), np.bool_)
+    counted, over, conflict = np.zeros((3, count), np.bool_)
     for n in range(count):
         cell = row[n] // 2, column[n] // 2
         ds = disparity[cell]
         inside = 0 <= round((u[n] - d0[n]) / 2) < grid[1]
-        valid[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
-        valid[n] &= ncc[cell] > np.float32(0.7)
+        counted[n] = valid[cell] and textured[cell] and u[n] - d0[n] >= 1 and d0[n] < 125 and inside
+        counted[n] &= ncc[cell] > np.float32(0.7)
         over[n] = abs(d0[n] - ds) > 3 and abs(d0[n] - ds) > 0.05 * min(d0[n], ds)
         conflict[n] = n0[n] < ncc[cell] - np.float32(0.3) and not passes_over(rig, row[n], u[n], d0[n], disparity)
-    flagged = np.flatnonzero(valid & over)
+    flagged = np.flatnonzero(counted & over)
     stride = max(int(np.ceil(flagged.size / most)), 1)
     lidar_conflicts = np.zeros(count, np.bool_)
     for place, n in enumerate(flagged):
         lidar_conflicts[n] = conflict[flagged[place - place % stride]]
     np.testing.assert_array_equal(found.lidar_conflicts, lidar_conflicts)
-    np.testing.assert_array_equal(found.valid, valid & (lidar_conflicts | ~over))
+    np.testing.assert_array_equal(found.valid, counted & (lidar_conflicts | ~over))
 
 
 @pytest.mark.parametrize(

@@ -193,8 +193,8 @@ def test_the_upsampling_convention_has_no_default_and_no_disagreement() -> None:
         ({"device": "meta"}, "does not run on meta"),
         ({"precision": "fp8"}, "no precision is called 'fp8'"),
         ({"precision": "fp16"}, "fp16 is for a GPU"),
-        ({"max_disparity": 100}, "100 px is no disparity range"),
-        ({"max_disparity": -16}, "-16 px is no disparity range"),
+        ({"max_disparity": 100}, "100 px is not a disparity range"),
+        ({"max_disparity": -16}, "-16 px is not a disparity range"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(options: dict[str, object], message: str) -> None:
