@@ -149,11 +149,9 @@ class _Upgrade:
         for old_id, new_id in self._measurements.items():
             if (self._old / "pictures" / old_id).is_dir():
                 shutil.copytree(self._old / "pictures" / old_id, self._new / "pictures" / new_id)
-        measurements, judgements, evaluations, object_evaluations = (
-            len(finished(self._new / table))
-            for table in ("measurements", "judgements", "evaluations", "object_evaluations")
-        )
-        return Upgraded(measurements, judgements, evaluations + object_evaluations)
+        count = {table: len(finished(self._new / table)) for table in TABLES}
+        parts = count["evaluations"] + count["object_evaluations"]
+        return Upgraded(count["measurements"], count["judgements"], parts)
 
     def _write_measurements(self) -> None:
         for old_id, path in self._files("measurements"):

@@ -53,12 +53,12 @@ def test_rows_columns_types_and_files_that_come_or_go_are_told():
 
 
 def test_what_was_only_renamed_is_equal(tmp_path, monkeypatch):
-    keep({"old_table/a.arrow": canonical(table(ROWS))}, tmp_path)
+    keep({"table_before/a.arrow": canonical(table(ROWS))}, tmp_path)
     renamed = [{**row, "evidence": [{"kind_now": "new", "i": row["frame"]}]} for row in ROWS]
-    now = {"new_table/a.arrow": canonical(table(renamed))}
+    now = {"fault_features/a.arrow": canonical(table(renamed))}
     assert len(list(compare(read(tmp_path), now))) == 2
-    for names, new in (("TABLES", ("old_table", "new_table")), ("FIELDS", ("kind_before", "kind_now"))):
+    for names, new in (("TABLES", ("table_before", "fault_features")), ("FIELDS", ("kind_before", "kind_now"))):
         monkeypatch.setitem(getattr(golden_rows, f"RENAMED_{names}"), *new)
-    assert list(compare(read(tmp_path), now)) == ["new_table/a.arrow: column evidence differs in 2 of 2 rows"]
+    assert list(compare(read(tmp_path), now)) == ["fault_features/a.arrow: column evidence differs in 2 of 2 rows"]
     monkeypatch.setitem(golden_rows.RENAMED_WORDS, "old", "new")
     assert list(compare(read(tmp_path), now)) == []
