@@ -11,26 +11,18 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 
-ROOMS_TO_COME: tuple[str, ...] = (
-    "README.md",
-    "auditor/__init__.py",
-    "auditor/cli",
-    "auditor/pipeline",
-    "auditor/reporting",
-    "auditor/store",
-    "docs/python.md",
-    "docs/store.md",
-    "queries",
-    "reports",
-    "schemas",
-    "tests/cli",
-    "tests/pipeline",
-    "tests/reporting",
-    "tests/store",
-)
+ROOMS_TO_COME: tuple[str, ...] = ()
 """Files and folders that are not searched yet."""
 
-HISTORY = ("CHANGELOG.md", "docs/decisions.md", "docs/glossary.md", "tests/benchmarks/golden_rows.py")
+HISTORY = (
+    "CHANGELOG.md",
+    "docs/decisions.md",
+    "docs/glossary.md",
+    "tests/benchmarks/golden_rows.py",
+    "auditor/store/upgrade.py",
+    "auditor/store/marker.py",
+    "tests/store/test_upgrade.py",
+)
 """What tells of old words on purpose."""
 
 HERE = "tests/test_words.py"
@@ -226,7 +218,8 @@ def test_no_module_has_an_old_name() -> None:
 
 
 def test_no_query_names_an_old_column() -> None:
-    words = ((path, word) for path in files("**/*.sql", "queries") for word in re.findall(r"\w+", path.read_text()))
+    sql = ((path, re.sub(r"--.*|'[^']*'", "", path.read_text())) for path in files("**/*.sql", "queries"))
+    words = ((path, word) for path, text in sql for word in re.findall(r"\w+", text))
     assert offenders((path, word) for path, word in words if word in OLD_NAMES) == {}
 
 

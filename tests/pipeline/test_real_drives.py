@@ -69,15 +69,15 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
         for sensor in rig.sensors:
             changed = identification.attacked(frame, rig, sensor, "opaque", rng)
             cases.append((frame.number, sensor, identification.disparity_errors(changed, rig)))
-    named = {mode: defaultdict(int) for mode in ("in sample", "held out")}
+    named = {mode: defaultdict(int) for mode in ("in sample", "left out")}
     for number, sensor, E in cases:
         for mode, counts in named.items():
-            block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "held out" else ()
+            block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "left out" else ()
             theta = identification.maxima([E for other, E in clean.items() if other not in block])
             counts[sensor] += identification.named(E, theta, rig) == (sensor,)
     assert len(cases) == 160
     assert sum(named["in sample"].values()) >= 0.94 * 160, named
-    assert sum(named["held out"].values()) >= 0.88 * 160, named
+    assert sum(named["left out"].values()) >= 0.88 * 160, named
 
 
 @pytest.mark.parametrize("check", [1, 2])

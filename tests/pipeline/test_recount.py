@@ -1,4 +1,4 @@
-"""What a scan keeps of a frame is enough to work out its local ratios without the images, and to judge by them."""
+"""What a scan keeps of a frame is enough to work out its windowed ratios without the images, and to judge by them."""
 
 from decimal import Decimal
 
@@ -30,8 +30,10 @@ def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
     pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
     assert stored.shape == (FRAMES, len(pair_checks))
     # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
-    unlike = [place for place, e in enumerate(pair_checks) if e.check is Check.PHOTOMETRIC_INCONSISTENCY and e.i == 1]
-    assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
+    photometric = [
+        place for place, e in enumerate(pair_checks) if e.check is Check.PHOTOMETRIC_INCONSISTENCY and e.i == 1
+    ]
+    assert (stored[2:, photometric] > stored[:2, photometric].max()).all()
     np.testing.assert_array_equal(ratios_from_cells(store, measurement), stored)
 
 

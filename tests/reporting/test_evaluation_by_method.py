@@ -1,4 +1,4 @@
-"""What the evaluation tables say of the robust method equals Python from the stored local ratios, exactly."""
+"""What the evaluation tables say of the robust method equals Python from the stored windowed ratios, exactly."""
 
 from collections import Counter
 from decimal import Decimal

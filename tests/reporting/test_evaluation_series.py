@@ -52,7 +52,7 @@ def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
 
 
 def ratios_of(rig, frame, *, high=(), level=0.8):
-    """Local ratios of which those of S_1's pairs are high in some frames."""
+    """Windowed ratios of which those of S_1's pairs are high in some frames."""
     pair_checks = rig_pair_checks(rig)
     quiet = np.random.default_rng(frame).uniform(0, 0.2, len(pair_checks))
     raised = [frame in high and e.check == "photometric_inconsistency" and 1 in e.needed for e in pair_checks]

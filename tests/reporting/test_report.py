@@ -158,7 +158,10 @@ def test_incidents_are_runs_of_the_same_finding(store):
 def test_the_longest_incident_with_a_name_leads_the_page(store):
     add_recording(store, attacks=[((0,), 2, 3), ((1,), 10, 20), ((0, 2), 25, 39)])
     lead = load_page(store).incidents[0][1]
-    assert (lead.kind, lead.attacked) == (VerdictKind.ATTACKED, (3,))  # two of four accuse the reference: known limit
+    assert (lead.kind, lead.attacked) == (
+        VerdictKind.ATTACKED,
+        (3,),
+    )  # two of four speak against the reference: known limit
 
 
 def test_ground_truth_is_compared_frame_by_frame(store, tmp_path):
