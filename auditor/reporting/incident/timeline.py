@@ -1,13 +1,14 @@
 """The frames of one judged recording over time: what the incident page draws and counts of them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.model.checks import Check
 from auditor.model.verdict import FINDINGS, Method, VerdictKind
 from auditor.reporting.incident.page import Agreement, IncidentPart, RecordingPart, Remark, ThresholdLine
 from auditor.reporting.plots import NS_PER_S, Figure, Row, Series, draw
@@ -22,6 +23,15 @@ MOST_STATES = 3
 
 MOST_CHARTS = 8
 """Pair checks that an incident draws: those above their thresholds in most of its frames."""
+
+_LABELS: Mapping[str, str] = {
+    Check.LIDAR_CONFLICT: "conflict",
+    Check.PHOTOMETRIC_INCONSISTENCY: "photometric",
+    Check.BRIGHTNESS_DIFFERENCE: "brightness",
+    Check.POINT_DROPOUT: "dropout",
+    Check.ISOLATED_POINTS: "isolated",
+}
+"""Names of checks that fit beside a chart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +104,7 @@ class Timeline:
             self._stamps_ns[part],
             origin_ns=self._part.clock.origin_ns,
             series=[
-                Series(line.name, line.indices, _known(self._values[part, place]), line.theta)
+                Series(_LABELS.get(line.name, line.name), line.indices, _known(self._values[part, place]), line.theta)
                 for place, line in self._charted(self._around(incident, 0))
             ],
             rows=[*self._rows(part), *self._pair_check_rows(part)],
