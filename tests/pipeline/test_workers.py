@@ -44,7 +44,7 @@ def test_what_nobody_foresaw_is_its_item_s_error_in_one_line(jobs: int) -> None:
     done, _ = outcomes([1, 7, 5], jobs)
     assert {item: outcome.result for item, outcome in done.items()} == {1: 1, 7: None, 5: 25}
     told = str(done[7].error)
-    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (engines/test_processes.py:")
+    assert told.startswith("7: auditor failed on it: ValueError: 7 is no square (pipeline/test_workers.py:")
     assert "please report" in told
     assert "\n" not in told
 
