@@ -116,8 +116,8 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     calibration = calibrate([(store, known)])
     before = judge_measurement(store, known, calibration, Criteria(ZERO, method))
     assert judge_measurement(store, known, calibration, Criteria(ZERO, method)).judgement_id == before.judgement_id
-    changed = replace(parameters.EXPLANATION, penalty_per_sensor=0.25)
-    others = [changed if group is parameters.EXPLANATION else group for group in parameters.JUDGING]
+    changed = replace(parameters.ATTACK_SET_COST, penalty_per_sensor=0.25)
+    others = [changed if group is parameters.ATTACK_SET_COST else group for group in parameters.JUDGING]
     monkeypatch.setattr(parameters, "JUDGING", tuple(others))
     after = judge_measurement(store, known, calibration, Criteria(ZERO, method))
     assert {one.judgement_id: one.rules for one in store.judgements()} == {
@@ -127,7 +127,7 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     rows = run_sql(store, "SELECT * FROM judgements ORDER BY judged_at").to_pylist()
     assert [row["judging_version"] for row in rows] == [JUDGING_VERSION] * 2
     assert [row["auditor_version"] for row in rows] == [auditor.__version__] * 2
-    penalties = [json.loads(row["judging_settings"])["explanation.penalty_per_sensor"] for row in rows]
-    assert penalties == [parameters.EXPLANATION.penalty_per_sensor, 0.25]
+    penalties = [json.loads(row["judging_settings"])["attack_set_cost.penalty_per_sensor"] for row in rows]
+    assert penalties == [parameters.ATTACK_SET_COST.penalty_per_sensor, 0.25]
     for judgement in (before, after):
         assert len(read_rows("verdicts", store.path("verdicts", judgement.judgement_id))) == 6

@@ -14,7 +14,7 @@ from auditor.cli import run
 from auditor.store.schema import TABLES
 from tests.making.small_drives import write_drive
 
-KILLS = 10
+KILLS = 6
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_byt
         store = shutil.copytree(thresholds, tmp_path / f"killed{kill}")
         with scan(store, drives) as process:
             while files(store) < point and process.poll() is None:
-                time.sleep(0.001)
+                time.sleep(0.01)
             process.send_signal(signal.SIGKILL)
             process.communicate()
         finished.append(len(list((store / "measurements").glob("*.parquet"))))

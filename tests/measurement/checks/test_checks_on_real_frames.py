@@ -31,9 +31,17 @@ def attacked_frame():
     [
         ({}, set()),
         ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"lidar_conflict 1 3", "lidar_conflict 2 3"}),
-        ({1: FACULA}, {"unlike 1 3", "light 1 2", "light 1 3"}),
-        ({2: FACULA}, {"unlike 2 3", "light 1 2", "light 2 3"}),
-        ({3: FACULA}, {"unlike 1 3", "unlike 2 3", "light 1 3", "light 2 3"}),
+        ({1: FACULA}, {"photometric_inconsistency 1 3", "brightness_difference 1 2", "brightness_difference 1 3"}),
+        ({2: FACULA}, {"photometric_inconsistency 2 3", "brightness_difference 1 2", "brightness_difference 2 3"}),
+        (
+            {3: FACULA},
+            {
+                "photometric_inconsistency 1 3",
+                "photometric_inconsistency 2 3",
+                "brightness_difference 1 3",
+                "brightness_difference 2 3",
+            },
+        ),
     ],
     ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
