@@ -20,7 +20,6 @@ MARGIN_SHARE = 0.5
 MOST_STATES = 3
 """Different e vectors, and reasons, that an incident's text gives."""
 
-
 MOST_CHARTS = 8
 """Pair checks that an incident draws: those above their thresholds in most of its frames."""
 
