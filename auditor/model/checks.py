@@ -3,7 +3,7 @@
 Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from enum import StrEnum
 from itertools import combinations
 from math import nan
@@ -55,7 +55,7 @@ def pair_checks_of(
     cameras: int,
     matched: Iterable[tuple[int, int]],
     lidar_conflict_pairs: Iterable[tuple[int, int]],
-    views: Iterable[int],
+    views: Collection[int],
 ) -> tuple[PairCheck, ...]:
     """All pair checks in their fixed order.
 
@@ -72,9 +72,17 @@ def pair_checks_of(
 
 
 def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
-    """The pair checks that frames of a rig are judged by."""
-    lidar_conflict_pairs = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
-    return pair_checks_of(rig.n, rig.pairs, lidar_conflict_pairs, rig.references if rig.lidar else ())
+    """The pair checks that frames of a rig are judged by; those that only the fallback brings are the last.
+
+    So stored lists of before there was a fallback are the beginning of today's.
+    """
+    of_fallback = set() if rig.fallback is None else {(rig.fallback.j, rig.fallback.k)}
+    pairs = [pair for pair in rig.pairs if pair not in of_fallback]
+    resolving = {pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)}
+    usual = pair_checks_of(
+        rig.n, pairs, [pair for pair in pairs if pair in resolving], rig.references if rig.lidar else ()
+    )
+    return (*usual, *pair_checks_of(0, of_fallback, of_fallback & resolving, [k for _, k in of_fallback]))
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:

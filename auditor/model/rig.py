@@ -159,13 +159,23 @@ class Rig:
 
     @cached_property
     def triples(self) -> tuple[Triple, ...]:
-        """All triples that are measured, in the store's fixed order."""
+        """The triples that e and Algorithm 2 are of, in the store's fixed order."""
         return triples_of(self.n, lidar=self.lidar is not None)
 
     @cached_property
+    def fallback(self) -> Triple | None:
+        """The triple that a frame is judged by in which none of `triples` was measured; None where there is none."""
+        return fallback_of(self.n, lidar=self.lidar is not None)
+
+    @cached_property
+    def measured_triples(self) -> tuple[Triple, ...]:
+        """All triples that are measured in every frame: `triples`, then the fallback."""
+        return self.triples if self.fallback is None else (*self.triples, self.fallback)
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
-        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
+        """Cameras (i, k) that are compared in the view of k: all that measured triples name, in their order."""
+        named = ((source, triple.k) for triple in self.measured_triples for source in triple[:2] if source != LIDAR)
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
@@ -291,6 +301,15 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     return tuple(
         Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
     )
+
+
+def fallback_of(n: int, *, lidar: bool) -> Triple | None:
+    """The LiDAR with S_1 and S_2, which no triple of `triples_of` compares where there are three cameras or more.
+
+    It is the paper's Scenario 1 for frames without any other reference camera: with it every three sensors of a rig
+    can be compared.
+    """
+    return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
 
 
 def _lidar(fields: Fields) -> Lidar:

@@ -113,7 +113,7 @@ def test_a_lidar_that_no_camera_pair_can_check_is_remarked_whatever_else_is_foun
     assert "no camera pair can check the LiDAR here" in quiet.reason
     assert "no camera pair can check the LiDAR here" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
     assert one({X13: np.nan}).reason == ""
-    assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
+    assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == "judged without S_0"
 
 
 def test_a_reference_is_in_several_pairs_and_its_source_cameras_are_not():
