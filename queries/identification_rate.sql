@@ -35,7 +35,7 @@ WITH rate AS (
     SELECT DISTINCT unnest(CAST($r AS DECIMAL(18, 17)[])) AS r
 ),
 layout AS (
-    SELECT rig_id, list({i: i, j: j, k: k} ORDER BY position) AS triples FROM triples GROUP BY rig_id
+    SELECT rig_id, list({i: i, j: j, k: k} ORDER BY position) AS triples FROM paper_triples GROUP BY rig_id
 ),
 calibration AS (
     SELECT DISTINCT calibration_id, matcher, settings, counting_version, rig_kind, recordings FROM calibrations
@@ -68,7 +68,7 @@ thresholds AS MATERIALIZED (
         min(N) AS samples,
         bool_and(resolvable_with(N, r)) AS resolvable
     FROM (SELECT DISTINCT calibration_id, rig_id FROM chosen)
-    JOIN triples USING (rig_id)
+    JOIN paper_triples USING (rig_id)
     LEFT JOIN (SELECT * FROM calibrations WHERE statistic = $statistic AND N > 0) USING (calibration_id, i, j, k)
     CROSS JOIN rate
     GROUP BY calibration_id, rig_id, r
@@ -100,7 +100,7 @@ counted AS MATERIALIZED (
         sample.attacked,
         array_to_string(
             list_transform(
-                list_zip(sample.E, thresholds.theta),
+                list_zip(sample.E, thresholds.theta, TRUE),
                 lambda x: CASE WHEN x[1] > x[2] THEN '1' WHEN x[1] <= x[2] THEN '0' ELSE '-' END
             ),
             ''

@@ -76,13 +76,20 @@ def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
 
     So stored lists of before there was a fallback are the beginning of today's.
     """
-    of_fallback = set() if rig.fallback is None else {(rig.fallback.j, rig.fallback.k)}
-    pairs = [pair for pair in rig.pairs if pair not in of_fallback]
-    resolving = {pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)}
-    usual = pair_checks_of(
-        rig.n, pairs, [pair for pair in pairs if pair in resolving], rig.references if rig.lidar else ()
-    )
-    return (*usual, *pair_checks_of(0, of_fallback, of_fallback & resolving, [k for _, k in of_fallback]))
+    if rig.fallback is None:
+        return usual_pair_checks(rig)
+    _, j, k = rig.fallback
+    return (*usual_pair_checks(rig), *pair_checks_of(0, [(j, k)], _checking_lidar(rig, [(j, k)]), [k]))
+
+
+def usual_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
+    """The pair checks of a rig without those that only the fallback brings."""
+    pairs = [pair for pair in rig.pairs if rig.fallback is None or pair != rig.fallback[1:]]
+    return pair_checks_of(rig.n, pairs, _checking_lidar(rig, pairs), rig.references if rig.lidar else ())
+
+
+def _checking_lidar(rig: Rig, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    return [pair for pair in pairs if rig.lidar and resolves_depth(rig, *pair)]
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:

@@ -62,7 +62,7 @@ class Criteria:
 
 def system_of(rig: Rig) -> System:
     """What the frames of a rig are judged by."""
-    return System(rig_pair_checks(rig), rig.triples, rig.sensors)
+    return System(rig_pair_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
 def calibrate(
@@ -102,7 +102,9 @@ def _clean_frames(
         {
             (statistic, triple): column
             for statistic in Statistic
-            for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
+            for triple, column in zip(
+                rig.measured_triples, store.load_errors(known, statistic).E[chosen].T, strict=True
+            )
         },
         dict(zip(rig_pair_checks(rig), ratios.ratios[chosen].T, strict=True)),
         {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
@@ -233,7 +235,7 @@ def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustTh
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
     errors = store.load_errors(measurement, thresholds.statistic)
     missing = sensors_where(rig.sensors, errors.states != SensorState.PRESENT)
-    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
     return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
 
 

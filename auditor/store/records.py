@@ -92,8 +92,8 @@ class StoredMeasurement:
 class FrameErrors:
     """The disparity errors of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `E` is (F, T) float64 in the order of `rig.triples`, NaN where it was not
-    measured; `states` is (F, S) text in the order of `rig.sensors`: present, missing or damaged.
+    `frames` and `stamps_ns` are (F,) int64; `E` is (F, T) float64 in the order of `rig.measured_triples`, NaN where it
+    was not measured; `states` is (F, S) text in the order of `rig.sensors`: present, missing or damaged.
     """
 
     frames: NDArray[np.int64]
@@ -107,13 +107,14 @@ class FrameRatios:
     """The windowed ratios of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_pair_checks(rig)`, NaN
-    where it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`,
-    the latter -1 where the sensor was not there.
+    where it was not measured, and `unmasked` (F, M) what they are without the LiDAR; `states` is (F, S) text and
+    `fingerprints` (F, S) int64 in the order of `rig.sensors`, the latter -1 where the sensor was not there.
     """
 
     frames: NDArray[np.int64]
     stamps_ns: NDArray[np.int64]
     ratios: NDArray[np.float64]
+    unmasked: NDArray[np.float64]
     states: NDArray[np.str_]
     fingerprints: NDArray[np.int64]
 

@@ -39,13 +39,14 @@ def rig_row(rig: Rig) -> Row:
 
 
 def triple_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's triples, in their order."""
-    for position, triple in enumerate(rig.triples, start=1):
+    """The rows of a rig's measured triples, in their order: the fallback is the last."""
+    for position, triple in enumerate(rig.measured_triples, start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
             **triple._asdict(),
             "baseline_m": rig.baseline_m(triple.j, triple.k),
+            "fallback": triple == rig.fallback,
         }
 
 
@@ -129,8 +130,8 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
     if isinstance(thresholds, Thresholds):
         return {
             "statistic": thresholds.statistic.value,
-            "theta": [thresholds.theta.get(triple) for triple in rig.triples],
-            "samples": [thresholds.samples.get(triple) for triple in rig.triples],
+            "theta": [thresholds.theta.get(triple) for triple in rig.measured_triples],
+            "samples": [thresholds.samples.get(triple) for triple in rig.measured_triples],
         }
     scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
     return {
