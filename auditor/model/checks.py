@@ -189,3 +189,5 @@ class PairFaultFeatures(NamedTuple):
 
 
 COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *IsolatedShares._fields)
+OF_LIDAR = frozenset((*Agreement._fields, *IsolatedShares._fields))
+"""The columns that are measured with the LiDAR."""

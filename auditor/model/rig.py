@@ -44,8 +44,8 @@ class RigKind:
             self.lidar == other.lidar
             and self.sizes_px == other.sizes_px
             and len(self.baselines_m) == len(other.baselines_m)
-            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
-            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
+            and all(same_focal(a, b) for a, b in zip(self.focals_px, other.focals_px, strict=True))
+            and all(same_baseline(a, b) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
         )
 
     def __str__(self) -> str:
@@ -53,6 +53,16 @@ class RigKind:
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
+
+
+def same_focal(a: float, b: float) -> bool:
+    """Whether two focal lengths in pixels are those of one rig kind."""
+    return _close(a, b, 0.0)
+
+
+def same_baseline(a: float, b: float) -> bool:
+    """Whether two baselines in metres are those of one rig kind."""
+    return _close(a, b, KIND_TOLERANCE_M)
 
 
 def _close(a: float, b: float, tolerance: float) -> bool:

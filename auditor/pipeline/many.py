@@ -229,7 +229,12 @@ class Judge:
         except AuditorError as error:
             return Judged(name, measurement, error=error)
         gaps = tuple(_gaps(store.measurement(measurement), judgement, self._settings.min_coverage))
-        warnings = (*_unresolved(judgement), *gaps, *_unresolved_incidents(calibration, criteria))
+        warnings = (
+            *_as_a_part(judgement, calibration),
+            *_unresolved(judgement),
+            *gaps,
+            *_unresolved_incidents(calibration, criteria),
+        )
         return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps)
 
 
@@ -237,6 +242,12 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
     return (judge.judge(measurement) for measurement in measurements)
+
+
+def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    if judgement.absent_sensors:
+        absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
+        yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:

@@ -136,6 +136,8 @@ class JudgingRules:
 class JudgementRecord:
     """One judging of one measurement. `judged_at` is UTC; `recounted` where the statistics came from the stored cells.
 
+    `absent_sensors` are what the calibration's rig has and the measurement's lacks, in words; `calibrated_as` are the
+    numbers of the rig's sensors in the calibration's rig.
     Raises StoreError where r has more decimals than are kept.
     """
 
@@ -145,6 +147,8 @@ class JudgementRecord:
     rules: JudgingRules
     judged_at: datetime.datetime
     recounted: bool = False
+    absent_sensors: tuple[str, ...] = ()
+    calibrated_as: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         r = self.thresholds.r
@@ -182,7 +186,8 @@ class StoredJudgement:
 
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
     belong to an incident. `recounted` is True where its statistics came from the stored cells. `judging_version` is 0
-    and `rules`, the digest of the parameters, None where it was judged before rules had versions.
+    and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
+    what its rig lacks of the calibration's.
     """
 
     judgement_id: str
@@ -199,6 +204,7 @@ class StoredJudgement:
     recounted: bool
     judging_version: int
     rules: str | None
+    absent_sensors: tuple[str, ...] = ()
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

@@ -117,6 +117,8 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "absent_sensors": list(judgement.absent_sensors),
+        "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
         "judging_version": judgement.rules.judging_version,
         "auditor_version": judgement.rules.auditor_version,
         "rules": judgement.rules.digest,
@@ -158,6 +160,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         recounted=bool(row["recounted"]),
         judging_version=row["judging_version"],
         rules=row["rules"],
+        absent_sensors=tuple(row["absent_sensors"] or ()),
     )
 
 

@@ -16,7 +16,7 @@ def errors(frame: Frame, positions: tuple[float, ...] = (0.6, 0.3, 0.0)) -> dict
     measurement, _ = measure(frame, rig, MATCHER)
     return {
         tuple(t): c.disparity_error(Statistic.GATED) if c else None
-        for t, c in zip(rig.triples, measurement.counts, strict=True)
+        for t, c in zip(rig.measured_triples, measurement.counts, strict=True)
     }
 
 

@@ -122,14 +122,19 @@ def test_a_rig_comes_back_exactly_with_its_triples_in_order(tmp_path, lidar):
     store, rig = new_store(tmp_path), make_rig(4, lidar=lidar)
     store.write_rig(rig)
     assert store.rig(rig.rig_id).to_dict() == rig.to_dict()
-    rows = run_sql(store, "SELECT i, j, k, baseline_m FROM triples ORDER BY position").to_pylist()
-    assert [(row["i"], row["j"], row["k"]) for row in rows] == list(rig.triples)
-    assert [row["baseline_m"] for row in rows] == [rig.baseline_m(triple.j, triple.k) for triple in rig.triples]
+    rows = run_sql(store, "SELECT i, j, k, baseline_m, fallback FROM triples ORDER BY position").to_pylist()
+    triples = rig.measured_triples
+    assert [(row["i"], row["j"], row["k"]) for row in rows] == list(triples)
+    assert [row["baseline_m"] for row in rows] == [rig.baseline_m(triple.j, triple.k) for triple in triples]
+    assert [row["fallback"] for row in rows] == [triple == rig.fallback for triple in triples]
+    assert any(row["fallback"] for row in rows) == lidar
+    of_e = run_sql(store, "SELECT i, j, k FROM paper_triples ORDER BY position").to_pylist()
+    assert [(row["i"], row["j"], row["k"]) for row in of_e] == list(rig.triples)
 
 
 def test_frames_come_back_as_disparity_errors_in_double_precision(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    counts = (Counts(300, 7, 299, 11, 0), Counts(199, 0, 200, 3, 0), None)
+    counts = (Counts(300, 7, 299, 11, 0), Counts(199, 0, 200, 3, 0), None, Counts(400, 9, 300, 5, 0))
     presence = {s: Presence(SensorState.DAMAGED if s == 2 else SensorState.PRESENT, 5) for s in rig.sensors}
     frame = Measurement(3, 17, presence, counts, {1: Coverage(saturated_share=0.1)})
     measurement_id = add_measurement(store, rig, [skip(2), frame])
@@ -203,7 +208,7 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
-    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 3)
+    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 4)
     assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_pair_checks(rig)))
     assert store.measurement(measurement_id).frames == 0
 
