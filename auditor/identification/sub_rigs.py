@@ -28,7 +28,9 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     if calibration.rig_kind.matches(rig.kind):
         return calibration
     part = sub_rig(calibration.rig_kind, rig)
-    return part and _of_part(calibration, part, rig.kind, rig.measured_triples, rig_pair_checks(rig))
+    if part is None:
+        return None
+    return _of_part(calibration, part, rig.kind, rig.measured_triples, rig_pair_checks(rig))
 
 
 def additional_sensors(calibration: Calibration, rig: Rig) -> int | None:

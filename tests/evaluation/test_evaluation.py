@@ -270,7 +270,7 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
 @pytest.fixture
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
-    monkeypatch.setattr(AttackedFrame, "counts", lambda attacked_frame, *_: [None] * len(attacked_frame.rig.measured_triples))
+    monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
     monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
     none = CaseFeatures([], [], [], [], [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)

@@ -1,6 +1,7 @@
 """A store of the version before is upgraded: it answers as before, whenever the upgrade may have been killed."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
