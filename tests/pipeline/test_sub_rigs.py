@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from auditor.identification.sub_rigs import calibration_for
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import Check, rig_pair_checks
 from auditor.model.frames import PointCloud
-from auditor.model.verdict import FINDINGS, Method
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import FINDINGS, Cause, Method
 from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement
 from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import MeasureTask, measure_recording
@@ -116,6 +117,8 @@ def test_the_judgement_and_the_warnings_say_what_the_recording_lacks(drives, who
     assert row["calibrated_as"] == [1, 3, 4]
     assert (row["transferred"], row["calibration_id"]) == (False, whole.calibration_id)
     assert Store.open(store).calibration(whole.calibration_id).rig_kind == whole.rig_kind, "the whole one is kept"
+    listed = run_sql(Store.open(store), "SELECT DISTINCT statistic FROM calibrations").column(0).to_pylist()
+    assert set(listed) <= {*Statistic, *Check, *Cause}, "what serves parts alone is not listed"
 
 
 def test_rates_in_sql_take_the_thresholds_of_the_sensors_that_are_there(drives, whole, tmp_path):
