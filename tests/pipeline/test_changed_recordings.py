@@ -1,12 +1,10 @@
 """A recording that is replaced, overwritten or cut while it is measured: it is refused, and nothing of it is kept."""
 
 import os
-import shutil
 from pathlib import Path
 
 import pytest
 
-from auditor.cli import run
 from auditor.pipeline import measure
 from auditor.store import Store
 from tests.making.small_drives import write_drive
@@ -64,22 +62,3 @@ def test_a_recording_that_changes_between_hashing_and_the_end_of_measuring_is_re
     assert not any(store.ids(table) for table in ("measurements", "recordings", "labels"))
     assert not list(store.folder.glob("frames/*.parquet"))
     assert not (store.folder / "pictures").exists()
-
-
-def test_the_scan_says_so_in_one_line_and_goes_on_with_the_others(drives, tmp_path, monkeypatch, capsys):
-    clean, attacked = drives
-    shutil.copy(clean, tmp_path / "other.mcap")
-    original = measure.survey
-
-    def changing(recording):
-        if recording.path == clean:
-            truncate(clean, attacked)
-        return original(recording)
-
-    monkeypatch.setattr(measure, "survey", changing)
-    code = run(["scan", str(clean), str(tmp_path / "other.mcap"), "--jobs", "1", "--store", str(tmp_path / "audit")])
-    lines = [line for line in capsys.readouterr().err.splitlines() if "changed while it was read" in line]
-    assert code != 0
-    assert len(lines) == 1
-    assert str(clean) in lines[0]
-    assert len(Store.open(tmp_path / "audit").ids("measurements")) == 1
