@@ -198,9 +198,8 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        return command(
-            measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs, measure_again), **others
-        )
+        settings = MeasureSettings(matcher, network, rig, origin_of, limits, jobs, again=measure_again)
+        return command(measuring=settings, **others)
 
     return matcher_options(rig_option(origin_options(budget_options(jobs_option(again_option(collected))))))
 

@@ -46,7 +46,7 @@ def list_recordings(store: Path, form: str) -> None:
 @click.argument("recordings", nargs=-1, required=True, metavar="NAME|ID...")
 @options.store_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
-def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> None:
+def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     """Remove recordings from a store: measurements, judgements, pictures, labels and parts of evaluations.
 
     \b
@@ -62,8 +62,9 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> None:
     kept = Store.open(store)
     found = find_removable(kept, recordings)
     names = ", ".join(f"{one.name} ({one.recording_id[:12]})" for one in found)
-    if not yes and sys.stdin.isatty():
-        click.confirm(shown(f"remove {names} from {store}?"), abort=True, err=True)
+    if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
+        say("nothing was removed; --yes removes without asking")
+        return Exit.FAILED
     removed = remove_recordings(kept, [one.recording_id for one in found])
     say(
         f"{store}: removed {names}: {removed.measurements} measurements, {removed.judgements} judgements, "
@@ -73,6 +74,7 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> None:
         say(f"calibration {calibration} was made of what is removed; it stays")
     for superseded in relate(kept):
         say(str(superseded))
+    return Exit.CLEAN
 
 
 @command.command("check", short_help="Check that a store is whole.")
