@@ -31,7 +31,7 @@ def overwrite(path: Path, other: Path) -> None:
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-def truncate(path: Path, other: Path) -> None:  # noqa: ARG001  # as the others
+def truncate(path: Path, other: Path) -> None:  # as the others
     os.truncate(path, path.stat().st_size // 2)
 
 
