@@ -1,4 +1,4 @@
-"""Recordings that come twice, through the command line; and the verbs that list, remove and check what a store holds."""
+"""Recordings that come twice, on the command line; the verbs that list, remove and check what a store holds."""
 
 import json
 import shutil
@@ -90,7 +90,7 @@ def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tm
     assert known["drive.mcap"]["conflicts"] == [known["twin.mcap"]["recording_id"]]
     assert run(["judge", str(audit), "-r", "0"]) == 4
     page = tmp_path / "page.html"
-    assert run(["report", "drive.mcap", "--store", str(audit), "--out", str(page)]) == 0
+    assert run(["report", "--recording", "drive.mcap", "--store", str(audit), "--out", str(page)]) == 0
     assert "has other data at the same stamps" in page.read_text()
 
 
@@ -105,7 +105,7 @@ def test_every_name_and_path_of_a_content_is_kept(audit, night, tmp_path, capfd)
     assert record.name == "drive.mcap"
     assert all(one.seen_at is not None for one in record.sightings)
     page = tmp_path / "page.html"
-    assert run(["report", "renamed.mcap", "--store", str(audit), "--out", str(page)]) == 0
+    assert run(["report", "--recording", "renamed.mcap", "--store", str(audit), "--out", str(page)]) == 0
     assert "renamed.mcap" in page.read_text()
 
 
@@ -150,7 +150,7 @@ def test_removing_takes_all_that_is_of_a_recording_and_says_which_calibration_wa
     assert f"calibration {store.ids('calibrations')[0]} was made of what is removed; it stays" in says
     assert run(["store", "check", str(audit)]) == 0
     assert [one.name for one in store.recordings()] == ["drive.mcap"]
-    assert not [path for path in audit.rglob(f"*{record.recording_id}*")]
+    assert not list(audit.rglob(f"*{record.recording_id}*"))
     assert len(incidents(capfd, audit)) == 1
 
 

@@ -42,6 +42,9 @@ _NAMED = {
 }
 """By table: the columns that name rows of other tables."""
 
+_BESIDE = ("pictures", "reports")
+"""Folders of a store that are no tables; reports are written there by default, and users may put there what they like."""
+
 _KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
 
 
@@ -93,7 +96,7 @@ def _of_rows(store: Store, manifest: str, row_id: str, content: pa.Table) -> Ite
 def _of_folder(store: Store) -> Iterator[str]:
     """What lies in the folder and does not belong to the store."""
     for path in sorted(store.folder.iterdir()):
-        if path.name not in {MARKER, "pictures", *TABLES}:
+        if path.name not in {MARKER, *_BESIDE, *TABLES}:
             abandoned = is_part(path) or path.name == UPGRADED
             yield f"{path.name}: {_KILLED if abandoned else 'it is not of a store'}"
     for table in TABLES:
