@@ -43,7 +43,7 @@ _NAMED = {
 """By table: the columns that name rows of other tables."""
 
 _BESIDE = ("pictures", "reports")
-"""Folders of a store that are no tables; reports are written there by default, and users may put there what they like."""
+"""Folders that are no tables; what lies in `reports` is nobody's business here."""
 
 _KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
 
