@@ -190,3 +190,12 @@ def test_a_store_is_listed_in_every_format(audit, capfd, form):
     says = capfd.readouterr().out
     assert "drive.mcap" in says
     assert "clean.mcap" in says
+
+
+def test_a_superseded_recording_is_not_calibrated_on(audit, tmp_path, capfd):
+    copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=CAMERAS, start_ns=START_NS - MINUTE_NS)
+    assert scan(audit, copy) == 0
+    capfd.readouterr()
+    assert run(["calibrate", str(audit), "-r", "0", "--store", str(tmp_path / "other")]) == 0
+    left_out = [line for line in capfd.readouterr().err.splitlines() if "left out" in line]
+    assert "clean.mcap: left out: copy.bag holds every frame of it" in left_out

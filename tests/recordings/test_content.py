@@ -98,7 +98,7 @@ def test_a_file_that_changes_after_it_was_hashed_is_refused_in_every_format(
     with open_recording(path) as recording:
         for file in recording.files:
             change(file)
-        with pytest.raises(RecordingError, match="changed while it was read.*scan it again when it is finished"):
+        with pytest.raises(RecordingError, match=r"changed while it was read.*scan it again when it is finished"):
             list(recording.messages())
         with pytest.raises(RecordingError, match="changed while it was read"):
             recording.check_unchanged()
