@@ -299,7 +299,7 @@ def query(
     _refuse_view(name)
     wanted, kept = find_query(name), _opened(store)
     _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
-    return run_query(kept, name, parameters)
+    return run_query(kept, name, _by_id(kept, parameters))
 
 
 def _refuse_view(name: str) -> None:
@@ -311,14 +311,28 @@ def _refuse_view(name: str) -> None:
         )
 
 
+def _by_id(store: Store, parameters: Mapping[str, object]) -> dict[str, object]:
+    """The parameters with the id of the one recording that is called so: by any name that it was read under."""
+    called = store.recordings_called(str(parameters["recording"])) if parameters.get("recording") else []
+    return {**parameters, **({"recording": called[0].recording_id} if len(called) == 1 else {})}
+
+
 def _refuse_unknown(store: Store, query: str, parameters: Mapping[str, object]) -> None:
     """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
     recording, calibration = parameters.get("recording"), parameters.get("calibration")
-    if recording is not None and not store.recordings_called(str(recording)):
+    called = [] if recording is None else store.recordings_called(str(recording))
+    if recording is not None and not called:
         raise QueryError(
             f"no recording has the name or id {recording!r}",
             where=f"query {query}",
             remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
+        )
+    if called and all(one.superseded_by is not None for one in called):
+        later = store.recording(str(called[0].superseded_by))
+        raise QueryError(
+            f"recording {recording!r} counts no longer: {later.name} holds every frame of it",
+            where=f"query {query}",
+            remedy=f"ask for recording={later.recording_id[:12]}",
         )
     if calibration is not None and not store.calibrations_called(str(calibration)):
         raise QueryError(

@@ -75,6 +75,8 @@ def test_a_copy_in_another_format_is_counted_once_and_both_are_listed(audit, tmp
     assert {"drive.mcap", "copy.bag"} <= known.keys()
     superseded = [row["name"] for row in known.values() if row["superseded_by"]]
     assert len(superseded) == 1
+    assert run(["query", "summary", f"recording={superseded[0]}", "--store", str(audit)]) == 2
+    assert "holds every frame of it; ask for recording=" in capfd.readouterr().err
     assert scan(audit, copy if superseded == ["copy.bag"] else Path(known["drive.mcap"]["paths"][-1])) == 1
     assert "holds every frame of it, and is counted in its place" in capfd.readouterr().err
 
@@ -107,6 +109,9 @@ def test_every_name_and_path_of_a_content_is_kept(audit, night, tmp_path, capfd)
     page = tmp_path / "page.html"
     assert run(["report", "--recording", "renamed.mcap", "--store", str(audit), "--out", str(page)]) == 0
     assert "renamed.mcap" in page.read_text()
+    [incident] = rows(capfd, "query", "incidents", "recording=renamed.mcap", "--store", audit)
+    assert incident["name"] == "drive.mcap"
+    assert "Incident 1" in page.read_text()
 
 
 def test_measuring_again_replaces_the_measurement_and_its_judgements(audit, night, capfd):

@@ -65,6 +65,9 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
 
     Raises StoreError where the store has no such recording, or was not measured.
     """
+    called = store.recordings_called(recording) if recording is not None else []
+    if len(called) == 1:
+        recording = called[0].recording_id  # queries do not know its other names
     calibration_recordings = store.calibration_recordings()
     audits = _audits(store, recording, calibration_recordings)
     outlines = [_outline(store, audit, calibration_recordings) for audit in audits]
