@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, jud
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Origin, check_rig_file, find_recordings
-from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 
 _MOST_DAMAGE = 3  # pieces of damage in one warning
 _NO_THRESHOLDS = (
@@ -45,7 +45,8 @@ def _unknown_origin(_: Path) -> Origin:
 class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
-    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration.
+    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
+    what the store has.
     """
 
     matcher: str = "sgbm"
@@ -54,6 +55,7 @@ class MeasureSettings:
     origin_of: Callable[[Path], Origin] = _unknown_origin
     limits: Callable[[Path], Limits] = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    again: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,9 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
     Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
-        MeasureTask(path, store, settings.matcher, network, settings.rig, settings.origin_of(path))
+        MeasureTask(
+            path, store, settings.matcher, network, settings.rig, settings.origin_of(path), again=settings.again
+        )
         for path in found.recordings
     )
     return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs))
@@ -128,12 +132,13 @@ class CleanMeasurements:
 def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
     """The measurements `given` as clean and those that `stores` hold beside them.
 
-    Left out is what carries the ground truth of an attack and, of the stores', what their current verdicts put into
-    incidents.
+    Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
+    there as well; and, of the stores', what their current verdicts put into incidents.
     """
     known = {measurement for _, measurement in given}
+    named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [(store, one, _attacked(store, one)) for store, one in given]
+    reasons += [(store, one, _attacked(store, one) or _superseded(store, one, among=named)) for store, one in given]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     left_out = (f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in reasons if reason)
     return CleanMeasurements(chosen, tuple(left_out))
@@ -153,12 +158,20 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     judgements = store.current_judgements()
     for measurement in store.ids("measurements"):
         if measurement not in given:
-            yield measurement, _attacked(store, measurement) or _in_incidents(judgements.get(measurement))
+            reason = _attacked(store, measurement) or _superseded(store, measurement)
+            yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
 def _attacked(store: Store, measurement: str) -> str:
     labels = store.labels(store.measurement(measurement).recording_id)
     return "it carries the ground truth of an attack" if labels else ""
+
+
+def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+    later = store.recording(store.measurement(measurement).recording_id).superseded_by
+    if later is None or (among is not None and later not in among):
+        return ""
+    return f"{store.recording(later).name} holds every frame of it"
 
 
 def _in_incidents(judgement: StoredJudgement | None) -> str:
@@ -228,8 +241,17 @@ class Judge:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error)
-        gaps = tuple(_gaps(store.measurement(measurement), judgement, self._settings.min_coverage))
-        warnings = (*_unresolved(judgement), *gaps, *_unresolved_incidents(calibration, criteria))
+        recording = store.recording(store.measurement(measurement).recording_id)
+        gaps = (
+            *_gaps(store.measurement(measurement), judgement, self._settings.min_coverage),
+            *conflicts_of(store, recording),
+        )
+        warnings = (
+            *_unresolved(judgement),
+            *gaps,
+            *_unresolved_incidents(calibration, criteria),
+            *_counted_elsewhere(store, recording),
+        )
         return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps)
 
 
@@ -258,6 +280,23 @@ def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_covera
     damaged = sum(topic.damaged for topic in measurement.balance)
     if measurement.damage or damaged:
         yield f"damaged: {'; '.join(measurement.damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}"
+
+
+def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:
+    """One sentence on the recordings that have other data at the same stamps; none where there are none."""
+    others = [store.recording(other) for other in recording.conflicts or () if store.has_recording(other)]
+    names = ", ".join(f"{other.name} ({other.recording_id[:12]})" for other in others if other.superseded_by is None)
+    if not names:
+        return ()
+    return (
+        f"conflict with {names}: the same stamps of the same sensors, and other data; one of them was changed, or they "
+        "are of two vehicles (--vehicle); all count",
+    )
+
+
+def _counted_elsewhere(store: Store, recording: RecordingRecord) -> Iterator[str]:
+    if recording.superseded_by is not None:
+        yield f"{store.recording(recording.superseded_by).name} holds every frame of it, and is counted in its place"
 
 
 def recording_name(store: Store, measurement: str) -> str:

@@ -9,11 +9,13 @@ from typing import Protocol, Self, cast
 
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.topics import Channels, Names, total_counts
 from auditor.recordings.formats.unpacking import Source, source_of
-from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, content_id
+from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
 
+NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20
 _RECORD_BYTES = 64  # added to the size of each message: empty ones take work, too
 
@@ -32,13 +34,16 @@ class FileRead(Protocol):
 class FilesRecording(ABC):
     """Every read begins at the start; only unpacked content is held between reads. See recording.Recording.
 
-    `files` are read one after the other, `journals` beside them; both are the recording's content.
+    `files` are read one after the other, with the journals that some of them have; both are the recording's content.
     """
 
-    def __init__(self, path: Path, files: tuple[Path, ...], journals: tuple[Path, ...] = ()) -> None:
+    def __init__(self, path: Path, files: tuple[Path, ...], journals: Mapping[Path, Path] = NO_JOURNALS) -> None:
         self.path = path
-        self.files = (*files, *journals)
-        self._sources = tuple(source_of(file) for file in files)
+        self.files = (*files, *journals.values())
+        self._contents = Contents()
+        self.recording_id = self._contents.recording_id(path, self.files)
+        of = self._contents.of
+        self._sources = tuple(source_of(of(file), of(journals[file]) if file in journals else None) for file in files)
         self._names = Names()
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
@@ -56,10 +61,9 @@ class FilesRecording(ABC):
         for source in self._sources:
             source.close()
 
-    @cached_property
-    def recording_id(self) -> str:
-        """sha256 (hex) of the content."""
-        return content_id(self.path, self.files)
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was opened."""
+        self._contents.check_unchanged()
 
     @cached_property
     def clock(self) -> Clock:

@@ -8,8 +8,9 @@ from typing import Any
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import ChangedError
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import FilesRecording
+from auditor.recordings.formats.files import NO_JOURNALS, FilesRecording
 from auditor.recordings.formats.mcap.recording import McapRecording
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
@@ -63,20 +64,24 @@ def _storage_files(folder: Path) -> tuple[Path, ...]:
     return _files(folder, ".db3") or _files(folder, ".mcap")
 
 
-def _journals(files: tuple[Path, ...]) -> tuple[Path, ...]:
-    return tuple(journal for journal in map(journal_of, files) if journal is not None)
+def _journals(files: tuple[Path, ...]) -> Mapping[Path, Path]:
+    """The write-ahead logs by the files that they belong to."""
+    return {file: journal for file in files if (journal := journal_of(file)) is not None}
 
 
 class RosbagRecording(FilesRecording):
     """The files of one ROS recording, read one after the other."""
 
     def __init__(self, path: Path, files: tuple[Path, ...], kind: type[BagRead] | type[Db3Read]) -> None:
-        super().__init__(path, files, _journals(files) if kind is Db3Read else ())
+        super().__init__(path, files, _journals(files) if kind is Db3Read else NO_JOURNALS)
         self._kind = kind
         self._unreadable: dict[Source, str] = {}
         for source in self._sources:
             try:
-                kind(source.path, None, self._names, DamageLog()).learn_topics()
+                kind(source, None, self._names, DamageLog()).learn_topics()
+            except ChangedError:
+                self.close()
+                raise
             except RecordingError as error:
                 self._unreadable[source] = source.problem or error.what
         if len(self._unreadable) == len(files):
@@ -88,7 +93,7 @@ class RosbagRecording(FilesRecording):
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
         readable = [source for source in self._sources if source not in self._unreadable]
-        reads: list[FileRead] = [self._kind(source.path, topics, self._names, damage) for source in readable]
+        reads: list[FileRead] = [self._kind(source, topics, self._names, damage) for source in readable]
         return reads, self._one_by_one(dict(zip(readable, reads, strict=True)), damage)
 
     def _one_by_one(self, reads: Mapping[Source, FileRead], damage: DamageLog) -> Iterator[Message]:

@@ -34,7 +34,7 @@ class McapRecording(FilesRecording):
     def __init__(self, path: Path, files: tuple[Path, ...]) -> None:
         super().__init__(path, files)
         for file, source in zip(files, self._sources, strict=True):
-            with source.path.open("rb") as stream:
+            with source.open() as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
                     self.close()
                     raise RecordingError(
@@ -45,7 +45,7 @@ class McapRecording(FilesRecording):
         self._learn_topics()
 
     def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
-        reads = [FileRead(source.path, topics, self._names, damage) for source in self._sources]
+        reads = [FileRead(source, topics, self._names, damage) for source in self._sources]
         return reads, self._one_by_one(reads, damage)
 
     def _one_by_one(self, reads: list[FileRead], damage: DamageLog) -> Iterator[Message]:
@@ -56,10 +56,10 @@ class McapRecording(FilesRecording):
     def _learn_topics(self) -> None:
         """Learn topics from the summaries where there are any, else from the beginning."""
         for source in self._sources:
-            with source.path.open("rb") as stream:
-                ending = read_ending(stream, source.path.stat().st_size)
+            with source.open() as stream:
+                ending = read_ending(stream, source.size)
             if ending:
-                FileRead(source.path, None, self._names, DamageLog()).learn_summary(ending.summary)
+                FileRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 
@@ -76,7 +76,7 @@ class McapRecording(FilesRecording):
         labels: list[AttackLabel] = []
         metadata: dict[str, str] = {}
         for source in self._sources:
-            for attached in attached_to(source.path):
+            for attached in attached_to(source):
                 if isinstance(attached, Metadata):
                     metadata.update(attached.metadata if attached.name == METADATA_NAME else {})
                 elif attached.name == LABELS_NAME:
