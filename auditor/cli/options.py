@@ -13,7 +13,7 @@ import click
 if TYPE_CHECKING:
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.pipeline.workers import Limits
-    from auditor.recordings import Origin
+    from auditor.recordings import Location, Origin
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -184,7 +184,7 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         network: "MatcherOptions",
         rig: Path | None,
         origin_of: "Callable[[Path], Origin]",
-        limits: "Callable[[Path], Limits]",
+        limits: "Callable[[Location], Limits]",
         jobs: int,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns

@@ -13,7 +13,7 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.pipeline.measure import rigs_of
-from auditor.recordings import open_recording, survey, synchronise
+from auditor.recordings import Location, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 
@@ -36,7 +36,7 @@ class Recorded:
     views of their own, attacks are made on the images as recorded.
     """
 
-    path: Path
+    path: Path | Location
     rig: Path | None = None
 
     def __str__(self) -> str:

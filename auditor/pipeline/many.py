@@ -13,7 +13,7 @@ from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement, resolves_incidents
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
-from auditor.recordings import Origin, check_rig_file, find_recordings
+from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
 
 _MOST_DAMAGE = 3  # pieces of damage in one warning
@@ -26,13 +26,13 @@ _NO_THRESHOLDS = (
 # Measuring
 
 
-def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> Callable[[Path], Limits]:
+def limits_by_size(
+    time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB
+) -> Callable[[Location], Limits]:
     """The budgets of each recording: without a time limit they depend on its size."""
 
-    def limits(path: Path) -> Limits:
-        files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
-        size_bytes = sum(file.stat().st_size for file in files)
-        return limits_of(size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
+    def limits(location: Location) -> Limits:
+        return limits_of(location.size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
 
     return limits
 
@@ -52,7 +52,7 @@ class MeasureSettings:
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin_of: Callable[[Path], Origin] = _unknown_origin
-    limits: Callable[[Path], Limits] = field(default_factory=limits_by_size)
+    limits: Callable[[Location], Limits] = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
 
 
@@ -80,8 +80,8 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
     Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
-        MeasureTask(path, store, settings.matcher, network, settings.rig, settings.origin_of(path))
-        for path in found.recordings
+        MeasureTask(location, store, settings.matcher, network, settings.rig, settings.origin_of(location.first))
+        for location in found.recordings
     )
     return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs))
 
@@ -102,7 +102,7 @@ def measure_all(
     """
     limits = batch.settings.limits
     outcomes = run_all(
-        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
+        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(located(task.recording))
     )
     for outcome in outcomes:
         error = outcome.error.located(outcome.item) if outcome.error is not None else None

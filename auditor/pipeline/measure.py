@@ -38,6 +38,7 @@ from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.rig import Rig
 from auditor.recordings import (
     FrameStream,
+    Location,
     Origin,
     Recording,
     Survey,
@@ -73,7 +74,7 @@ class MeasureTask:
     says of its vehicle, day and drive.
     """
 
-    recording: Path
+    recording: Path | Location
     store: Path
     matcher: str = "sgbm"
     network: MatcherOptions = NO_NETWORK
@@ -133,7 +134,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             store.write_labels(recording.recording_id, recording.labels(), rigs[0])
             store.write_recording(record)
         return Measured(
-            recording=task.recording,
+            recording=recording.path,
             recording_id=recording.recording_id,
             measurement_ids=ids,
             frames=sum(m.frames for m in measurements),
@@ -250,7 +251,7 @@ def _recording_record(
         path=str(recording.path.resolve()),
         files=tuple(file.name for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
-        format=format_of(recording.path),
+        format=format_of(recording.path) or format_of(recording.files[0]),
         clock=recording.clock,
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),

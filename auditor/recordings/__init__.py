@@ -1,5 +1,6 @@
 """READ: the messages of a recording, its rigs, and its frames in order of time."""
 
+from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
@@ -26,6 +27,7 @@ __all__ = [
     "FoundRigs",
     "FrameStream",
     "Health",
+    "Location",
     "Origin",
     "Reader",
     "Recording",
@@ -39,6 +41,7 @@ __all__ = [
     "find_rigs",
     "format_of",
     "given_rig",
+    "located",
     "open_recording",
     "read_path",
     "read_rig",

@@ -42,11 +42,38 @@ class FrameWindow:
     most_held_groups: int = parameter(100, unit="frames", source=_WORK)
 
 
+@dataclass(frozen=True)
+class DriveParts:
+    """Which files are one recording: parts that follow one another, and files of the same time."""
+
+    most_gap_ns: int = parameter(5 * 10**9, unit="ns between a part's end and the next one's start", source=BY_HAND)
+    most_overlap_ns: int = parameter(10**9, unit="ns by which parts may overlap", source=BY_HAND)
+    most_overlap_share: float = parameter(0.25, unit="share of the shorter of two parts", source=BY_HAND)
+    most_missing: int = parameter(3, unit="parts missing between two", source=BY_HAND)
+    most_lengths: float = parameter(2.0, unit="lengths of a part, for each one that is missing", source=BY_HAND)
+    least_common_share: float = parameter(0.5, unit="share of the shorter of two files side by side", source=BY_HAND)
+    looked_at_ns: int = parameter(2 * 10**9, unit="ns at the beginning of a part", source=_WORK)
+    looked_at_bytes: int = parameter(8 * 2**20, unit="bytes at the beginning of a part", source=_WORK)
+
+
+@dataclass(frozen=True)
+class CalibrationChanges:
+    """When a calibration counts as changed within a recording, and how often it may."""
+
+    noise: float = parameter(1e-6, unit="share of the largest number", source=BY_HAND)
+    settling_ns: int = parameter(10**9, unit="ns between two messages of one change", source=BY_HAND)
+    most: int = parameter(8, unit="changes a rig", source=BY_HAND)
+    most_messages: int = parameter(1000, unit="messages that change a calibration", source=_WORK)
+    pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
+
+
 SENSOR_TIMING = SensorTiming()
 FIRST_LOOK = FirstLook()
 FRAME_WINDOW = FrameWindow()
+DRIVE_PARTS = DriveParts()
+CALIBRATION_CHANGES = CalibrationChanges()
 
-SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW)
+SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, CALIBRATION_CHANGES)
 """All that can change which messages form a frame."""
 
 

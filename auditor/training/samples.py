@@ -23,7 +23,7 @@ from auditor.measurement.pairwise_views import OF_TWO
 from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
 from auditor.pipeline.measure import rigs_of
-from auditor.recordings import open_recording, survey, synchronise
+from auditor.recordings import Location, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
@@ -48,7 +48,7 @@ class Samples:
 class Recorded:
     """A clean recording with a LiDAR, with its own rig or that of a rig.toml; of several rigs the first is taken."""
 
-    path: Path
+    path: Path | Location
     rig: Path | None = None
 
     def __str__(self) -> str:

@@ -11,7 +11,7 @@ from auditor.cli import options
 
 if TYPE_CHECKING:
     from auditor.model.rig import Camera, Rig
-    from auditor.recordings import Health, Recording
+    from auditor.recordings import Health, Location, Recording
 
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
@@ -56,9 +56,9 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
         say(f"auditor: {error}")
         tally.failed = True
     descriptions = []
-    for path in found.recordings:
+    for where in found.recordings:
         try:
-            description = _describe(path, rig, write_rig)
+            description = _describe(where, rig, write_rig)
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True
@@ -73,13 +73,13 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     return tally.exit_code()
 
 
-def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str, Any]:
+def _describe(where: "Location", shown: Path | None, written: Path | None) -> dict[str, Any]:
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
     from auditor.recordings import check_health, open_recording, search_rigs, survey, synchronise, write_rig  # noqa: PLC0415
 
-    with open_recording(path) as recording:
+    with open_recording(where) as recording:
         surveyed = survey(recording)
         rigs: tuple[Rig, ...] = ()
         missing = ""
@@ -101,7 +101,7 @@ def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str,
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         return {
-            "recording": str(path),
+            "recording": str(where),
             "recording_id": recording.recording_id,
             "clock": recording.clock,
             "metadata": dict(recording.metadata()),

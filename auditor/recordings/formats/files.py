@@ -18,7 +18,7 @@ from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.part_names import missing_parts
-from auditor.recordings.formats.topics import Channels, Names, total_counts
+from auditor.recordings.formats.topics import Channels, Names, Span, total_counts
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, content_id
 
@@ -35,6 +35,9 @@ class FileRead(Protocol):
 
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order."""
+
+    def span_ns(self) -> Span | None:
+        """The first and last log time of the file; None where it has no messages."""
 
 
 Streams = tuple[tuple[Path, ...], ...]

@@ -11,6 +11,7 @@ from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.files import FilesRecording, Streams
 from auditor.recordings.formats.mcap.recording import McapRecording
+from auditor.recordings.formats.part_names import BAG, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
 from auditor.recordings.formats.unpacking import Source, kind_of
@@ -51,6 +52,14 @@ class Ros2Reader:
             return McapRecording(path, (files,))
         # The files are opened one by one: metadata.yaml may be missing, or name files that are missing.
         return RosbagRecording(path, (files,), Db3Read)
+
+
+def open_streams(path: Path, streams: Streams) -> Recording:
+    """Open files of one kind as one recording. Raises RecordingError where none of them can be read."""
+    kind = file_kind(streams[0][0])
+    if kind == MCAP:
+        return McapRecording(path, streams)
+    return RosbagRecording(path, streams, BagRead if kind == BAG else Db3Read)
 
 
 def _files(folder: Path, suffix: str) -> tuple[Path, ...]:

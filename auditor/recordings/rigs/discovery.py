@@ -269,4 +269,6 @@ def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
         yield "there is no camera info for any of the images"
     if not survey.clouds:
         yield "there is no LiDAR"
+    if survey.other_parts:
+        yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
     yield from reasons[:12]

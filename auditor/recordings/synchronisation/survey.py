@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding import CameraInfo, CloudDecoder, Decoders, ImageDecoder, Transform, decoder_table
 from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK
 from auditor.recordings.recording import Recording, Topic
 
@@ -56,7 +58,8 @@ class Survey:
     """The content of a recording's beginning.
 
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
-    after the other in the file, so that sensors cannot be paired in one read.
+    after the other in the file, so that sensors cannot be paired in one read. `other_parts` are files beside those of
+    the recording that are named as parts of the same drive.
     """
 
     topics: tuple[Topic, ...]
@@ -66,6 +69,7 @@ class Survey:
     transforms: tuple[Transform, ...]
     problems: tuple[str, ...]
     interleaved: bool
+    other_parts: tuple[Path, ...] = ()
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -117,6 +121,7 @@ class _Surveyor:
             transforms=tuple(self._transforms.values()),
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
+            other_parts=other_parts(self._recording.files),
         )
 
     def _by_kind(self, *kinds: str) -> Iterator[str]:
