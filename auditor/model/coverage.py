@@ -129,7 +129,8 @@ def _shortfalls(topic: TopicCoverage) -> Iterator[str]:
     if time is None:
         return
     if time.held_ns and not time.covered_ns:
-        yield "no time covered"
+        if not topic.against:
+            yield "has no message in any frame"
         return
     if time.late_ns:
         yield f"begins {_seconds(time.late_ns)} late"

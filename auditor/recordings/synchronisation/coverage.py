@@ -104,6 +104,8 @@ def _why_left_out(
     told = next((why for why in reasons if topic.name in why or f"{name} " in why or f"({name})" in why), "")
     if told:
         return told
-    if kind == sensor_types.LIDAR and rig is not None and rig.lidar:
+    if rig is None:
+        return "the recording has no rig"
+    if kind == sensor_types.LIDAR and rig.lidar:
         return f"the LiDAR {rig.lidar.name} has more points"
-    return "no rig has it: another topic of its camera is used, or it has no place among the others"
+    return "the rig does not have it: another topic of the same camera is used, or it has no place beside the others"
