@@ -234,7 +234,7 @@ def judging_options(command: Decorated) -> Decorated:
             type=FiniteRange(0, 1),
             default=0.99,
             show_default=True,
-            help="Share of frames below which a recording counts as not fully audited.",
+            help="Share of frames, messages and time below which a recording counts as not fully audited.",
         ),
         click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N)."),
         click.option(

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import perf_counter
 
 from auditor import __version__
-from auditor.errors import RecordingError
+from auditor.errors import RigError
 from auditor.identification.scores import candidates
 from auditor.identification.statistics import windowed_ratios
 from auditor.measurement import (
@@ -172,7 +172,7 @@ def _measure(
         for done in measured:
             progress(recording.path.name, done)
         if writer.measured == 0:
-            raise RecordingError(
+            raise RigError(
                 "no frame with three overlapping sensors could be put together",
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
@@ -192,6 +192,7 @@ def _measure(
                 calibration_warnings=check.warnings(),
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
+                coverage=stream.coverage,
             )
         )
 

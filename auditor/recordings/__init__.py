@@ -14,6 +14,7 @@ from auditor.recordings.rigs.discovery import (
     search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
+from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.survey import Survey, survey
@@ -43,6 +44,7 @@ __all__ = [
     "given_rig",
     "located",
     "open_recording",
+    "outside_topics",
     "read_path",
     "read_rig",
     "rewrite",

@@ -67,14 +67,38 @@ class CalibrationChanges:
     pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
 
 
+@dataclass(frozen=True)
+class StampAgreement:
+    """When a stamp is taken for the time of capture, and when the time of recording stands in for it."""
+
+    most_periods: int = parameter(
+        3, unit="periods that a stamp's distance to its log time may differ from the usual one", source=BY_HAND
+    )
+    least_ns: int = parameter(
+        200 * 10**6, unit="ns of the same, however short the period: recorders write late under load", source=BY_HAND
+    )
+    remembered: int = parameter(64, unit="messages among which a stamp is repeated", source=BY_HAND)
+    follows: int = parameter(64, unit="messages over which the usual distance follows a drift", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class TimeGaps:
+    """What of a recording's time a sensor does not cover."""
+
+    most_periods: int = parameter(3, unit="periods between used messages that are no gap", source=BY_HAND)
+    edge_periods: float = parameter(1.5, unit="periods at either end of a recording", source=BY_HAND)
+
+
 SENSOR_TIMING = SensorTiming()
 FIRST_LOOK = FirstLook()
 FRAME_WINDOW = FrameWindow()
 DRIVE_PARTS = DriveParts()
 CALIBRATION_CHANGES = CalibrationChanges()
+STAMP_AGREEMENT = StampAgreement()
+TIME_GAPS = TimeGaps()
 
-SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, CALIBRATION_CHANGES)
-"""All that can change which messages form a frame."""
+SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
+"""All that can change which messages form a frame, and what of a recording counts as covered."""
 
 
 def synchronising_digest() -> str:

@@ -100,7 +100,7 @@ def command(
     with open_recording(source) as recording:
         surveyed = survey(recording)
         known = rigs_of(surveyed, rig)[0]
-        start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
+        start_ns = min(sample.time_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
         attackers = [
             Attacker(
                 AttackPlan(
