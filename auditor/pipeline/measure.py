@@ -177,6 +177,7 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
+        recording.check_unchanged()
         for number, picture in thumbnails.pages():
             store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         writer.commit(

@@ -5,6 +5,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import BinaryIO
 
 from auditor.errors import DecodingError, RecordingError
 from auditor.recordings.decoding import CameraInfo, Decoders
@@ -13,12 +14,14 @@ from auditor.recordings.formats.files import FileRead
 from auditor.recordings.formats.mcap.reader import FileRead as McapRead
 from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
-from auditor.recordings.formats.rosbag2.reader import Db3Read
+from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
 from auditor.recordings.formats.topics import Names, Span
-from auditor.recordings.formats.unpacking import source_of
+from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.parameters import DRIVE_PARTS
 
-_READS: dict[str, Callable[[Path, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
+_BUFFER_BYTES = 1 << 16
+
+_READS: dict[str, Callable[[Source, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,17 @@ class Beginning:
     def is_calibrated(self) -> bool:
         """True where cameras have their calibration and places."""
         return bool(self.camera_infos) and self.has_transforms
+
+
+class _PlainFile:
+    """A file as it is now. What is learnt of it decides which files are opened together, and is never stored."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = path.stat().st_size
+
+    def open(self) -> BinaryIO:
+        return self.path.open("rb", buffering=_BUFFER_BYTES)
 
 
 class FileSummary:
@@ -73,8 +87,9 @@ class FileSummary:
 
     @contextmanager
     def _read(self, names: Names) -> Iterator[FileRead]:
-        source = source_of(self.file)
+        journal = journal_of(self.file) if file_kind(self.file) == DB3 else None
+        source = source_of(_PlainFile(self.file), _PlainFile(journal) if journal else None)
         try:
-            yield _READS[file_kind(self.file)](source.path, None, names, DamageLog())
+            yield _READS[file_kind(self.file)](source, None, names, DamageLog())
         finally:
             source.close()

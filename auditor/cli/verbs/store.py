@@ -26,11 +26,10 @@ def upgrade(store: Path) -> None:
     auditor store upgrade
     auditor store upgrade night/audit
 
-    Measurements stay valid and get new ids. Judgements keep their verdicts, with judging version 0. Parts of
-    evaluations are kept, but measured anew by auditor evaluate. An upgrade that is killed leaves the old store or the
-    new one. It needs as much room again as the store takes, and no other command may use the store meanwhile.
+    Measurements, judgements and evaluations stay, with their ids. An upgrade that is killed leaves the old store or
+    the new one. It needs as much room again as the store takes, and no other command may use the store meanwhile.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store.marker import LOST, UPGRADED_FROM  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.marker import UPGRADED_FROM  # noqa: PLC0415 - keeps --help quick
     from auditor.store.schema import SCHEMA_VERSION  # noqa: PLC0415
     from auditor.store.upgrade import upgrade as upgrade_store  # noqa: PLC0415
 
@@ -40,5 +39,5 @@ def upgrade(store: Path) -> None:
         return
     say(
         f"{store}: upgraded from schema version {UPGRADED_FROM} to {SCHEMA_VERSION}: {done.measurements} measurements, "
-        f"{done.judgements} judgements (of judging version 0), {done.parts} parts of evaluations; {LOST}"
+        f"{done.judgements} judgements, {done.parts} parts of evaluations"
     )

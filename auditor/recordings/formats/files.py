@@ -16,12 +16,14 @@ from typing import Protocol, Self, cast
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.part_names import missing_parts
 from auditor.recordings.formats.topics import Channels, Names, Span, total_counts
 from auditor.recordings.formats.unpacking import Source, source_of
-from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, content_id
+from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
 
+NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20
 _RECORD_BYTES = 64  # added to the size of each message: empty ones take work, too
 
@@ -47,15 +49,22 @@ Streams = tuple[tuple[Path, ...], ...]
 class FilesRecording(ABC):
     """Every read begins at the start; only unpacked content is held between reads. See recording.Recording.
 
-    `journals` are files beside those of the streams; both are the recording's content. A file that cannot be read is
-    damage; where none can be read, `_refuse_unreadable` raises.
+    `journals` belong to some of the files; both are the recording's content. A file that cannot be read is damage;
+    where none can be read, `_refuse_unreadable` raises.
     """
 
-    def __init__(self, path: Path, streams: Streams, journals: tuple[Path, ...] = ()) -> None:
+    def __init__(self, path: Path, streams: Streams, journals: Mapping[Path, Path] = NO_JOURNALS) -> None:
         self.path = path
-        files = tuple(chain.from_iterable(streams))
-        self.files = (*files, *journals)
-        self._streams = tuple(tuple(source_of(file) for file in stream) for stream in streams)
+        self.files = (*chain.from_iterable(streams), *journals.values())
+        self._contents = Contents()
+        # Files given together have the id of the folder that holds them.
+        named = path if path in self.files else self.files[0].parent
+        self.recording_id = self._contents.recording_id(named, self.files)
+        of = self._contents.of
+        self._streams = tuple(
+            tuple(source_of(of(file), of(journals[file]) if file in journals else None) for file in stream)
+            for stream in streams
+        )
         self._sources = tuple(chain.from_iterable(self._streams))
         self._missing = tuple(chain.from_iterable(missing_parts(stream) for stream in streams))
         self._unreadable: dict[Source, str] = {}
@@ -76,11 +85,9 @@ class FilesRecording(ABC):
         for source in self._sources:
             source.close()
 
-    @cached_property
-    def recording_id(self) -> str:
-        """sha256 (hex) of the content."""
-        # Files given together have the id of the folder that holds them.
-        return content_id(self.path if self.path in self.files else self.files[0].parent, self.files)
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was opened."""
+        self._contents.check_unchanged()
 
     @cached_property
     def clock(self) -> Clock:

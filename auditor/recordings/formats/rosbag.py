@@ -8,8 +8,9 @@ from typing import Any
 
 from auditor.errors import RecordingError
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import ChangedError
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import FilesRecording, Streams
+from auditor.recordings.formats.files import NO_JOURNALS, FilesRecording, Streams
 from auditor.recordings.formats.mcap.recording import McapRecording
 from auditor.recordings.formats.part_names import BAG, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
@@ -72,19 +73,23 @@ def _storage_files(folder: Path) -> tuple[Path, ...]:
     return _files(folder, ".db3") or _files(folder, ".mcap")
 
 
-def _journals(files: Iterable[Path]) -> tuple[Path, ...]:
-    return tuple(journal for journal in map(journal_of, files) if journal is not None)
+def _journals(files: Iterable[Path]) -> Mapping[Path, Path]:
+    """The write-ahead logs by the files that they belong to."""
+    return {file: journal for file in files if (journal := journal_of(file)) is not None}
 
 
 class RosbagRecording(FilesRecording):
     """The files of one ROS recording."""
 
     def __init__(self, path: Path, streams: Streams, kind: type[BagRead] | type[Db3Read]) -> None:
-        super().__init__(path, streams, _journals(chain.from_iterable(streams)) if kind is Db3Read else ())
+        super().__init__(path, streams, _journals(chain.from_iterable(streams)) if kind is Db3Read else NO_JOURNALS)
         self._kind = kind
         for source in self._sources:
             try:
-                kind(source.path, None, self._names, DamageLog()).learn_topics()
+                kind(source, None, self._names, DamageLog()).learn_topics()
+            except ChangedError:
+                self.close()
+                raise
             except RecordingError as error:
                 self._unreadable[source] = source.problem or error.what
         self._refuse_unreadable("repair it with its recorder's own tools")
@@ -92,7 +97,7 @@ class RosbagRecording(FilesRecording):
             self._learn_from_beginning()
 
     def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
-        return self._kind(source.path, topics, self._names, damage)
+        return self._kind(source, topics, self._names, damage)
 
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""

@@ -13,7 +13,6 @@ from bisect import bisect_right
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from itertools import islice
-from pathlib import Path
 from typing import IO, NamedTuple
 
 from auditor.errors import RecordingError
@@ -21,7 +20,7 @@ from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog, is_trusted
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
 from auditor.recordings.formats.topics import Channels, Names, Span, span_over
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack, unpack_beginning
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
@@ -33,7 +32,6 @@ _MAX_HEADER_BYTES = 2**20
 _MAX_FIELDS = 64
 Fields = dict[bytes, bytes]
 _MAX_INDEX_RECORDS = 1_000_000
-_BUFFER_BYTES = 1 << 18
 
 
 class Op:
@@ -141,8 +139,8 @@ class BagRead:
 
     encoding = "ros1"
 
-    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._path = path
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
@@ -153,16 +151,16 @@ class BagRead:
 
     def learn_topics(self) -> None:
         """Learn topics from the index. Raises RecordingError where the file is not a bag, or is encrypted."""
-        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
-            self._learn_index(file, self._path.stat().st_size)
+        with self._source.open() as file:
+            self._learn_index(file, self._source.size)
 
     def span_ns(self) -> Span | None:
         """The first and last time: by the index where there is one, else by what stands behind each chunk.
 
         Raises RecordingError where the file is not a bag.
         """
-        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
-            size = self._path.stat().st_size
+        with self._source.open() as file:
+            size = self._source.size
             self._learn_index(file, size)
             if not self._chunk_times_ns:
                 file.seek(0)
@@ -173,8 +171,8 @@ class BagRead:
 
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order. Raises RecordingError where the file is not a bag."""
-        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
-            size = self._path.stat().st_size
+        with self._source.open() as file:
+            size = self._source.size
             self._learn_index(file, size)
             file.seek(0)
             stream = ForwardStream(file, size)
@@ -303,13 +301,15 @@ class BagRead:
 
     def _learn_index(self, file: IO[bytes], size: int) -> None:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError("this is not a ROS 1 bag of version 2.0, or its beginning is cut", where=self._path)
+            raise RecordingError(
+                "this is not a ROS 1 bag of version 2.0, or its beginning is cut", where=self._source.path
+            )
         stream = ForwardStream(file, size)
         stream.offset = len(MAGIC)
         try:
             head = read_head(stream)
             if head.fields.get(b"encryptor"):
-                raise RecordingError("the bag is encrypted", where=self._path, remedy="decrypt it first")
+                raise RecordingError("the bag is encrypted", where=self._source.path, remedy="decrypt it first")
             self._index_offset = number(head.fields, b"index_pos")
             if not len(MAGIC) < self._index_offset < size:
                 return

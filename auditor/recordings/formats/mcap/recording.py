@@ -33,22 +33,22 @@ class McapRecording(FilesRecording):
     def __init__(self, path: Path, streams: Streams) -> None:
         super().__init__(path, streams)
         for source in self._sources:
-            with source.path.open("rb") as stream:
+            with source.open() as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
                     self._unreadable[source] = source.problem or "this is not an MCAP file, or its beginning is cut"
         self._refuse_unreadable("check how it was copied, or give the file its correct extension")
         self._learn_topics()
 
     def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
-        return FileRead(source.path, topics, self._names, damage)
+        return FileRead(source, topics, self._names, damage)
 
     def _learn_topics(self) -> None:
         """Learn topics from the summaries where there are any, else from the beginning."""
         for source in self._sources:
-            with source.path.open("rb") as stream:
-                ending = read_ending(stream, source.path.stat().st_size)
+            with source.open() as stream:
+                ending = read_ending(stream, source.size)
             if ending:
-                FileRead(source.path, None, self._names, DamageLog()).learn_summary(ending.summary)
+                FileRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 
@@ -67,7 +67,7 @@ class McapRecording(FilesRecording):
         for source in self._sources:
             if source in self._unreadable:
                 continue
-            for attached in attached_to(source.path):
+            for attached in attached_to(source):
                 if isinstance(attached, Metadata):
                     metadata.update(attached.metadata if attached.name == METADATA_NAME else {})
                 elif attached.name == LABELS_NAME:

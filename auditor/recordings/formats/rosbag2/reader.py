@@ -15,7 +15,7 @@ from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
 from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
 from auditor.recordings.formats.topics import Channels, Names, Span, span_over
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
@@ -38,8 +38,8 @@ class Db3Read:
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._path = path
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
@@ -83,21 +83,20 @@ class Db3Read:
     def _pages(self) -> Iterator[Pages]:
         """The pages of the file, together with those of its write-ahead log where its recorder left one."""
         with ExitStack() as opened:
-            file = opened.enter_context(self._path.open("rb"))
-            size = self._path.stat().st_size
-            path = journal_of(self._path)
-            log = opened.enter_context(path.open("rb")) if path else None
-            journal = read_journal(log, path.stat().st_size) if path and log else None
-            if path and journal is None:
-                self._damage.add(f"{path.name} is not a readable write-ahead log")
+            file, size = opened.enter_context(self._source.open()), self._source.size
+            written = self._source.journal
+            log = opened.enter_context(written.open()) if written else None
+            journal = read_journal(log, written.size) if written and log else None
+            if written and journal is None:
+                self._damage.add(f"{written.path.name} is not a readable write-ahead log")
             pages = Pages(file, size)
-            if journal and path:
+            if journal and written:
                 if pages.has_header and pages.page_bytes != journal.page_bytes:
-                    self._damage.add(f"{path.name} has pages of another size and is not read")
+                    self._damage.add(f"{written.path.name} has pages of another size and is not read")
                 else:
                     pages = Pages(file, size, journal, log)
                     if journal.problem:
-                        self._damage.add(f"{path.name}: {journal.problem}")
+                        self._damage.add(f"{written.path.name}: {journal.problem}")
             yield pages
 
     def _walk(self, pages: Pages, root: int | None) -> Iterator[Message]:
@@ -155,7 +154,7 @@ class Db3Read:
     def _catalogue(self, pages: Pages) -> dict[str, int]:
         """The first page of every table by name. Raises RecordingError where the file is not a recording."""
         if not pages.count or not (pages.has_header or any(True for _ in self._strays(pages, set()))):
-            raise RecordingError("this is not a SQLite file, or its beginning is cut", where=self._path)
+            raise RecordingError("this is not a SQLite file, or its beginning is cut", where=self._source.path)
         roots: dict[str, int] = {}
         bad: list[int] = []
         for page in pages.leaves(_CATALOGUE_PAGE, bad) if pages.has_header else ():
@@ -170,7 +169,7 @@ class Db3Read:
             self._damage.add("its first page is damaged: rows are found by their column types", 0)
         elif not {"topics", "messages"} <= roots.keys() and not self._bad_rows:
             raise RecordingError(
-                "this is not a ROS 2 recording: it has no tables of topics and messages", where=self._path
+                "this is not a ROS 2 recording: it has no tables of topics and messages", where=self._source.path
             )
         return roots
 
