@@ -4,6 +4,7 @@ from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
+from auditor.recordings.rigs.changes import RigInForce, RigsInForce, rigs_in_force
 from auditor.recordings.rigs.discovery import (
     FoundRigs,
     check_rig,
@@ -32,6 +33,8 @@ __all__ = [
     "Origin",
     "Reader",
     "Recording",
+    "RigInForce",
+    "RigsInForce",
     "Survey",
     "Topic",
     "check_health",
@@ -49,6 +52,7 @@ __all__ = [
     "read_rig",
     "rewrite",
     "rig_of_camchain",
+    "rigs_in_force",
     "search_rigs",
     "survey",
     "synchronise",

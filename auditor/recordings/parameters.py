@@ -63,7 +63,7 @@ class CalibrationChanges:
     noise: float = parameter(1e-6, unit="share of the largest number", source=BY_HAND)
     settling_ns: int = parameter(10**9, unit="ns between two messages of one change", source=BY_HAND)
     most: int = parameter(8, unit="changes a rig", source=BY_HAND)
-    most_messages: int = parameter(1000, unit="messages that change a calibration", source=_WORK)
+    most_messages: int = parameter(500, unit="messages that change a calibration", source=_WORK)
     pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
 
 

@@ -80,8 +80,9 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.model.coverage import unread_line  # noqa: PLC0415
-    from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
+    from auditor.pipeline.measure import calibration_warnings_of, rigs_through  # noqa: PLC0415
     from auditor.recordings import (  # noqa: PLC0415
+        RigsInForce,
         check_health,
         open_recording,
         outside_topics,
@@ -93,19 +94,23 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
 
     with open_recording(where) as recording:
         surveyed = survey(recording)
-        rigs: tuple[Rig, ...] = ()
+        found = RigsInForce(())
         missing = ""
         try:
-            rigs = rigs_of(surveyed, shown)
+            found = rigs_through(recording, surveyed, shown)
         except RigError as error:
             if shown:
                 raise
             missing = error.what
+        rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
             say(f"the rig is in {written}")
-        calibration_warnings = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
-        health = [check_health(synchronise(recording, rig, surveyed), rig) for rig in rigs]
+        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        health = [
+            check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
+            for one in found.rigs
+        ]
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
@@ -120,7 +125,7 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
             "labels": len(recording.labels()),
             "topics": list(_topics(recording, rigs, coverage)),
             "damage": damage,
-            "problems": list(surveyed.problems),
+            "problems": [*found.remarks, *surveyed.problems],
             "rigs": [
                 {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
                 for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)

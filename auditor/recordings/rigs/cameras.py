@@ -1,7 +1,7 @@
 """The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ class View:
     info: CameraInfo
     rectified: bool
     lens: Lens
+    info_topic: str = ""
 
     @property
     def name(self) -> str:
@@ -81,7 +82,7 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
         if not (K[0, 0] > 0 and K[1, 1] > 0 and min(abs(np.linalg.det(m)) for m in (K, view.projection[:, :3])) > 1e-9):
             reasons.append(f"{image.topic.name} is uncalibrated (its camera info has no focal length)")
             continue
-        best.setdefault(topic, view)
+        best.setdefault(topic, replace(view, info_topic=topic))
     return sorted(best.values(), key=lambda view: view.image.topic.name)
 
 

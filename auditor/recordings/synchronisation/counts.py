@@ -19,13 +19,15 @@ BETWEEN = "between frames"
 class Counts:
     """The use of the messages of one sensor.
 
-    `regular` ones are used by their own stamp; `against` counts the others by reason, but for those at the edges,
-    duplicates, and up to `most_surplus` messages of a fast sensor between two that are used.
+    `regular` ones are used by their own stamp, `unused` ones belong to another rig; `against` counts the others by
+    reason, but for those at the edges, duplicates, and up to `most_surplus` messages of a fast sensor between two that
+    are used.
     """
 
     most_surplus: int = 0
     read: int = 0
     used: int = 0
+    unused: int = 0
     regular: int = 0
     damaged: int = 0
     skipped: dict[str, int] = field(default_factory=dict)

@@ -9,7 +9,8 @@ within the tolerance belongs to it. Waiting messages stay as recorded; pixels an
 complete.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from heapq import merge
 
 from auditor.errors import DecodingError
@@ -23,6 +24,7 @@ from auditor.recordings.synchronisation.clock_offsets import learn_timing
 from auditor.recordings.synchronisation.counts import EDGE, TOO_FEW, Counts, TimeLedger, counts_of
 from auditor.recordings.synchronisation.coverage import topic_coverage
 from auditor.recordings.synchronisation.stamps import DUPLICATE, StampCheck
+from auditor.recordings.synchronisation.stretches import WHOLE, Stretch, stretch_at
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Window
 
@@ -34,11 +36,14 @@ class FrameStream:
     are complete once it is exhausted.
     """
 
-    def __init__(self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool) -> None:
+    def __init__(
+        self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool, stretches: Sequence[Stretch] = WHOLE
+    ) -> None:
         self._recording = recording
         self._rig = rig
         self._survey = survey
         self._colour = colour
+        self._stretches = stretches
         self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
         self._time = TimeLedger(rig.sensors, self.timing.period_ns)
@@ -51,7 +56,11 @@ class FrameStream:
         window = Window(self._rig, self.timing, self._counts)
         maker = _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
         for group in Edges(self.timing).groups(self._groups(window, decoders)):
-            yield maker.make(group)
+            place = stretch_at(self._stretches, group.time_ns)
+            if place is None:
+                maker.leave(group)
+            else:
+                yield maker.make(group, place, self._stretches[place].reason)
 
     def _groups(self, window: Window, decoders: Decoders) -> Iterator[Group]:
         by_topic = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
@@ -139,7 +148,7 @@ class FrameStream:
                         sensor,
                         counts.read,
                         counts.used,
-                        0,
+                        counts.unused,
                         counts.damaged,
                         dict(counts.skipped),
                     )
@@ -152,14 +161,21 @@ class FrameStream:
         return topic_coverage(self._recording, self._rig, self._survey, self._counts, self._time.finish())
 
 
-def synchronise(recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False) -> FrameStream:
+def synchronise(
+    recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False, stretches: Sequence[Stretch] = WHOLE
+) -> FrameStream:
     """The frames of a recording, in order; with `colour` images keep their colours as BGR.
 
-    Offsets that the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The
-    window holds at most MAX_WINDOW_BYTES of messages as recorded.
+    Outside the `stretches` another rig is in force: its frames are left out, and their numbers with them. Offsets that
+    the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The window holds at
+    most MAX_WINDOW_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
-    return FrameStream(recording, rig, survey, colour=colour)
+    return FrameStream(recording, rig, survey, colour=colour, stretches=stretches)
+
+
+_MOST_STRETCHES = 1 << 16
+"""The time between two stretches is no gap: like the time before a clock was set back, each is counted by itself."""
 
 
 class _FrameMaker:
@@ -174,11 +190,17 @@ class _FrameMaker:
         self._time = time
         self._colour = colour
 
-    def make(self, group: Group) -> Frame | Skipped:
-        """The frame, or a Skipped with the reason why there is none."""
+    def leave(self, group: Group) -> None:
+        """Count the messages of a frame that belongs to another rig."""
+        for sensor in group.members:
+            self._counts[sensor].unused += 1
+
+    def make(self, group: Group, stretch: int = 0, reason: str = "") -> Frame | Skipped:
+        """The frame, or a Skipped with the reason why there is none, such as that of the stretch it lies in."""
+        group = replace(group, chunk=group.chunk * _MOST_STRETCHES + stretch)
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
-        if group.edge:
-            return self._skip(group, stamp_ns, EDGE)
+        if group.edge or reason:
+            return self._skip(group, stamp_ns, EDGE if group.edge else reason)
         if len(group.members) < MIN_SENSORS:
             return self._skip(group, stamp_ns, TOO_FEW)
         images: dict[int, CameraImage] = {}
