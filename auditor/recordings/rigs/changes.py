@@ -19,7 +19,7 @@ from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
 from auditor.recordings.recording import Recording
 from auditor.recordings.rigs.cameras import find_views
 from auditor.recordings.rigs.discovery import find_rigs, search_rigs
-from auditor.recordings.rigs.likeness import same_camera_info, same_numbers
+from auditor.recordings.rigs.same_calibration import same_camera_info, same_numbers
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
 from auditor.recordings.synchronisation.stretches import WHOLE, Stretch
 from auditor.recordings.synchronisation.survey import Survey
