@@ -94,8 +94,8 @@ class _SensorTime:
 class TimeLedger:
     """Which part of the recording's time the regular messages of each sensor cover.
 
-    Each covers the time to the next one, if that is no more than a few periods; of a longer gap, and of what is missing
-    at either end, one period is covered. A clock set back begins anew.
+    Each covers the time to the next one, if that is no more than a few periods; of a longer gap one period is covered.
+    A period at either end is an edge. A clock set back begins anew.
     """
 
     def __init__(self, sensors: Collection[int], period_ns: int) -> None:
@@ -136,18 +136,16 @@ class TimeLedger:
             if sensor.first_ns is None or sensor.last_ns is None:
                 sensor.lost_ns += held_ns
                 continue
-            late_ns, early_ns = (
-                self._at_edge(sensor.first_ns - self._start_ns),
-                self._at_edge(self._end_ns - sensor.last_ns),
-            )
+            late_ns = self._beyond_edge(sensor.first_ns - self._start_ns)
+            early_ns = self._beyond_edge(self._end_ns - sensor.last_ns)
             sensor.late_ns += late_ns
             sensor.early_ns += early_ns
             sensor.lost_ns += late_ns + early_ns
             sensor.first_ns = sensor.last_ns = None
         self._start_ns, self._end_ns = None, 0
 
-    def _at_edge(self, missing_ns: int) -> int:
-        return missing_ns - self._period_ns if missing_ns > TIME_GAPS.edge_periods * self._period_ns else 0
+    def _beyond_edge(self, missing_ns: int) -> int:
+        return missing_ns if missing_ns > TIME_GAPS.edge_periods * self._period_ns else 0
 
     def finish(self) -> Mapping[int, TimeCoverage]:
         """The time covered by each sensor, at the end of the recording."""
