@@ -55,6 +55,13 @@ jobs_option = click.option(
 )
 
 
+again_option = click.option(
+    "--measure-again",
+    is_flag=True,
+    help="Measure also what the store has; the earlier measurement goes, with its judgements.",
+)
+
+
 matcher_option = click.option(
     "--matcher",
     default="sgbm",
@@ -186,13 +193,16 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         origin_of: "Callable[[Path], Origin]",
         limits: "Callable[[Location], Limits]",
         jobs: int,
+        measure_again: bool,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        return command(measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs), **others)
+        return command(
+            measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs, measure_again), **others
+        )
 
-    return matcher_options(rig_option(origin_options(budget_options(jobs_option(collected)))))
+    return matcher_options(rig_option(origin_options(budget_options(jobs_option(again_option(collected))))))
 
 
 class _Rate(click.ParamType[Decimal]):

@@ -42,6 +42,7 @@ from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, list_views, run_query, run_sql
 from auditor.store import query as find_query
 from auditor.store.export import Table
+from auditor.store.maintenance.relations import relate
 
 PathLike = str | Path
 Rate = Decimal | float | str
@@ -137,6 +138,7 @@ def calibrate(
     jobs: int | None = None,
     time_limit: float | None = None,
     memory_limit: float = MEMORY_MB,
+    measure_again: bool = False,
     on_progress: Progress | None = None,
 ) -> Calibrated:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
@@ -146,10 +148,11 @@ def calibrate(
     """
     paths = _paths(sources)
     folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
     outcomes = list(measure_all(batch, on_progress or _silent))
     kept = Store.open(folder, create=True)
+    relate(kept)
     given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
     clean = choose_clean(given, stores)
     calibration = calibrate_on(clean, frames)
@@ -172,20 +175,22 @@ def scan(
     jobs: int | None = None,
     time_limit: float | None = None,
     memory_limit: float = MEMORY_MB,
+    measure_again: bool = False,
     on_progress: Progress | None = None,
 ) -> Iterator[Scanned]:
     """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
 
     `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits. `jobs`
     recordings (None: as many as cores) are measured at a time, each in a process of its own that may take
-    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again.
+    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again, unless
+    `measure_again`; then the earlier measurement goes, with its judgements.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
     folder = Path(store)
     judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage)
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
 
 
@@ -194,11 +199,13 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
         yield Scanned(error.where, error=error)
     if not batch.tasks:
         return
-    judge = Judge(Store.open(batch.tasks[0].store), judging)
+    store = Store.open(batch.tasks[0].store)
+    judge = Judge(store, judging)
     for outcome in measure_all(batch, on_progress):
         if outcome.result is None:
             yield Scanned(str(outcome.item), error=outcome.error)
         else:
+            relate(store)
             judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
             yield Scanned(str(outcome.item), outcome.result, judged)
 
@@ -328,9 +335,11 @@ def _settings(
     jobs: int | None,
     time_limit: float | None,
     memory_limit: float,
+    *,
+    again: bool,
 ) -> MeasureSettings:
     limits = limits_by_size(time_limit, memory_limit)
-    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits)
+    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits, again=again)
     return settings if jobs is None else replace(settings, jobs=jobs)
 
 

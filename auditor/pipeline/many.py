@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_re
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
-from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
@@ -46,7 +46,8 @@ def _unknown_origin(_: Path) -> Origin:
 class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
-    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration.
+    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
+    what the store has.
     """
 
     matcher: str = "sgbm"
@@ -55,6 +56,7 @@ class MeasureSettings:
     origin_of: Callable[[Path], Origin] = _unknown_origin
     limits: Callable[[Location], Limits] = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    again: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,15 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
     Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
-        MeasureTask(location, store, settings.matcher, network, settings.rig, settings.origin_of(location.first))
+        MeasureTask(
+            location,
+            store,
+            settings.matcher,
+            network,
+            settings.rig,
+            settings.origin_of(location.first),
+            again=settings.again,
+        )
         for location in found.recordings
     )
     return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs))
@@ -129,12 +139,13 @@ class CleanMeasurements:
 def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
     """The measurements `given` as clean and those that `stores` hold beside them.
 
-    Left out is what carries the ground truth of an attack and, of the stores', what their current verdicts put into
-    incidents.
+    Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
+    there as well; and, of the stores', what their current verdicts put into incidents.
     """
     known = {measurement for _, measurement in given}
+    named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [(store, one, _attacked(store, one)) for store, one in given]
+    reasons += [(store, one, _attacked(store, one) or _superseded(store, one, among=named)) for store, one in given]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     left_out = (f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in reasons if reason)
     return CleanMeasurements(chosen, tuple(left_out))
@@ -154,12 +165,20 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     judgements = store.current_judgements()
     for measurement in store.ids("measurements"):
         if measurement not in given:
-            yield measurement, _attacked(store, measurement) or _in_incidents(judgements.get(measurement))
+            reason = _attacked(store, measurement) or _superseded(store, measurement)
+            yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
 def _attacked(store: Store, measurement: str) -> str:
     labels = store.labels(store.measurement(measurement).recording_id)
     return "it carries the ground truth of an attack" if labels else ""
+
+
+def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+    later = store.recording(store.measurement(measurement).recording_id).superseded_by
+    if later is None or (among is not None and later not in among):
+        return ""
+    return f"{store.recording(later).name} holds every frame of it"
 
 
 def _in_incidents(judgement: StoredJudgement | None) -> str:
@@ -233,8 +252,15 @@ class Judge:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
-        gaps = tuple(_gaps(stored, judgement, self._settings.min_coverage))
-        warnings = (*_unresolved(judgement), *gaps, *told, *_unresolved_incidents(calibration, criteria))
+        recording = store.recording(stored.recording_id)
+        gaps = (*_gaps(stored, judgement, self._settings.min_coverage), *conflicts_of(store, recording))
+        warnings = (
+            *_unresolved(judgement),
+            *gaps,
+            *told,
+            *_unresolved_incidents(calibration, criteria),
+            *_counted_elsewhere(store, recording),
+        )
         return Judged(name, measurement, judgement, warnings=warnings, complete=reading.complete and not gaps)
 
     def _missing(self, measurement: StoredMeasurement) -> tuple[str, ...]:
@@ -271,6 +297,23 @@ def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_covera
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due:
         yield f"{audited} of {due} frames audited"
+
+
+def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:
+    """One sentence on the recordings that have other data at the same stamps; none where there are none."""
+    others = [store.recording(other) for other in recording.conflicts or () if store.has_recording(other)]
+    names = ", ".join(f"{other.name} ({other.recording_id[:12]})" for other in others if other.superseded_by is None)
+    if not names:
+        return ()
+    return (
+        f"conflict with {names}: the same stamps of the same sensors, and other data; one of them was changed, or they "
+        "are of two vehicles (--vehicle); all count",
+    )
+
+
+def _counted_elsewhere(store: Store, recording: RecordingRecord) -> Iterator[str]:
+    if recording.superseded_by is not None:
+        yield f"{store.recording(recording.superseded_by).name} holds every frame of it, and is counted in its place"
 
 
 def recording_name(store: Store, measurement: str) -> str:

@@ -58,10 +58,13 @@ from auditor.store import (
     MeasurementRecord,
     Picture,
     RecordingRecord,
+    Sighting,
     Store,
     StoredMeasurement,
     measurement_id,
 )
+from auditor.store.files import locked
+from auditor.store.maintenance.removal import remove_measurement
 
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
@@ -74,7 +77,7 @@ class MeasureTask:
     """One recording to be measured into a store.
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day and drive.
+    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it.
     """
 
     recording: Path | Location
@@ -83,6 +86,7 @@ class MeasureTask:
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin: Origin = _UNKNOWN
+    again: bool = False
 
     def __str__(self) -> str:
         return str(self.recording)
@@ -109,7 +113,7 @@ def procedure_by(matcher: Matcher) -> Procedure:
 
 
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
-    """Measure every frame of a recording with each of its rigs; what is finished already is not measured again.
+    """Measure every frame of a recording with each of its rigs; what is finished already only where the task says so.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
@@ -121,7 +125,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)
         by_id = {measurement_id(recording.recording_id, one.rig.rig_id, procedure): one for one in found.rigs}
-        todo = [one for known, one in by_id.items() if not store.has_measurement(known)]
+        todo = [one for known, one in by_id.items() if task.again or not store.has_measurement(known)]
         for one in todo:
             store.write_rig(one.rig)
             _measure(recording, one, found.remarks, matcher, procedure, store, progress)
@@ -131,12 +135,15 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         calibration_warnings = tuple(
             dict.fromkeys(sentence for m in measurements for sentence in m.calibration_warnings)
         )
-        # A scan may have been killed after its last measurement and before it could keep the recording itself.
-        known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-        record = _recording_record(recording, task, known, measurements, damage)
-        if todo or record != known:
-            store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
-            store.write_recording(record)
+        with locked(store.folder):
+            # A scan may have been killed after its last measurement and before it could keep the recording itself.
+            known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+            record = _recording_record(recording, task, known, measurements, damage)
+            if todo:
+                record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
+            if record != known:
+                store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
+                store.write_recording(record)
         return Measured(
             recording=recording.path,
             recording_id=recording.recording_id,
@@ -174,7 +181,9 @@ def _measure(
 ) -> None:
     """Measure a recording with one rig; what is kept becomes visible with the last write.
 
-    Nothing is kept of a rig that came into force behind the last frame.
+    An earlier measurement goes with its judgements before the first table of the new one is put in its place: a store
+    has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into force behind
+    the last frame.
     """
     started, rig = perf_counter(), in_force.rig
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
@@ -198,6 +207,8 @@ def _measure(
                 remedy="see auditor inspect for its topics and sensors",
             )
         recording.check_unchanged()
+        if store.has_measurement(known):
+            remove_measurement(store, known)
         for number, picture in thumbnails.pages():
             store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         writer.commit(
@@ -268,10 +279,14 @@ def _recording_record(
     origin = task.origin.over(Origin.of_metadata(recording.metadata()))
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive))
+    path = str(recording.path.resolve())
+    sightings = known.sightings if known is not None else ()
+    if (recording.path.name, path) not in {(one.name, one.path) for one in sightings}:
+        sightings += (Sighting(recording.path.name, path, datetime.now(UTC)),)
     return RecordingRecord(
         recording_id=recording.recording_id,
-        name=recording.path.name,
-        path=str(recording.path.resolve()),
+        name=sightings[0].name,
+        path=path,
         files=tuple(file.name for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(recording.path) or format_of(recording.files[0]),
@@ -282,6 +297,9 @@ def _recording_record(
         date=origin.date,
         drive=origin.drive,
         damage=damage,
+        sightings=sightings,
+        superseded_by=known.superseded_by if known else None,
+        conflicts=known.conflicts if known else None,
     )
 
 

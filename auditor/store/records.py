@@ -23,8 +23,22 @@ DIGITS_OF_R = 17
 
 
 @dataclass(frozen=True)
+class Sighting:
+    """A name and path under which a recording's content was read, and when first (UTC); None where that is unknown."""
+
+    name: str
+    path: str
+    seen_at: datetime.datetime | None = None
+
+
+@dataclass(frozen=True)
 class RecordingRecord:
-    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece."""
+    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece.
+
+    `name` is the first it was read under, `path` where it was read last, and `sightings` has all of both, in order.
+    `superseded_by` is the recording that holds every frame of it. `conflicts` are those with other data at the same
+    stamps; None where it was not compared with others yet.
+    """
 
     recording_id: str
     name: str
@@ -39,6 +53,14 @@ class RecordingRecord:
     date: datetime.date | None = None
     drive: str | None = None
     damage: tuple[str, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
+    superseded_by: str | None = None
+    conflicts: tuple[str, ...] | None = None
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Other names that it was read under, each once."""
+        return tuple(dict.fromkeys(one.name for one in self.sightings if one.name != self.name))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from auditor.store.records import (
     DIGITS_OF_R,
     JudgementRecord,
     MeasurementRecord,
+    RecordingRecord,
+    Sighting,
     StoredJudgement,
     StoredMeasurement,
     to_utc,
@@ -26,6 +28,35 @@ from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
 
 _TIME_FIELDS = tuple(field.name for field in fields(TimeCoverage))
+
+
+def recording_row(recording: RecordingRecord) -> Row:
+    """The row of a recording."""
+    sightings = [{**vars(one), "seen_at": one.seen_at and to_utc(one.seen_at)} for one in recording.sightings]
+    return {
+        **vars(recording),
+        "files": list(recording.files),
+        "damage": list(recording.damage),
+        "sightings": sightings,
+        "conflicts": None if recording.conflicts is None else list(recording.conflicts),
+    }
+
+
+def stored_recording(row: Mapping[str, Any]) -> RecordingRecord:
+    """The recording of a row; rows of before sightings were kept have the one of their name and path."""
+    sightings = row["sightings"] or [{"name": row["name"], "path": row["path"], "seen_at": None}]
+    return RecordingRecord(
+        **{
+            **row,
+            "files": tuple(row["files"]),
+            "damage": tuple(row["damage"]),
+            "sightings": tuple(
+                Sighting(one["name"], one["path"], one["seen_at"] and one["seen_at"].replace(tzinfo=UTC))
+                for one in sightings
+            ),
+            "conflicts": None if row["conflicts"] is None else tuple(row["conflicts"]),
+        }
+    )
 
 
 def rig_row(rig: Rig) -> Row:

@@ -21,4 +21,4 @@ SELECT
     topic.damaged,
     topic.skipped,
     topic.read = topic.used + topic.unused + topic.damaged + coalesce(list_sum(map_values(topic.skipped)), 0) AS adds_up
-FROM (SELECT measurement_id, recording_id, unnest(balance) AS topic FROM stored_measurements)
+FROM (SELECT measurement_id, recording_id, unnest(balance) AS topic FROM stored_measurements ANTI JOIN superseded USING (recording_id))

@@ -12,4 +12,5 @@ SELECT
 FROM stored_verdicts AS verdict
 JOIN judgements AS judgement ON judgement.judgement_id = verdict.judgement_id AND judgement.current
 JOIN stored_measurements AS measurement ON measurement.measurement_id = verdict.measurement_id
+ANTI JOIN superseded ON superseded.recording_id = measurement.recording_id
 LEFT JOIN stored_recordings AS recording USING (recording_id)

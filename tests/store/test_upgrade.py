@@ -10,7 +10,8 @@ import pytest
 from auditor.cli import run
 from auditor.errors import StoreError
 from auditor.pipeline.judge import Criteria, judge_measurement
-from auditor.store import Store, marker, upgrade
+from auditor.store import Store, marker
+from auditor.store.maintenance import upgrade
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import read_rows
 from tests.store.kept import answers, unpack

@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain, count
@@ -92,6 +92,7 @@ def _audits(store: Store, wanted: str | None, calibration_recordings: _Calibrati
     recordings = {
         recording.recording_id: recording
         for recording in (store.recordings() if wanted is None else store.recordings_called(wanted))
+        if wanted is not None or recording.superseded_by is None
     }
     if wanted is not None and not recordings:
         raise StoreError(
@@ -139,6 +140,10 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         date=str(recording.date) if recording.date else None,
         drive=recording.drive,
         damage=tuple(dict.fromkeys((*recording.damage, *audit.measurement.damage))),
+        other_names=recording.other_names,
+        paths=tuple(dict.fromkeys(one.path for one in recording.sightings)),
+        superseded_by=_called(store, [recording.superseded_by] if recording.superseded_by else []),
+        conflicts=_called(store, recording.conflicts or ()),
         clock=Clock(origin_ns, utc=recording.clock == "utc"),
         measured=audit.measurement.measured,
         to_ns=to_ns,
@@ -150,6 +155,12 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         balance=audit.measurement.balance,
         provenance=_provenance(store, audit, calibration_recordings),
     )
+
+
+def _called(store: Store, recording_ids: Iterable[str]) -> tuple[str, ...]:
+    """The names of recordings, with the beginnings of their ids."""
+    there = (store.recording(known) for known in recording_ids if store.has_recording(known))
+    return tuple(f"{one.name} ({one.recording_id[:12]})" for one in there)
 
 
 def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:

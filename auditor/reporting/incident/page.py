@@ -192,7 +192,11 @@ class Remark:
 
 @dataclass(frozen=True)
 class RecordingPart:
-    """One recording: its sensors, its balance, its verdicts and its incidents."""
+    """One recording: its sensors, its balance, its verdicts and its incidents.
+
+    `other_names` and `paths` are those that its content was read under; `superseded_by` and `conflicts` name other
+    recordings: one that holds every frame of this one, and those with other data at the same stamps.
+    """
 
     recording_id: str
     name: str
@@ -215,6 +219,10 @@ class RecordingPart:
     truths: tuple[Truth, ...] = ()
     agreement: Agreement | None = None
     remarks: tuple[Remark, ...] = ()
+    other_names: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    superseded_by: tuple[str, ...] = ()
+    conflicts: tuple[str, ...] = ()
 
     @property
     def judged(self) -> int:
