@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from auditor.model.rig import Camera, Rig
     from auditor.recordings import Health, Recording
 
+_MOST_TOPICS_SHOWN = 200
+
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
@@ -121,11 +123,12 @@ def _has_damaged(description: dict[str, Any]) -> bool:
 
 def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[str, Any]]:
     sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
+    counts = recording.counts
     for topic in recording.topics():
         yield {
             "topic": topic.name,
             "schema": topic.schema,
-            "messages": recording.counts.get(topic.name, 0),
+            "messages": counts.get(topic.name, 0),
             "sensor": sensors.get(topic.name),
         }
 
@@ -206,7 +209,10 @@ def _show(description: dict[str, Any]) -> None:
         click.echo(shown(f"  {name}: {value}"))
     if description["labels"]:
         click.echo(f"  carries ground truth of {description['labels']} attacks")
-    print_rows(description["topics"], ("topic", "schema", "messages", "sensor"))
+    topics = sorted(description["topics"], key=lambda topic: topic["sensor"] is None)[:_MOST_TOPICS_SHOWN]
+    print_rows(sorted(topics, key=lambda topic: topic["topic"]), ("topic", "schema", "messages", "sensor"))
+    if more := len(description["topics"]) - len(topics):
+        click.echo(f"  and {more} more topics: --format json lists all")
     for rig in description["rigs"]:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]

@@ -40,6 +40,7 @@ class FilesRecording(ABC):
         self.files = (*files, *journals)
         self._sources = tuple(source_of(file) for file in files)
         self._names = Names()
+        self._topics: tuple[Topic, ...] = ()
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
 
@@ -84,7 +85,9 @@ class FilesRecording(ABC):
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of an index or summary, those at the beginning, and those found while reading."""
-        return tuple(topic for _, topic in sorted(self._names.topics.items()))
+        if len(self._topics) != len(self._names.topics):  # topics are only ever added
+            self._topics = tuple(topic for _, topic in sorted(self._names.topics.items()))
+        return self._topics
 
     def definition(self, schema: str) -> Definition | None:
         """The first definition found under that name."""
