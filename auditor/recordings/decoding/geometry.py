@@ -1,17 +1,18 @@
 """sensor_msgs/CameraInfo and tf2_msgs/TFMessage."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
-from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
+from auditor.recordings.decoding.interface import CameraInfo, Header, Region, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.parameters import CAMERA_LIMITS
 
-ABSURD = 1e9
+ABSURD = CAMERA_LIMITS.largest
 """An upper limit of focal lengths in pixels and distances in metres; map coordinates reach 1e7."""
 
 
@@ -42,7 +43,13 @@ class RosCameraInfoDecoder:
             rotation=checked_matrix(r, 3, message.topic),
             projection=checked_matrix(p, 4, message.topic),
             distortion_model=str(getattr(info, "distortion_model", "")),
+            region=_region(getattr(info, "roi", None)),
+            binning=(int(getattr(info, "binning_x", 1)), int(getattr(info, "binning_y", 1))),
         )
+
+
+def _region(roi: Any) -> Region:  # noqa: ANN401  # the class is generated
+    return Region() if roi is None else Region(roi.x_offset, roi.y_offset, roi.width, roi.height)
 
 
 def checked_matrix(values: Sequence[float] | Matrix, columns: int, topic: str) -> Matrix:
