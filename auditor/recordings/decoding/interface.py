@@ -54,11 +54,12 @@ class CameraInfo:
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """Where the child frame lies: `parent_SE3_child` is (4, 4)."""
+    """Where the child frame lies: `parent_SE3_child` is (4, 4). With a `problem` its numbers are no motion."""
 
     parent: str
     child: str
     parent_SE3_child: Matrix
+    problem: str = ""
 
 
 class ImageDecoder(Protocol):

@@ -157,6 +157,9 @@ class _Surveyor:
         try:
             if decoder.kind == "transforms":
                 for transform in decoder.transforms(message):
+                    if transform.problem:
+                        self._note(f"{message.topic}: {transform.parent} to {transform.child}: {transform.problem}")
+                        continue
                     # The first one counts: mountings do not move.
                     self._transforms.setdefault((transform.parent, transform.child), transform)
             elif decoder.kind == "camera_info":
