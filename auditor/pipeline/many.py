@@ -23,13 +23,18 @@ _NO_THRESHOLDS = (
 )
 
 
+LimitsOf = Callable[[Path | None], Limits]
+"""The budgets of a recording at a path; of what is made here where there is None."""
+
 # Measuring
 
 
-def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> Callable[[Path], Limits]:
-    """The budgets of each recording: without a time limit they depend on its size."""
+def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> LimitsOf:
+    """The budgets of each recording: without a time limit they depend on its size. What is made here has no path."""
 
-    def limits(path: Path) -> Limits:
+    def limits(path: Path | None) -> Limits:
+        if path is None:
+            return limits_of(0, seconds=time_limit_s, memory_mb=memory_limit_mb)
         files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
         size_bytes = sum(file.stat().st_size for file in files)
         return limits_of(size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
@@ -52,7 +57,7 @@ class MeasureSettings:
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin_of: Callable[[Path], Origin] = _unknown_origin
-    limits: Callable[[Path], Limits] = field(default_factory=limits_by_size)
+    limits: LimitsOf = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
 
 

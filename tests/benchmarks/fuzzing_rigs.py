@@ -15,6 +15,7 @@ import warnings
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from time import perf_counter, process_time
 from typing import Any
 
@@ -27,8 +28,7 @@ from auditor.model.common_view import common_view
 from auditor.model.frames import CameraImage, Message
 from auditor.model.geometry import Matrix, motion, quaternion_from_rotation
 from auditor.model.rig import Rig
-from auditor.recordings import check_rig, search_rigs, survey
-from auditor.recordings import schemas
+from auditor.recordings import check_rig, schemas, search_rigs, survey
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.writers.messages import MessageMaker
 
@@ -84,7 +84,11 @@ class Remembered:
 
 def sound_vehicle(rng: random.Random) -> Vehicle:
     """Two to six cameras on a line, in front or around the car, in P, in tf or both; with a LiDAR or without."""
-    count, placing, rectified = rng.randint(2, 6), rng.choice(("line", "line", "front", "front", "around")), rng.random() < 0.5
+    count, placing, rectified = (
+        rng.randint(2, 6),
+        rng.choice(("line", "line", "front", "front", "around")),
+        rng.random() < 0.5,
+    )
     cameras, transforms = [], []
     in_projection = placing == "line" and rng.random() < 0.5
     for number in range(count):
@@ -130,41 +134,57 @@ def _transform(parent: str, child: str, matrix: Matrix) -> dict[str, Any]:
 
 def mutate(vehicle: Vehicle, rng: random.Random) -> None:
     """One change of a number, a name, a size, a camera, or the tree."""
-    camera, transform = rng.choice(vehicle.cameras), rng.choice(vehicle.transforms)
-    other = rng.choice(vehicle.cameras)
-    kind = rng.randrange(16)
-    if kind < 4:
-        numbers = camera[rng.choice("KRPP") if kind else "D"] or [0.0]
-        numbers[rng.randrange(len(numbers))] = _number(rng, numbers)
-    elif kind == 4:
-        name = rng.choice("KRP")
+    changes = (_change_matrix, _change_matrix, _change_picture, _change_names, _change_transform, _grow)
+    rng.choice(changes)(vehicle, rng)
+
+
+def _change_matrix(vehicle: Vehicle, rng: random.Random) -> None:
+    """One number or all of a matrix, the lens, or the same matrix in every camera."""
+    camera, name = rng.choice(vehicle.cameras), rng.choice("KRPP")
+    kind = rng.randrange(6)
+    if kind < 2:
+        camera[name][rng.randrange(len(camera[name]))] = _number(rng, camera[name])
+    elif kind == 2:
         camera[name] = [_number(rng, camera[name]) for _ in camera[name]]
-    elif kind == 5:
+    elif kind == 3:
         camera["D"] = [_number(rng, [0.1]) for _ in range(rng.choice((0, 1, 3, 4, 5, 8, 12, 14, 100)))]
-    elif kind == 6:
+    elif kind == 4:
         camera["model"] = rng.choice(MODELS)
-    elif kind == 7:
-        camera[rng.choice(("size", "picture"))] = [rng.choice(SIZES), rng.choice(SIZES)]
-    elif kind == 8:
-        camera["roi"], camera["binning"] = rng.choices(SIZES, k=4), rng.choices((0, 1, 2, 3, 64, 2**31), k=2)
-    elif kind == 9:
-        left, top = rng.randrange(32), rng.randrange(32)
-        camera["roi"], camera["picture"] = [left, top, 32, 32], [32, 32]
-    elif kind == 10:
-        camera[rng.choice(("frame", "topic", "info"))] = rng.choice((*WORDS, other["frame"], other["topic"]))
-    elif kind == 11:
-        camera.update({name: other[name] for name in rng.sample(sorted(other), 4)})
-    elif kind == 12:
-        where = transform[rng.choice(("turn", "move"))]
-        where[rng.randrange(len(where))] = _number(rng, where)
-    elif kind == 13:
-        transform[rng.choice(("parent", "child"))] = rng.choice((*WORDS, transform["child"], other["frame"]))
-    elif kind == 14:
-        _grow(vehicle, rng)
     else:
-        name = rng.choice("DKRP")
         for one in vehicle.cameras:
             one[name] = list(camera[name])
+
+
+def _change_picture(vehicle: Vehicle, rng: random.Random) -> None:
+    """Sizes, regions and binnings, sound ones and others."""
+    camera, kind = rng.choice(vehicle.cameras), rng.randrange(4)
+    if kind == 0:
+        camera[rng.choice(("size", "picture"))] = [rng.choice(SIZES), rng.choice(SIZES)]
+    elif kind == 1:
+        camera["roi"], camera["binning"] = rng.choices(SIZES, k=4), rng.choices((0, 1, 2, 3, 64, 2**31), k=2)
+    elif kind == 2:
+        camera["roi"], camera["picture"] = [rng.randrange(32), rng.randrange(16), 32, 32], [32, 32]
+    else:
+        camera["binning"], camera["picture"] = [2, 1], [SIZE_PX[0] // 2, SIZE_PX[1]]
+
+
+def _change_names(vehicle: Vehicle, rng: random.Random) -> None:
+    """Frames and topics, odd ones and another camera's; or a camera that copies another."""
+    camera, other = rng.choice(vehicle.cameras), rng.choice(vehicle.cameras)
+    if rng.random() < 0.7:
+        camera[rng.choice(("frame", "topic", "info"))] = rng.choice((*WORDS, other["frame"], other["topic"]))
+    else:
+        camera.update({name: other[name] for name in rng.sample(sorted(other), 4)})
+
+
+def _change_transform(vehicle: Vehicle, rng: random.Random) -> None:
+    """A number, or the name of a frame."""
+    transform, camera = rng.choice(vehicle.transforms), rng.choice(vehicle.cameras)
+    if rng.random() < 0.7:
+        where = transform[rng.choice(("turn", "move"))]
+        where[rng.randrange(len(where))] = _number(rng, where)
+    else:
+        transform[rng.choice(("parent", "child"))] = rng.choice((*WORDS, transform["child"], camera["frame"]))
 
 
 def _grow(vehicle: Vehicle, rng: random.Random) -> None:
@@ -173,11 +193,11 @@ def _grow(vehicle: Vehicle, rng: random.Random) -> None:
     if kind == 0:
         length = rng.choice((3, 30, 300))
         names = [f"link{number}" for number in range(length)]
-        vehicle.transforms += [_transform(a, b, np.eye(4)) for a, b in zip(names, names[1:], strict=False)]
+        vehicle.transforms += [_transform(a, b, np.eye(4)) for a, b in pairwise(names)]
         vehicle.transforms += [_transform("base", names[0], np.eye(4)), _transform(names[-1], "cam0", np.eye(4))]
     elif kind == 1:
-        frames = [camera["frame"] for camera in vehicle.cameras]
-        vehicle.transforms += [_transform(a, b, np.eye(4)) for a, b in zip(frames, frames[1:] + frames[:1], strict=True)]
+        frames = [camera["frame"] for camera in (*vehicle.cameras, vehicle.cameras[0])]
+        vehicle.transforms += [_transform(a, b, np.eye(4)) for a, b in pairwise(frames)]
     else:
         for number in range(rng.randint(4, 12)):
             name, model = f"more{number}", rng.choice(vehicle.cameras)

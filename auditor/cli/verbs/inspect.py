@@ -11,6 +11,7 @@ from auditor.cli import options
 
 if TYPE_CHECKING:
     from auditor.model.rig import Camera, Rig
+    from auditor.pipeline.many import LimitsOf
     from auditor.recordings import Health, Recording
 
 _MOST_TOPICS_SHOWN = 200
@@ -19,6 +20,7 @@ _MOST_TOPICS_SHOWN = 200
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
 @options.rig_option
+@options.budget_options
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
     "--format",
@@ -28,7 +30,9 @@ _MOST_TOPICS_SHOWN = 200
     show_default=True,
     help="How it is printed.",
 )
-def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | None, form: str) -> int:
+def command(
+    recordings: tuple[Path, ...], rig: Path | None, limits: "LimitsOf", write_rig: Path | None, form: str
+) -> int:
     """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
 
     Where the messages of each sensor went adds up: read = used + unused + damaged + skipped.
@@ -42,6 +46,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
+    from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
 
     if write_rig:
@@ -60,7 +65,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     descriptions = []
     for path in found.recordings:
         try:
-            description = _describe(path, rig, write_rig)
+            description = run_within(limits(path), _describe, path, rig, write_rig)
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True

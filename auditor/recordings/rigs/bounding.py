@@ -16,7 +16,9 @@ _MOST_NAMED = 100
 Some = TypeVar("Some")
 
 
-def overlapping_most(cameras: Sequence[Camera], reasons: list[str], most: int = RIG_LIMITS.most_cameras) -> list[Camera]:
+def overlapping_most(
+    cameras: Sequence[Camera], reasons: list[str], most: int = RIG_LIMITS.most_cameras
+) -> list[Camera]:
     """Of more than `most` cameras those that overlap most, in their order; `reasons` then gets what is left out.
 
     These are the one camera whose best partners overlap it most, and these partners. The work grows with the square of
