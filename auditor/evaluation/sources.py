@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from auditor import __version__
 from auditor.errors import RecordingError
@@ -68,6 +69,7 @@ class Street:
     seed: int
     frames: int
     cameras: int = 3
+    path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"

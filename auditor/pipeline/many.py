@@ -24,16 +24,18 @@ _NO_THRESHOLDS = (
 )
 
 
+LimitsOf = Callable[[Path | Location | None], Limits]
+"""The budgets of a recording at a path; of what is made here where there is None."""
+
 # Measuring
 
 
-def limits_by_size(
-    time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB
-) -> Callable[[Location], Limits]:
-    """The budgets of each recording: without a time limit they depend on its size."""
+def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> LimitsOf:
+    """The budgets of each recording: without a time limit they depend on its size. What is made here has no path."""
 
-    def limits(location: Location) -> Limits:
-        return limits_of(location.size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
+    def limits(where: Path | Location | None) -> Limits:
+        size_bytes = located(where).size_bytes if where is not None else 0
+        return limits_of(size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
 
     return limits
 
@@ -54,7 +56,7 @@ class MeasureSettings:
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin_of: Callable[[Path], Origin] = _unknown_origin
-    limits: Callable[[Location], Limits] = field(default_factory=limits_by_size)
+    limits: LimitsOf = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     again: bool = False
 
@@ -113,7 +115,7 @@ def measure_all(
     """
     limits = batch.settings.limits
     outcomes = run_all(
-        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(located(task.recording))
+        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
     )
     for outcome in outcomes:
         error = outcome.error.located(outcome.item) if outcome.error is not None else None

@@ -1,6 +1,6 @@
-"""Numbers that decide which messages form a frame, and so what is counted of it.
+"""Numbers that decide which messages form a frame and which cameras form a rig, and so what is counted of it.
 
-A changed value needs a new COUNTING_VERSION.
+A changed value of SYNCHRONISING needs a new COUNTING_VERSION. RIG_FINDING needs none: another rig has another id.
 """
 
 from dataclasses import dataclass
@@ -89,6 +89,31 @@ class TimeGaps:
     edge_periods: float = parameter(1.5, unit="periods at either end of a recording", source=BY_HAND)
 
 
+@dataclass(frozen=True)
+class RigLimits:
+    """How many cameras are compared with each other: pairs grow with the square of a rig's cameras, triples faster."""
+
+    most_cameras: int = parameter(
+        9, unit="cameras a rig: 36 pairs, 119 triples with a LiDAR", source=f"Middlebury's nine views; {_WORK}"
+    )
+    most_rigs: int = parameter(24, unit="rigs a recording", source=_WORK)
+    most_candidates: int = parameter(200, unit="calibrated cameras a recording", source=_WORK)
+    most_apart_m: float = parameter(
+        30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
+    )
+
+
+@dataclass(frozen=True)
+class CameraLimits:
+    """Which calibrations are those of a camera at all; the others would overflow."""
+
+    widest_px: int = parameter(65_535, unit="px, width and height", source=BY_HAND)
+    largest: float = parameter(1e9, unit="px or m, any number of K and P", source=BY_HAND)
+    largest_distortion: float = parameter(1e6, unit="any coefficient of a lens model", source=BY_HAND)
+    worst_condition: float = parameter(1e10, unit="condition number of K", source=BY_HAND)
+    tolerance: float = parameter(1e-2, unit="by which R R^T and K's last number may differ from 1", source=BY_HAND)
+
+
 SENSOR_TIMING = SensorTiming()
 FIRST_LOOK = FirstLook()
 FRAME_WINDOW = FrameWindow()
@@ -96,6 +121,12 @@ DRIVE_PARTS = DriveParts()
 CALIBRATION_CHANGES = CalibrationChanges()
 STAMP_AGREEMENT = StampAgreement()
 TIME_GAPS = TimeGaps()
+
+RIG_LIMITS = RigLimits()
+CAMERA_LIMITS = CameraLimits()
+
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS)
+"""All that can change which cameras form a rig."""
 
 SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
 """All that can change which messages form a frame, and what of a recording counts as covered."""

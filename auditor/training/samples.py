@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
+from typing import ClassVar, overload
 from zipfile import BadZipFile
 
 import numpy as np
@@ -84,6 +84,7 @@ class Street:
 
     seed: int
     frames: int
+    path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"

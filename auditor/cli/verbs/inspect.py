@@ -12,13 +12,17 @@ from auditor.cli import options
 if TYPE_CHECKING:
     from auditor.model.coverage import TopicCoverage
     from auditor.model.rig import Camera, Rig
+    from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.reading import Reading
     from auditor.recordings import Health, Location, Recording
+
+_MOST_TOPICS_SHOWN = 200
 
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
 @options.rig_option
+@options.budget_options
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
     "--format",
@@ -28,7 +32,9 @@ if TYPE_CHECKING:
     show_default=True,
     help="How it is printed.",
 )
-def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | None, form: str) -> int:
+def command(
+    recordings: tuple[Path, ...], rig: Path | None, limits: "LimitsOf", write_rig: Path | None, form: str
+) -> int:
     """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
 
     Where the messages of each sensor went adds up: read = used + unused + damaged + skipped. The exit code is that of
@@ -43,6 +49,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
     from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
+    from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
 
     if write_rig:
@@ -61,7 +68,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     descriptions = []
     for where in found.recordings:
         try:
-            description = _describe(where, rig, write_rig)
+            description = run_within(limits(where), _describe, where, rig, write_rig)
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True
@@ -150,11 +157,12 @@ def _topics(
     """Every topic, with its sensor; those of cameras and LiDARs with their state and, where not read, why."""
     sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
     covered = {one.topic: one for one in coverage}
+    counts = recording.counts
     for topic in recording.topics():
         yield {
             "topic": topic.name,
             "schema": topic.schema,
-            "messages": recording.counts.get(topic.name, 0),
+            "messages": counts.get(topic.name, 0),
             "sensor": sensors.get(topic.name),
             "state": _state(sensors.get(topic.name), covered.get(topic.name)),
             "why": covered[topic.name].reason if topic.name in covered and topic.name not in sensors else "",
@@ -247,7 +255,10 @@ def _show(description: dict[str, Any]) -> None:
         click.echo(shown(f"  {name}: {value}"))
     if description["labels"]:
         click.echo(f"  carries ground truth of {description['labels']} attacks")
-    print_rows(description["topics"], ("topic", "schema", "messages", "sensor", "state"))
+    topics = sorted(description["topics"], key=lambda topic: topic["sensor"] is None)[:_MOST_TOPICS_SHOWN]
+    print_rows(sorted(topics, key=lambda topic: topic["topic"]), ("topic", "schema", "messages", "sensor", "state"))
+    if more := len(description["topics"]) - len(topics):
+        click.echo(f"  and {more} more topics: --format json lists all")
     for rig in description["rigs"]:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]

@@ -69,6 +69,7 @@ class FilesRecording(ABC):
         self._missing = tuple(chain.from_iterable(missing_parts(stream) for stream in streams))
         self._unreadable: dict[Source, str] = {}
         self._names = Names()
+        self._topics: tuple[Topic, ...] = ()
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
 
@@ -112,7 +113,9 @@ class FilesRecording(ABC):
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of an index or summary, those at the beginning, and those found while reading."""
-        return tuple(topic for _, topic in sorted(self._names.topics.items()))
+        if len(self._topics) != len(self._names.topics):  # topics are only ever added
+            self._topics = tuple(topic for _, topic in sorted(self._names.topics.items()))
+        return self._topics
 
     def definition(self, schema: str) -> Definition | None:
         """The first definition found under that name."""

@@ -32,15 +32,16 @@ class Names:
         self._definition_bytes = 0
 
     def add_topic(self, topic: Topic, damage: DamageLog) -> bool:
-        """Add a topic; False, noting the damage, where its name is too long or there are too many topics."""
+        """Add a topic that there is room for; False, noting the damage, where its name is too long."""
         if len(topic.name) > MAX_NAME or len(topic.schema) > MAX_NAME:
             damage.add(f"a topic whose name or type has more than {MAX_NAME} characters is left out")
             return False
-        if topic.name not in self.topics and len(self.topics) >= MAX_TOPICS:
-            damage.add(f"more than {MAX_TOPICS} topics: {topic.name[:80]!r} is left out")
-            return False
         self.topics.setdefault(topic.name, topic)
         return True
+
+    def has_room_for(self, topic: Topic) -> bool:
+        """False where the topic is new and there are MAX_TOPICS already."""
+        return topic.name in self.topics or len(self.topics) < MAX_TOPICS
 
     def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
         """Add a definition, noting the damage where it differs from an earlier one, or where there are too many."""
@@ -76,12 +77,17 @@ class Channels:
         self._known: dict[int, Channel] = {}
         self._spare: dict[int, Channel] = {}
         self._unknown: dict[int, int] = {}
+        self._left_out: set[int] = set()
         self.total = 0
 
     def learn(self, number: int, topic: Topic, *, spare: bool = False) -> None:
         """Add a channel; the first of a number counts. Channels of an index are spare: those of the data come first."""
         where = self._spare if spare else self._known
-        if number not in where and len(where) < MAX_CHANNELS and self._names.add_topic(topic, self._damage):
+        if number in where or number in self._left_out or len(where) + len(self._left_out) >= MAX_CHANNELS:
+            return
+        if not self._names.has_room_for(topic):
+            self._left_out.add(number)
+        elif self._names.add_topic(topic, self._damage):
             where[number] = Channel(topic, wanted=self._wanted is None or topic.name in self._wanted)
 
     def count_message(self, number: int) -> Channel | None:
@@ -98,7 +104,12 @@ class Channels:
         return channel
 
     def note_unknown(self) -> None:
-        """Note the messages of channels that the file does not define."""
+        """Note the messages of channels that the file does not define, and topics beyond MAX_TOPICS in one line."""
+        if self._left_out:
+            lost = sum(self._unknown.pop(number, 0) for number in self._left_out)
+            self._damage.add(
+                f"it has more than {MAX_TOPICS} topics: {len(self._left_out)} are left out, and their {lost} messages"
+            )
         for number, count in self._unknown.items():
             self._damage.add(f"{count} messages belong to no channel ({number})")
 

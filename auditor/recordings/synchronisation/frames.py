@@ -134,10 +134,11 @@ class FrameStream:
         """
         sensors = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         balance = []
+        counted = self._recording.counts
         for topic in self._recording.topics():
             sensor = sensors.get(topic.name)
             if sensor is None or sensor not in self._counts:
-                read = self._recording.counts.get(topic.name, 0)
+                read = counted.get(topic.name, 0)
                 balance.append(TopicBalance(topic.name, topic.schema, sensor, read=read, unused=read))
             else:
                 counts = self._counts[sensor]

@@ -1,6 +1,6 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -128,6 +128,8 @@ class _Surveyor:
         self._lag_ns = 0
         self._last_ns: dict[str, int] = {}
         self._jumped = False
+        self._topics: Sequence[Topic] = ()
+        self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def run(self) -> Survey:
         known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
@@ -152,8 +154,17 @@ class _Surveyor:
             unreadable=tuple(self._unreadable()),
         )
 
-    def _by_kind(self, *kinds: str) -> Iterator[str]:
-        for topic in self._recording.topics():
+    def _by_kind(self, *kinds: str) -> tuple[str, ...]:
+        """The topics of these kinds; they are asked for with every message, and found again only where topics came."""
+        topics = self._recording.topics()
+        if topics is not self._topics:
+            self._topics, self._names = topics, {}
+        if kinds not in self._names:
+            self._names[kinds] = tuple(self._names_of(topics, kinds))
+        return self._names[kinds]
+
+    def _names_of(self, topics: Sequence[Topic], kinds: Sequence[str]) -> Iterator[str]:
+        for topic in topics:
             decoder = self._decoders.of(topic.schema, topic.encoding)
             if decoder is not None and decoder.kind in kinds:
                 yield topic.name
@@ -161,11 +172,11 @@ class _Surveyor:
     def _enough(self) -> bool:
         if self._bytes > MAX_BYTES:
             return True
-        sensors = list(self._by_kind("image", "cloud"))
+        sensors = self._by_kind("image", "cloud")
         if not sensors or any(len(self._samples.get(topic, ())) < SAMPLES for topic in sensors):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
-        complete = set(self._by_kind("camera_info")) <= self._infos.keys() and bool(self._transforms or not fixed)
+        complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._transforms or not fixed)
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
@@ -179,6 +190,9 @@ class _Surveyor:
         try:
             if decoder.kind == "transforms":
                 for transform in decoder.transforms(message):
+                    if transform.problem:
+                        self._note(f"{message.topic}: {transform.parent} to {transform.child}: {transform.problem}")
+                        continue
                     # The first one counts: mountings do not move.
                     self._transforms.setdefault((transform.parent, transform.child), transform)
             elif decoder.kind == "camera_info":

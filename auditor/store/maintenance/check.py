@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
@@ -10,7 +9,7 @@ from auditor.errors import StoreError
 from auditor.store.files import finished, is_part
 from auditor.store.marker import MARKER, UPGRADED
 from auditor.store.schema import TABLES
-from auditor.store.store import MANIFESTS, Store
+from auditor.store.store import Store
 from auditor.store.tables import read_table
 
 _ID = {
@@ -23,9 +22,7 @@ _ID = {
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions"), "measurement_id"),
-    **dict.fromkeys(
-        ("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"
-    ),
+    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
 }
 """By table: the column that has the id of the file."""
 
@@ -80,7 +77,7 @@ def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
 
 def _of_rows(store: Store, manifest: str, row_id: str, content: pa.Table) -> Iterator[str]:
     """What does not fit between a row that makes a file finished, and the rows of that file."""
-    [row]: list[dict[str, Any]] = content.to_pylist()
+    (row,) = content.to_pylist()
     table, columns = _COUNTED[manifest]
     declared = sum(row[column] or 0 for column in columns)
     path = store.path(table, row_id)
