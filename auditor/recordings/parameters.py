@@ -125,6 +125,9 @@ TIME_GAPS = TimeGaps()
 RIG_LIMITS = RigLimits()
 CAMERA_LIMITS = CameraLimits()
 
+FINDING_FILES = (DRIVE_PARTS,)
+"""All that can change which files form a recording."""
+
 RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS)
 """All that can change which cameras form a rig."""
 

@@ -174,7 +174,12 @@ class _Changes:
         if decoder.kind == "transforms":
             for transform in decoder.transforms(message):
                 known = self._values.get(key := _Key("transform", transform.parent, transform.child))
-                if key in self._keys and isinstance(known, Transform) and not _same_transform(known, transform):
+                if (
+                    key in self._keys
+                    and not transform.problem
+                    and isinstance(known, Transform)
+                    and not _same_transform(known, transform)
+                ):
                     yield _Change(message.log_time_ns - self._delay_ns, key, transform)
         elif decoder.kind == "camera_info":
             if self._is_new(message):
