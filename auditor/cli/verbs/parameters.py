@@ -13,10 +13,11 @@ from auditor.cli.output import emit, format_option, print_rows
 @click.command("parameters", short_help="List the numbers that decide what is found.")
 @format_option
 def command(form: str) -> None:
-    """List every number that can change a recording, a rig, a frame, a count, a warning or a verdict, with its unit and its source.
+    """List every number that decides what is found, with its unit and its source.
 
-    What changes frames or counts is bound to the counting version, what changes verdicts to the judging version. A
-    number that can change both is listed twice. Values are written as JSON.
+    Such a number can change which files form a recording, a rig, a frame, a count, a warning or a verdict. What changes
+    frames or counts is bound to the counting version, what changes verdicts to the judging version. A number that can
+    change both is listed twice. Values are written as JSON.
 
     \b
     auditor parameters

@@ -11,7 +11,7 @@ from auditor.model.frames import CameraImage, Frame, Message, Skipped
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, survey, synchronise
 from auditor.recordings.parameters import CALIBRATION_CHANGES
-from auditor.recordings.rigs.changes import CHANGING, NO_RIG, TOO_OFTEN, RigsInForce
+from auditor.recordings.rigs.in_force import CHANGING, NO_RIG, TOO_OFTEN, RigsInForce
 from auditor.recordings.writers.messages import MessageMaker
 from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_rig
 from tests.making.split_drives import SUFFIXES, messages_of, write_messages
