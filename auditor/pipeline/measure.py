@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -163,6 +163,15 @@ def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None =
     if rig_file is None:
         return rigs_in_force(recording, surveyed)
     return RigsInForce((RigInForce(given_rig(rig_file, surveyed), surveyed),))
+
+
+def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
+    """When one of a recording's own rigs is in force; any other rig always is."""
+    with suppress(RigError):
+        for one in rigs_in_force(recording, surveyed).rigs:
+            if one.rig.rig_id == rig.rig_id:
+                return one
+    return RigInForce(rig, surveyed)
 
 
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
