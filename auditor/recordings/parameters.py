@@ -52,6 +52,7 @@ class DriveParts:
     most_missing: int = parameter(3, unit="parts missing between two", source=BY_HAND)
     most_lengths: float = parameter(2.0, unit="lengths of a part, for each one that is missing", source=BY_HAND)
     least_common_share: float = parameter(0.5, unit="share of the shorter of two files side by side", source=BY_HAND)
+    most_streams: int = parameter(8, unit="drives side by side", source=_WORK)
     looked_at_ns: int = parameter(2 * 10**9, unit="ns at the beginning of a part", source=_WORK)
     looked_at_bytes: int = parameter(8 * 2**20, unit="bytes at the beginning of a part", source=_WORK)
 

@@ -72,6 +72,11 @@ class _Drive:
         spans = self.spans_ns
         return (spans[0][0], spans[-1][1]) if spans else None
 
+    @property
+    def end_ns(self) -> int:
+        """The time of its last message; 0 where that is not known."""
+        return self.span_ns[1] if self.span_ns else 0
+
 
 def _drives(files: Sequence[Path]) -> list[_Drive]:
     """The files, those that are parts of one drive together."""
@@ -127,19 +132,34 @@ def _is_of_the_same_vehicle(first: FileSummary, part: FileSummary) -> bool:
 
 def _side_by_side(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
     """The drives, those that recorded different sensors of one vehicle at the same time together."""
+    beside: dict[tuple[Path, str], list[_Drive]] = {}
+    for drive in drives:
+        beside.setdefault((drive.files[0].parent, file_kind(drive.files[0])), []).append(drive)
+    return [together for members in beside.values() for together in _merged(members, has_rig)]
+
+
+def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
+    """The drives of one folder and kind."""
+    if len(drives) == 1:
+        return [[drives[0]]]
     recordings: list[list[_Drive]] = []
-    for drive in sorted(drives, key=lambda drive: str(drive.files[0])):
-        beside = next((one for one in recordings if all(_are_beside(drive, other) for other in one)), None)
-        if beside is not None and not all(has_rig(_located([one])) for one in (*beside, drive)):
-            beside.append(drive)
+    running: list[list[_Drive]] = []
+    for drive in sorted(drives, key=lambda drive: (drive.span_ns or (0, 0), drive.files)):
+        begin_ns = (drive.span_ns or (0, 0))[0]
+        # Drives that have ended cannot cover the time of this one or of a later one.
+        running = [one for one in running if any(other.end_ns > begin_ns for other in one)]
+        free = (one for one in running if len(one) < DRIVE_PARTS.most_streams)
+        fitting = next((one for one in free if all(_are_beside(drive, other) for other in one)), None)
+        if fitting is not None and not all(has_rig(_located([one])) for one in (*fitting, drive)):
+            fitting.append(drive)
         else:
             recordings.append([drive])
+            running.append(recordings[-1])
     return recordings
 
 
 def _are_beside(one: _Drive, other: _Drive) -> bool:
-    a, b = one.files[0], other.files[0]
-    if a.parent != b.parent or file_kind(a) != file_kind(b) or one.span_ns is None or other.span_ns is None:
+    if one.span_ns is None or other.span_ns is None:
         return False
     (begin, end), (other_begin, other_end) = one.span_ns, other.span_ns
     common_ns = min(end, other_end) - max(begin, other_begin)
@@ -156,7 +176,7 @@ def _sensors(drive: _Drive) -> frozenset[str]:
 
 def _located(drives: Sequence[_Drive]) -> Location:
     """The drives as one recording; one of a single file is that file."""
-    streams = tuple(drive.files for drive in drives)
+    streams = tuple(sorted(drive.files for drive in drives))
     if len(streams) == 1 and len(streams[0]) == 1:
         return Location(streams[0][0])
     return Location(streams[0][0].with_name("+".join(map(_common_name, streams))), streams)

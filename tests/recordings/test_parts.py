@@ -239,6 +239,17 @@ def test_split_cameras_and_a_split_lidar_are_one_recording(tmp_path: Path, in_mc
     assert len(stamps(location)) == FRAMES
 
 
+def test_damage_of_files_side_by_side_names_its_file(tmp_path: Path, in_mcap: list[Message]) -> None:
+    _, velo = cameras_and_lidar(tmp_path, ".mcap", in_mcap, ("cams", "velo"))
+    data = bytearray(velo.read_bytes())
+    data[200:260] = bytes(60)
+    velo.write_bytes(data)
+    (location,) = found(tmp_path)
+    with open_recording(location) as recording:
+        list(recording.messages())
+        assert {piece.file for piece in recording.damage} == {"velo.mcap"}
+
+
 def test_files_of_the_same_time_with_a_rig_each_stay_apart(tmp_path: Path, in_mcap: list[Message]) -> None:
     write_messages(tmp_path / "one.mcap", in_mcap)
     renamed = [
