@@ -1,18 +1,22 @@
 """Calibrations that change within a recording: which rig is in force when, and what is told."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from auditor.model.frames import CameraImage, Frame, Message, Skipped
+from auditor.model.geometry import motion
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, survey, synchronise
 from auditor.recordings.parameters import CALIBRATION_CHANGES
 from auditor.recordings.rigs.in_force import CHANGING, NO_RIG, TOO_OFTEN, RigsInForce
 from auditor.recordings.writers.messages import MessageMaker
+from tests.making.foxglove_messages import FoxgloveMessage, write_json, write_protobuf
+from tests.making.foxglove_messages import messages_of as foxglove_messages
 from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_rig
 from tests.making.split_drives import SUFFIXES, messages_of, write_messages
 
@@ -227,3 +231,46 @@ def test_one_picture_of_another_size_is_damaged_and_no_change(tmp_path: Path) ->
     assert not found.remarks
     assert numbers(there[0]) == [0, 1, 2, 3, 4, 6, 7, 8, 9]
     assert numbers(skipped[0]) == [5]
+
+
+@pytest.mark.parametrize("write", [write_protobuf, write_json])
+def test_foxglove_calibrations_change_as_those_of_ros(
+    tmp_path: Path, write: Callable[[Path, Iterator[FoxgloveMessage]], None]
+) -> None:
+    parts = foxglove_messages(RIG, frames(range(5))), foxglove_messages(zoomed(RIG, 1.1), frames(range(5, 10)))
+    write(tmp_path / "a.mcap", chain(*parts))
+    found, there, _ = seen(tmp_path / "a.mcap")
+    assert [numbers(one) for one in there] == [[*range(5)], [*range(5, 10)]]
+    assert len(found.remarks) == 1
+
+
+def test_a_rig_beside_the_one_that_changes_keeps_all_its_frames(tmp_path: Path) -> None:
+    rear = Rig(
+        None,
+        tuple(replace(c, name=f"rear{c.number}", topic=f"/rear{c.number}/image_rect") for c in make_rig(3).cameras),
+    )
+    ahead = make_rig(3, lidar=False)
+    turned = motion(np.diag([-1.0, 1.0, -1.0]), np.zeros(3))
+    both = [
+        [*messages_of(".mcap", rig, frames(range(first, first + 5), rig)), *_behind(rear, turned, first)]
+        for rig, first in ((ahead, 0), (zoomed(ahead, 1.1), 5))
+    ]
+    messages = sorted(chain(*both), key=lambda message: message.log_time_ns)
+    found, there, _ = seen(write_messages(tmp_path / "a.mcap", messages))
+    by_topic = {one.rig.topic(1): [numbers(items) for items in ()] for one in found.rigs}
+    assert len(by_topic) == 2
+    kept = {
+        (one.rig.topic(1), one.rig.cameras[0].focal_px): numbers(items)
+        for one, items in zip(found.rigs, there, strict=True)
+    }
+    assert kept["/rear1/image_rect", 50.0] == [*range(10)]
+    assert [*kept.values()].count([*range(5)]) == 1
+    assert [*kept.values()].count([*range(5, 10)]) == 1
+
+
+def _behind(rear: Rig, turned: np.ndarray, first: int) -> list[Message]:
+    """The messages of cameras that look backwards."""
+    messages = messages_of(".mcap", rear, frames(range(first, first + 5), rear))
+    children = {f"rear{camera.number}": turned @ motion(np.eye(3), camera.centre_m) for camera in rear.cameras}
+    data = MAKER.transforms("rig", children, messages[0].log_time_ns)
+    return [replace(m, data=data) if m.schema == schemas.TRANSFORMS else m for m in messages]
