@@ -58,7 +58,7 @@ def test_cameras_and_lidar_in_two_files_are_measured_together(tmp_path: Path, me
 
 
 def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
-    tmp_path: Path, messages: list[Message]
+    tmp_path: Path, messages: list[Message], capfd: pytest.CaptureFixture[str]
 ) -> None:
     zoom = np.diag([1.05, 1.05, 1.0])
     later = replace(RIG, cameras=tuple(replace(c, projection=zoom @ c.projection) for c in RIG.cameras))
@@ -74,6 +74,8 @@ def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
     again = measured(tmp_path / "audit", Location(path))
     assert (again.fresh, again.measurement_ids) == (False, done.measurement_ids)
     assert again.calibration_warnings == done.calibration_warnings
+    assert run(["inspect", str(path)]) == 0
+    assert "the calibration changes at 0.6 s" in capfd.readouterr().out
 
 
 def test_a_change_behind_the_last_frame_makes_no_measurement(tmp_path: Path, messages: list[Message]) -> None:

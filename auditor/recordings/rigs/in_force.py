@@ -124,9 +124,19 @@ class _Line:
 
     def in_force(self) -> Iterator[RigInForce]:
         """The rigs with their times."""
+        self._leave_out_the_first_if_it_has_no_frame()
         for rig, stretches in self._stretches.items():
             if stretches:
                 yield RigInForce(rig, self._known[rig], tuple(stretches))
+
+    def _leave_out_the_first_if_it_has_no_frame(self) -> None:
+        """A calibration that changed before the first frame was never in force: the next rig has its stretches."""
+        first, *others = (rig for rig, stretches in self._stretches.items() if stretches)
+        own = self._stretches[first]
+        frames = [one for one in own if not one.reason and (one.until_ns is None or one.until_ns > self._begin_ns)]
+        if others and not frames:
+            self._stretches[others[0]][:0] = [one for one in own if one.reason]
+            own.clear()
 
     def follow(self, changes: Changes) -> None:
         """Follow all changes of the recording."""

@@ -194,6 +194,19 @@ def test_a_change_that_leaves_no_rig_leaves_the_rest_unaudited(tmp_path: Path) -
     assert "have no rig" in found.remarks[0]
 
 
+def test_a_calibration_that_changed_before_the_first_frame_was_never_in_force(tmp_path: Path) -> None:
+    early = [
+        message
+        for message in messages_of(".mcap", RIG, [make_frame(RIG, 0, stamp_ns=START_NS - 10 * PERIOD_NS)])
+        if message.schema in {schemas.CAMERA_INFO, schemas.TRANSFORMS}
+    ]
+    found, there, skipped = seen(changing(tmp_path / "a.mcap", (zoomed(RIG, 1.1), range(10)), more=early))
+    assert [numbers(one) for one in there] == [[*range(10)]]
+    assert skipped == [[]]
+    assert found.rigs[0].rig.cameras[0].focal_px == pytest.approx(55)
+    assert len(found.remarks) == 1
+
+
 def smaller(frame: Frame, rig: Rig) -> Frame:
     """The frame with pictures of the sizes of another rig."""
     images = {
