@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
@@ -82,6 +83,7 @@ class MeasurementRecord:
     calibration_warnings: tuple[str, ...] = ()
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
+    coverage: tuple[TopicCoverage, ...] | None = None
 
     @property
     def measurement_id(self) -> str:
@@ -91,7 +93,10 @@ class MeasurementRecord:
 
 @dataclass(frozen=True)
 class StoredMeasurement:
-    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason."""
+    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason.
+
+    `coverage` is None where it was measured before that was kept.
+    """
 
     measurement_id: str
     recording_id: str
@@ -108,6 +113,7 @@ class StoredMeasurement:
     versions: Mapping[str, str]
     measured_at: datetime.datetime
     seconds: float
+    coverage: tuple[TopicCoverage, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
