@@ -102,7 +102,7 @@ def coverage_line(topics: Sequence[TopicCoverage]) -> str:
     short = {name: text for name, text in said.items() if text}
     if not short:
         return ""
-    if len(short) == len(said) and len(set(short.values())) == 1:
+    if 1 < len(short) == len(said) and len(set(short.values())) == 1:
         texts = [f"all sensors: {next(iter(short.values()))}"]
     else:
         texts = [f"{name} {text}" for name, text in short.items()]

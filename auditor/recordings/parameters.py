@@ -62,6 +62,9 @@ class TimeGaps:
 
     most_periods: int = parameter(3, unit="periods between used messages that are no gap", source=BY_HAND)
     edge_periods: float = parameter(1.5, unit="periods at either end of a recording", source=BY_HAND)
+    slowest_pace_ns: int = parameter(
+        250 * 10**6, unit="ns between frames at which a faster sensor still has a surplus", source=BY_HAND
+    )
 
 
 SENSOR_TIMING = SensorTiming()

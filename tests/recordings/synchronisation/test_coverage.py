@@ -160,6 +160,13 @@ def test_messages_of_a_sensor_beside_all_frames_are_unpaired(tmp_path: Path) -> 
     assert against(coverage)[CAMERA]["unpaired"] >= 9
 
 
+def test_a_sensor_that_was_thinned_out_does_not_hide_the_messages_of_the_others(tmp_path: Path) -> None:
+    thinned = [make_frame(RIG, n, without={0} if n % 10 else ()) for n in range(60)]
+    _, coverage = read(written(tmp_path, thinned))
+    assert coverage[CAMERA].against["unpaired"] >= 40
+    assert least_covered(coverage.values())[0] < 0.2
+
+
 def test_a_damaged_message_counts_against(tmp_path: Path) -> None:
     def cut(told: Told) -> Iterator[Told]:
         yield told._replace(data=told.data[:400]) if (told.topic, told.number) == (CAMERA, 7) else told
