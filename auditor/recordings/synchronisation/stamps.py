@@ -49,9 +49,14 @@ def few_periods_ns(period_ns: int) -> int:
 
 def usual_period_ns(samples: Sequence[Sample]) -> int | None:
     """The median distance of neighbouring stamps, or of log times where there is only one stamp; None without two."""
-    stamps = sorted({sample.stamp_ns for sample in samples if sample.stamp_ns > 0})
+    stamps = sorted({sample.stamp_ns for sample in samples if _is_stamp(sample)})
     times = stamps if len(stamps) > 1 else sorted({sample.log_time_ns for sample in samples})
     return median_low([b - a for a, b in pairwise(times)]) if len(times) > 1 else None
+
+
+def _is_stamp(sample: Sample) -> bool:
+    """True for a positive stamp, and for 0 at the beginning of a clock that counts from the recording's start."""
+    return sample.stamp_ns > 0 or sample.stamp_ns == sample.log_time_ns == 0
 
 
 def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[int, SensorClock]:
@@ -68,7 +73,7 @@ def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[i
 def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
     if not any(sample.stamp_ns for sample in samples):
         return SensorClock(is_set=False)
-    first = {sample.stamp_ns: sample for sample in reversed(samples) if sample.stamp_ns > 0}
+    first = {sample.stamp_ns: sample for sample in reversed(samples) if _is_stamp(sample)}
     logged = len({sample.log_time_ns for sample in samples})
     if len(first) <= 1 < len(samples):
         return SensorClock(still_ns=next(iter(first), samples[0].stamp_ns), has_log=logged > 1)
@@ -114,7 +119,8 @@ class StampCheck:
         return log_time_ns - self._delay_ns
 
     def _irregularity(self, stamp_ns: int, log_time_ns: int, *, repeated: bool) -> str:
-        if stamp_ns <= 0:
+        agrees = abs(self._behind_ns(stamp_ns, log_time_ns)) <= self._few_ns
+        if stamp_ns < 0 or (stamp_ns == 0 and not agrees):
             return Against.NOT_POSITIVE
         if stamp_ns == self._clock.still_ns:
             return Against.STANDS_STILL
@@ -122,7 +128,7 @@ class StampCheck:
             return Against.REPEATED
         if self._newest_ns is not None and stamp_ns < self._newest_ns - self._few_ns:
             return Against.BACK
-        return Against.DISAGREES if abs(self._behind_ns(stamp_ns, log_time_ns)) > self._few_ns else ""
+        return "" if agrees else Against.DISAGREES
 
     def _behind_ns(self, stamp_ns: int, log_time_ns: int) -> int:
         """How much later than usual after its stamp a message was recorded; 0 where log times say nothing."""

@@ -239,6 +239,9 @@ RECORDERS: dict[str, Change] = {
     "half a second late": delayed(lambda told: 5 * 10**8),
     "a delay that jitters by a period": delayed(lambda told: 10**8 + told.number * 37 % 100 * 10**6),
     "clocks drift by a millisecond a frame": delayed(lambda told: told.number * 10**6),
+    "a clock that counts from the start": lambda told: [
+        told._replace(stamp_ns=told.stamp_ns - START_NS, log_time_ns=told.log_time_ns - START_NS)
+    ],
     "no stamps at all": restamped(lambda told: 0),
     "log times of another year": delayed(lambda told: 10**17),
     "one log time for all": lambda told: [told._replace(log_time_ns=START_NS)],
