@@ -55,8 +55,9 @@ def _of_sensor(
 
 
 def _unreadable(recording: Recording, survey: Survey) -> Iterator[TopicCoverage]:
+    counted = recording.counts
     for one in survey.unreadable:
-        read = recording.counts.get(one.topic.name, 0)
+        read = counted.get(one.topic.name, 0)
         if not read:
             continue
         name, other = one.topic.name, sensor_types.other_content(one.topic.name, one.reason)
@@ -81,7 +82,7 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     outside = [(topic, kind) for topic, kind in (*images, *clouds) if topic.name not in topics]
     if not outside:
         return
-    found = search_rigs(survey)
+    found, counted = search_rigs(survey), recording.counts
     for topic, kind in outside:
         yield TopicCoverage(
             topic.name,
@@ -90,7 +91,7 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
             TopicState.LEFT_OUT,
             None,
             sensor_name(topic.name),
-            recording.counts.get(topic.name, 0),
+            counted.get(topic.name, 0),
             reason=_why_left_out(topic, kind, rig, found.rigs, found.reasons),
         )
 
