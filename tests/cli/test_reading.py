@@ -185,7 +185,7 @@ def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
 
 
 def test_video_without_the_extra_says_what_to_install(
-    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     maker = MessageMaker("cdr")
     packet = next(iter(encoded([np.zeros((64, 64, 3), np.uint8)])))
@@ -199,7 +199,7 @@ def test_video_without_the_extra_says_what_to_install(
     monkeypatch.setattr(video, "_av", absent)
     path = rewritten(clean, tmp_path / "drive.mcap", same, [extra])
     assert run(["inspect", str(path)]) == 3
-    del both
+    assert "/other/compressed (camera): video needs the package av: install auditor[video]" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -316,3 +316,8 @@ def test_coverage_is_kept_and_queried(tmp_path: Path, clean: Path, capfd: pytest
     assert rows["/livox"]["frames"] is None
     assert "xfer_format" in rows["/livox"]["remedy"]
     assert rows["/other/image"]["reason"] == "/other/image has no camera info"
+    sql = "SELECT topic, state, reason FROM balance WHERE state <> 'read' ORDER BY topic"
+    assert run(["query", "--sql", sql, "--store", str(store), "--format", "json"]) == 0
+    unread, left_out = json.loads(capfd.readouterr().out)
+    assert (unread["topic"], unread["state"]) == ("/livox", "unreadable")
+    assert (left_out["topic"], left_out["reason"]) == ("/other/image", "/other/image has no camera info")
