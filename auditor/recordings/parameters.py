@@ -52,8 +52,11 @@ class StampAgreement:
     least_ns: int = parameter(
         200 * 10**6, unit="ns of the same, however short the period: recorders write late under load", source=BY_HAND
     )
+    most_ns: int = parameter(
+        2 * 10**9, unit="ns of the same up to which a stamp that goes on is kept: recorders stall", source=BY_HAND
+    )
     remembered: int = parameter(64, unit="messages among which a stamp is repeated", source=BY_HAND)
-    follows: int = parameter(64, unit="messages over which the usual distance follows a drift", source=BY_HAND)
+    follows: int = parameter(256, unit="messages over which the usual distance follows a drift", source=BY_HAND)
 
 
 @dataclass(frozen=True)

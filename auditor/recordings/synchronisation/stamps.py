@@ -1,7 +1,8 @@
 """When a message was captured: by its stamp, or by its time of recording where the stamp cannot be that.
 
-A stamp that repeats, goes back, is not positive, or lies behind its own log time is irregular. Its message is placed by
-its log time less the usual delay of its sensor, so that it is audited all the same, and it counts against the coverage.
+A stamp that repeats, goes back, is not positive, or lies far from its own log time is irregular. Its message is placed
+by its log time less the usual delay of its sensor, so that it is audited all the same, and it counts against the
+coverage.
 """
 
 from collections import deque
@@ -13,7 +14,7 @@ from statistics import median, median_low
 from typing import NamedTuple
 
 from auditor.model.coverage import Against
-from auditor.recordings.parameters import FIRST_LOOK, STAMP_AGREEMENT
+from auditor.recordings.parameters import STAMP_AGREEMENT
 from auditor.recordings.synchronisation.survey import Sample
 
 DUPLICATE = "duplicate"
@@ -109,9 +110,10 @@ class StampCheck:
         placed = self._time_ns(stamp_ns, log_time_ns, against)
         if placed == stamp_ns:
             self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
-        if not against and self._clock.is_set:
             # Clocks drift apart by parts of a second an hour: the usual delay follows, and only a jump is noticed.
-            self._delay_ns += (log_time_ns - stamp_ns - self._delay_ns) // STAMP_AGREEMENT.follows
+            behind_ns = self._behind_ns(stamp_ns, log_time_ns)
+            if abs(behind_ns) <= STAMP_AGREEMENT.most_ns:
+                self._delay_ns += behind_ns // STAMP_AGREEMENT.follows
         return Placed(placed, against)
 
     def of_recording(self, log_time_ns: int) -> int:
@@ -140,11 +142,11 @@ class StampCheck:
         if not against or not self._clock.has_log:
             return stamp_ns
         behind_ns = self._behind_ns(stamp_ns, log_time_ns)
-        # A log whose clock was set back has such stamps, and log times that agree with them. A recorder that was busy
-        # writes late, so that the stamp is right; before it was captured no message can have been recorded.
+        # A log whose clock was set back has such stamps, and log times that agree with them. A recorder that stalls
+        # writes late, and the stamps go on: they are right.
         went_back = against == Against.BACK and abs(behind_ns) <= self._few_ns
-        was_busy = against == Against.DISAGREES and 0 < behind_ns <= FIRST_LOOK.most_lag_ns
-        return stamp_ns if went_back or was_busy else log_time_ns - self._delay_ns
+        stalled = against == Against.DISAGREES and abs(behind_ns) <= STAMP_AGREEMENT.most_ns
+        return stamp_ns if went_back or stalled else log_time_ns - self._delay_ns
 
 
 def times_of(samples: Sequence[Sample], clock: SensorClock, few_ns: int) -> list[int]:

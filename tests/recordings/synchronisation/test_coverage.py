@@ -275,6 +275,14 @@ def test_a_second_message_of_one_stamp_and_other_bytes_is_no_duplicate(tmp_path:
     assert against(coverage) == {CAMERA: {"stamp repeated": COUNT}}
 
 
+def test_a_recorder_that_is_slow_at_first_misplaces_nothing(tmp_path: Path) -> None:
+    frames = make_frames(RIG, 80)
+    path = written(tmp_path, frames, delayed(lambda told: 10**9 if told.number < 50 and told.topic == CAMERA else 0))
+    found, coverage = read(path)
+    assert all(same_frame(a, b) for a, b in zip(found, frames, strict=True))
+    assert against(coverage) == {CAMERA: {"stamp disagrees with its log time": 30}}
+
+
 def test_the_rest_of_a_busy_recorder_keeps_its_stamps_and_is_told(tmp_path: Path) -> None:
     frames = make_frames(RIG, 60)
     path = written(tmp_path, frames, delayed(lambda told: 10**9 if 30 <= told.number < 40 else 0))
