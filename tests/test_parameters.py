@@ -46,6 +46,7 @@ ELSEWHERE = {
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
     "identification/algorithm2.py": (
         (
             4,

@@ -98,14 +98,13 @@ def least_covered(topics: Iterable[TopicCoverage]) -> tuple[float, float]:
 
 def coverage_line(topics: Sequence[TopicCoverage]) -> str:
     """One line of all that counts against the coverage; empty where nothing does."""
-    said = {topic.name: "; ".join(_shortfalls(topic)) for topic in topics if topic.state is TopicState.READ}
-    short = {name: text for name, text in said.items() if text}
+    said = [(topic.name, "; ".join(_shortfalls(topic))) for topic in topics if topic.state is TopicState.READ]
+    short = [(name, text) for name, text in said if text]
     if not short:
         return ""
-    if len(short) == len(said) and len(set(short.values())) == 1:
-        texts = [f"all sensors: {next(iter(short.values()))}"]
-    else:
-        texts = [f"{name} {text}" for name, text in short.items()]
+    texts = [f"{name} {text}" for name, text in short]
+    if 1 < len(short) == len(said) and len({text for _, text in short}) == 1:
+        texts = [f"all sensors: {short[0][1]}"]
     messages, time = least_covered(topics)
     return f"coverage {_percent(messages)} of messages, {_percent(time)} of time: {_first(texts)}"
 

@@ -78,8 +78,11 @@ class StampAgreement:
     least_ns: int = parameter(
         200 * 10**6, unit="ns of the same, however short the period: recorders write late under load", source=BY_HAND
     )
+    most_ns: int = parameter(
+        2 * 10**9, unit="ns of the same up to which a stamp that goes on is kept: recorders stall", source=BY_HAND
+    )
     remembered: int = parameter(64, unit="messages among which a stamp is repeated", source=BY_HAND)
-    follows: int = parameter(64, unit="messages over which the usual distance follows a drift", source=BY_HAND)
+    follows: int = parameter(256, unit="messages over which the usual distance follows a drift", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,9 @@ class TimeGaps:
 
     most_periods: int = parameter(3, unit="periods between used messages that are no gap", source=BY_HAND)
     edge_periods: float = parameter(1.5, unit="periods at either end of a recording", source=BY_HAND)
+    slowest_pace_ns: int = parameter(
+        250 * 10**6, unit="ns between frames at which a faster sensor still has a surplus", source=BY_HAND
+    )
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,12 @@ def counts_of(sensors: Collection[int], timing: Timing) -> dict[int, Counts]:
 
 
 def _most_surplus(timing: Timing, sensor: int) -> int:
-    """How many messages of a fast sensor may lie between two used ones: those of a time that is no gap."""
+    """How many messages of a fast sensor may lie between two used ones: those of a time that is no gap.
+
+    None may where the slowest sensor is slower than those of vehicles: it was thinned out, and with it the frames.
+    """
+    if timing.period_ns > TIME_GAPS.slowest_pace_ns:
+        return 0
     return ceil(TIME_GAPS.most_periods * timing.period_ns / timing.own_period_ns[sensor])
 
 

@@ -55,8 +55,9 @@ def _of_sensor(
 
 
 def _unreadable(recording: Recording, survey: Survey) -> Iterator[TopicCoverage]:
+    counted = recording.counts
     for one in survey.unreadable:
-        read = recording.counts.get(one.topic.name, 0)
+        read = counted.get(one.topic.name, 0)
         if not read:
             continue
         name, other = one.topic.name, sensor_types.other_content(one.topic.name, one.reason)
@@ -81,8 +82,10 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
     outside = [(topic, kind) for topic, kind in (*images, *clouds) if topic.name not in topics]
     if not outside:
         return
-    found = search_rigs(survey)
+    found, counted = search_rigs(survey), recording.counts
     for topic, kind in outside:
+        if rig in found.rigs and _is_of_any(topic, found.rigs):
+            continue  # it is audited with another rig of this recording
         yield TopicCoverage(
             topic.name,
             topic.schema,
@@ -90,7 +93,7 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
             TopicState.LEFT_OUT,
             None,
             sensor_name(topic.name),
-            recording.counts.get(topic.name, 0),
+            counted.get(topic.name, 0),
             reason=_why_left_out(topic, kind, rig, found.rigs, found.reasons),
         )
 
@@ -98,8 +101,8 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
 def _why_left_out(
     topic: Topic, kind: sensor_types.SensorKind, rig: Rig | None, rigs: Sequence[Rig], reasons: Sequence[str]
 ) -> str:
-    if any(topic.name in map(other.topic, other.sensors) for other in rigs):
-        return "another rig of this recording has it" if rig in rigs else "the given rig does not have it"
+    if _is_of_any(topic, rigs):
+        return "the given rig does not have it"
     name = sensor_name(topic.name)
     told = next((why for why in reasons if topic.name in why or f"{name} " in why or f"({name})" in why), "")
     if told:
@@ -109,3 +112,7 @@ def _why_left_out(
     if kind == sensor_types.LIDAR and rig.lidar:
         return f"the LiDAR {rig.lidar.name} has more points"
     return "the rig does not have it: another topic of the same camera is used, or it has no place beside the others"
+
+
+def _is_of_any(topic: Topic, rigs: Sequence[Rig]) -> bool:
+    return any(topic.name in map(rig.topic, rig.sensors) for rig in rigs)

@@ -1,7 +1,8 @@
 """When a message was captured: by its stamp, or by its time of recording where the stamp cannot be that.
 
-A stamp that repeats, goes back, is not positive, or lies behind its own log time is irregular. Its message is placed by
-its log time less the usual delay of its sensor, so that it is audited all the same, and it counts against the coverage.
+A stamp that repeats, goes back, is not positive, or lies far from its own log time is irregular. Its message is placed
+by its log time less the usual delay of its sensor, so that it is audited all the same, and it counts against the
+coverage.
 """
 
 from collections import deque
@@ -13,7 +14,7 @@ from statistics import median, median_low
 from typing import NamedTuple
 
 from auditor.model.coverage import Against
-from auditor.recordings.parameters import FIRST_LOOK, STAMP_AGREEMENT
+from auditor.recordings.parameters import STAMP_AGREEMENT
 from auditor.recordings.synchronisation.survey import Sample
 
 DUPLICATE = "duplicate"
@@ -49,9 +50,14 @@ def few_periods_ns(period_ns: int) -> int:
 
 def usual_period_ns(samples: Sequence[Sample]) -> int | None:
     """The median distance of neighbouring stamps, or of log times where there is only one stamp; None without two."""
-    stamps = sorted({sample.stamp_ns for sample in samples if sample.stamp_ns > 0})
+    stamps = sorted({sample.stamp_ns for sample in samples if _is_stamp(sample)})
     times = stamps if len(stamps) > 1 else sorted({sample.log_time_ns for sample in samples})
     return median_low([b - a for a, b in pairwise(times)]) if len(times) > 1 else None
+
+
+def _is_stamp(sample: Sample) -> bool:
+    """True for a positive stamp, and for 0 at the beginning of a clock that counts from the recording's start."""
+    return sample.stamp_ns > 0 or sample.stamp_ns == sample.log_time_ns == 0
 
 
 def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[int, SensorClock]:
@@ -68,7 +74,7 @@ def learn_clocks(samples: Mapping[int, Sequence[Sample]], few_ns: int) -> dict[i
 def _clock(samples: Sequence[Sample], few_ns: int) -> SensorClock:
     if not any(sample.stamp_ns for sample in samples):
         return SensorClock(is_set=False)
-    first = {sample.stamp_ns: sample for sample in reversed(samples) if sample.stamp_ns > 0}
+    first = {sample.stamp_ns: sample for sample in reversed(samples) if _is_stamp(sample)}
     logged = len({sample.log_time_ns for sample in samples})
     if len(first) <= 1 < len(samples):
         return SensorClock(still_ns=next(iter(first), samples[0].stamp_ns), has_log=logged > 1)
@@ -104,9 +110,10 @@ class StampCheck:
         placed = self._time_ns(stamp_ns, log_time_ns, against)
         if placed == stamp_ns:
             self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
-        if not against and self._clock.is_set:
             # Clocks drift apart by parts of a second an hour: the usual delay follows, and only a jump is noticed.
-            self._delay_ns += (log_time_ns - stamp_ns - self._delay_ns) // STAMP_AGREEMENT.follows
+            behind_ns = self._behind_ns(stamp_ns, log_time_ns)
+            if abs(behind_ns) <= STAMP_AGREEMENT.most_ns:
+                self._delay_ns += behind_ns // STAMP_AGREEMENT.follows
         return Placed(placed, against)
 
     def of_recording(self, log_time_ns: int) -> int:
@@ -114,7 +121,8 @@ class StampCheck:
         return log_time_ns - self._delay_ns
 
     def _irregularity(self, stamp_ns: int, log_time_ns: int, *, repeated: bool) -> str:
-        if stamp_ns <= 0:
+        agrees = abs(self._behind_ns(stamp_ns, log_time_ns)) <= self._few_ns
+        if stamp_ns < 0 or (stamp_ns == 0 and not agrees):
             return Against.NOT_POSITIVE
         if stamp_ns == self._clock.still_ns:
             return Against.STANDS_STILL
@@ -122,7 +130,7 @@ class StampCheck:
             return Against.REPEATED
         if self._newest_ns is not None and stamp_ns < self._newest_ns - self._few_ns:
             return Against.BACK
-        return Against.DISAGREES if abs(self._behind_ns(stamp_ns, log_time_ns)) > self._few_ns else ""
+        return "" if agrees else Against.DISAGREES
 
     def _behind_ns(self, stamp_ns: int, log_time_ns: int) -> int:
         """How much later than usual after its stamp a message was recorded; 0 where log times say nothing."""
@@ -134,11 +142,11 @@ class StampCheck:
         if not against or not self._clock.has_log:
             return stamp_ns
         behind_ns = self._behind_ns(stamp_ns, log_time_ns)
-        # A log whose clock was set back has such stamps, and log times that agree with them. A recorder that was busy
-        # writes late, so that the stamp is right; before it was captured no message can have been recorded.
+        # A log whose clock was set back has such stamps, and log times that agree with them. A recorder that stalls
+        # writes late, and the stamps go on: they are right.
         went_back = against == Against.BACK and abs(behind_ns) <= self._few_ns
-        was_busy = against == Against.DISAGREES and 0 < behind_ns <= FIRST_LOOK.most_lag_ns
-        return stamp_ns if went_back or was_busy else log_time_ns - self._delay_ns
+        stalled = against == Against.DISAGREES and abs(behind_ns) <= STAMP_AGREEMENT.most_ns
+        return stamp_ns if went_back or stalled else log_time_ns - self._delay_ns
 
 
 def times_of(samples: Sequence[Sample], clock: SensorClock, few_ns: int) -> list[int]:

@@ -156,6 +156,7 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         sensors=_sensor_lines(audit.rig),
         triples=audit.rig.triples,
         balance=audit.measurement.balance,
+        covered=audit.measurement.coverage or (),
         provenance=_provenance(store, audit, calibration_recordings),
     )
 
