@@ -86,8 +86,8 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
     """Count the inconsistent pixels of every triple (Eq. 2), and compute the statistics of the five checks.
 
-    `counts` follow `rig.triples`, None where a sensor was missing. Raises RigError where the cameras have no view in
-    common, and SettingError for an unknown matcher.
+    `counts` follow `rig.measured_triples`, None where a sensor was missing. Raises RigError where the cameras have no
+    view in common, and SettingError for an unknown matcher.
     """
     found = find_matcher(matcher) if isinstance(matcher, str) else matcher
     return measure_frame(frame, rig, found)[0]

@@ -257,6 +257,7 @@ class Judge:
         recording = store.recording(stored.recording_id)
         gaps = (*_gaps(stored, judgement, self._settings.min_coverage), *conflicts_of(store, recording))
         warnings = (
+            *_as_a_part(judgement, calibration),
             *_unresolved(judgement),
             *gaps,
             *told,
@@ -276,6 +277,12 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
     return (judge.judge(measurement) for measurement in measurements)
+
+
+def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    if judgement.absent_sensors:
+        absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
+        yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:

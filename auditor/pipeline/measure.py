@@ -256,12 +256,13 @@ def _measure_frames(
             else:
                 counted, evidence = item
                 ratios = windowed_ratios(pair_checks, counted.cells, counted.shares)
+                unmasked = windowed_ratios(pair_checks, counted.unmasked_cells, counted.unmasked_shares)
                 measurement = replace(
                     counted,
                     fault_features=fault_features.update(evidence),
                     regions=localise(evidence, candidates(pair_checks, ratios)),
                 )
-                writer.add(measurement, ratios)
+                writer.add(measurement, ratios, unmasked)
                 thumbnails.offer(counted, evidence)
                 check.offer(evidence, measurement.fault_features)
             yield done

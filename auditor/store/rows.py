@@ -74,13 +74,14 @@ def rig_row(rig: Rig) -> Row:
 
 
 def triple_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's triples, in their order."""
-    for position, triple in enumerate(rig.triples, start=1):
+    """The rows of a rig's measured triples, in their order: the fallback is the last."""
+    for position, triple in enumerate(rig.measured_triples, start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
             **triple._asdict(),
             "baseline_m": rig.baseline_m(triple.j, triple.k),
+            "fallback": triple == rig.fallback,
         }
 
 
@@ -165,6 +166,8 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "absent_sensors": list(judgement.absent_sensors),
+        "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
         "judging_version": judgement.rules.judging_version,
         "auditor_version": judgement.rules.auditor_version,
         "rules": judgement.rules.digest,
@@ -178,8 +181,8 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
     if isinstance(thresholds, Thresholds):
         return {
             "statistic": thresholds.statistic.value,
-            "theta": [thresholds.theta.get(triple) for triple in rig.triples],
-            "samples": [thresholds.samples.get(triple) for triple in rig.triples],
+            "theta": [thresholds.theta.get(triple) for triple in rig.measured_triples],
+            "samples": [thresholds.samples.get(triple) for triple in rig.measured_triples],
         }
     scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
     return {
@@ -206,6 +209,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         recounted=bool(row["recounted"]),
         judging_version=row["judging_version"],
         rules=row["rules"],
+        absent_sensors=tuple(row["absent_sensors"] or ()),
     )
 
 
