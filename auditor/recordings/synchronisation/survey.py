@@ -6,9 +6,18 @@ from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding import CameraInfo, CloudDecoder, Decoders, ImageDecoder, Transform, decoder_table
+from auditor.recordings.decoding import (
+    CameraInfo,
+    CloudDecoder,
+    Decoders,
+    DeepImageDecoder,
+    ImageDecoder,
+    Transform,
+    decoder_table,
+)
+from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.parameters import FIRST_LOOK
+from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
 
 SAMPLES = FIRST_LOOK.samples
@@ -33,12 +42,16 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class ImageTopic:
-    """A topic of images; `size_px` is what its first readable image has."""
+    """A topic of images; `size_px` is what its first readable image has.
+
+    `depth_bits` are those of its values where they have more than 8, as far as its first pictures show.
+    """
 
     topic: Topic
     frame_id: str
     size_px: SizePx
     samples: tuple[Sample, ...]
+    depth_bits: int | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +110,7 @@ class _Surveyor:
         self._lag_ns = 0
         self._last_ns: dict[str, int] = {}
         self._jumped = False
+        self._largest: dict[str, int] = {}
         self._topics: Sequence[Topic] = ()
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
@@ -113,7 +127,10 @@ class _Surveyor:
         self._note_undecodable()
         return Survey(
             topics=self._recording.topics(),
-            images=tuple(ImageTopic(t, f, size, tuple(self._samples[t.name])) for t, f, size in images),
+            images=tuple(
+                ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
+                for t, f, size in images
+            ),
             clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
             camera_infos=dict(sorted(self._infos.items())),
             transforms=tuple(self._transforms.values()),
@@ -182,6 +199,20 @@ class _Surveyor:
             size = decoder.size_px(message) if decoder.kind == "image" else len(decoder.xyz_m(message))
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+        if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
+            self._take_depth(message, decoder)
+
+    def _take_depth(self, message: Message, decoder: ImageDecoder) -> None:
+        largest = decoder.largest_value(message) if isinstance(decoder, DeepImageDecoder) else None
+        if largest is not None:
+            self._largest[message.topic] = max(largest, self._largest.get(message.topic, 0))
+
+    def _depth_bits(self, topic: str, size_px: SizePx) -> int | None:
+        """The depth of a topic of 16-bit values: that of all whose pictures have this size, for they are compared."""
+        if topic not in self._largest:
+            return None
+        alike = (value for name, value in self._largest.items() if self._sensors[name][-1] == size_px)
+        return depth_of(max(alike))
 
     def _take_time(self, topic: str, stamp_ns: int) -> None:
         last_ns = self._last_ns.get(topic, stamp_ns)
