@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
@@ -22,8 +23,22 @@ DIGITS_OF_R = 17
 
 
 @dataclass(frozen=True)
+class Sighting:
+    """A name and path under which a recording's content was read, and when first (UTC); None where that is unknown."""
+
+    name: str
+    path: str
+    seen_at: datetime.datetime | None = None
+
+
+@dataclass(frozen=True)
 class RecordingRecord:
-    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece."""
+    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece.
+
+    `name` is the first it was read under, `path` where it was read last, and `sightings` has all of both, in order.
+    `superseded_by` is the recording that holds every frame of it. `conflicts` are those with other data at the same
+    stamps; None where it was not compared with others yet.
+    """
 
     recording_id: str
     name: str
@@ -38,6 +53,14 @@ class RecordingRecord:
     date: datetime.date | None = None
     drive: str | None = None
     damage: tuple[str, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
+    superseded_by: str | None = None
+    conflicts: tuple[str, ...] | None = None
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Other names that it was read under, each once."""
+        return tuple(dict.fromkeys(one.name for one in self.sightings if one.name != self.name))
 
 
 @dataclass(frozen=True)
@@ -60,6 +83,7 @@ class MeasurementRecord:
     calibration_warnings: tuple[str, ...] = ()
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
+    coverage: tuple[TopicCoverage, ...] | None = None
 
     @property
     def measurement_id(self) -> str:
@@ -69,7 +93,10 @@ class MeasurementRecord:
 
 @dataclass(frozen=True)
 class StoredMeasurement:
-    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason."""
+    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason.
+
+    `coverage` is None where it was measured before that was kept.
+    """
 
     measurement_id: str
     recording_id: str
@@ -86,6 +113,7 @@ class StoredMeasurement:
     versions: Mapping[str, str]
     measured_at: datetime.datetime
     seconds: float
+    coverage: tuple[TopicCoverage, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
 from auditor.store import files
 from auditor.store.pictures import Picture
 from auditor.store.queries import run_query, run_sql
-from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord, Sighting
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
 from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES, read_rows, write_rows
@@ -111,10 +111,15 @@ def test_a_recording_comes_back(tmp_path):
         date=date(2026, 1, 2),
         drive="d",
         damage=("chunk 3 is cut",),
+        sightings=(Sighting("x\0<b>.mcap", "/logs/y", NOON), Sighting("z", "/logs/x", NOON)),
+        superseded_by="b" * 64,
+        conflicts=("c" * 64,),
     )
     store.write_recording(recording)
-    store.write_recording(RecordingRecord("b" * 64, "y", "/y"))
-    assert store.recordings() == [recording, RecordingRecord("b" * 64, "y", "/y")]
+    other = RecordingRecord("b" * 64, "y", "/y", sightings=(Sighting("y", "/y"),), conflicts=())
+    store.write_recording(other)
+    assert store.recordings() == [recording, other]
+    assert recording.other_names == ("z",)
     assert store.recording("a" * 64) == recording
 
 
