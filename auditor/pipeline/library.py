@@ -36,7 +36,7 @@ from auditor.pipeline.many import (
     measure_all,
     named_calibration,
 )
-from auditor.pipeline.measure import Measured, rigs_of
+from auditor.pipeline.measure import Measured, in_force, rigs_through
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, list_views, run_query, run_sql
@@ -66,24 +66,28 @@ def open_recording(path: PathLike) -> Recording:
 def find_rigs(recording: Recording, rig_file: PathLike | None = None) -> tuple[Rig, ...]:
     """The rigs of a recording: from its calibration and transforms, or the one of a rig.toml or camchain.yaml.
 
-    Raises RigError where no three sensors overlap, or where the rig file does not fit the recording.
+    Where its calibration changes, the rigs that come into force later follow those of its beginning. Raises RigError
+    where no three sensors overlap, or where the rig file does not fit the recording.
     """
-    return rigs_of(reading.survey(recording), Path(rig_file) if rig_file is not None else None)
+    path = Path(rig_file) if rig_file is not None else None
+    return tuple(one.rig for one in rigs_through(recording, reading.survey(recording), path).rigs)
 
 
 def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> FrameStream:
     """The frames of a recording, in order; each iteration reads it again. What cannot be a frame comes as `Skipped`.
 
-    Images are (H, W) uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
+    A rig of `find_rigs` has the frames of the time in which it is in force, any other rig has all. Images are (H, W)
+    uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
     """
-    return reading.synchronise(recording, rig, reading.survey(recording), colour=colour)
+    found = in_force(recording, reading.survey(recording), rig)
+    return reading.synchronise(recording, rig, found.survey, colour=colour, stretches=found.stretches)
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
     """Count the inconsistent pixels of every triple (Eq. 2), and compute the statistics of the five checks.
 
-    `counts` follow `rig.triples`, None where a sensor was missing. Raises RigError where the cameras have no view in
-    common, and SettingError for an unknown matcher.
+    `counts` follow `rig.measured_triples`, None where a sensor was missing. Raises RigError where the cameras have no
+    view in common, and SettingError for an unknown matcher.
     """
     found = find_matcher(matcher) if isinstance(matcher, str) else matcher
     return measure_frame(frame, rig, found)[0]

@@ -35,7 +35,8 @@ def command(
     auditor scan fleet_logs/ -r 0 --store night/audit
 
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
-    these. What the store has measured already is not measured again, but with --measure-again.
+    these. The parts of a split drive, given or found together, are one recording. What the store has measured already
+    is not measured again, but with --measure-again.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415

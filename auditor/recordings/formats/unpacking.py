@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from io import SEEK_END
 from pathlib import Path
 from shutil import disk_usage
-from typing import IO
+from typing import IO, Protocol
 
 import lz4.frame
 import zstandard
 
 from auditor.errors import RecordingError
-from auditor.recordings.content import ChangedError, FileContent
+from auditor.recordings.content import ChangedError
 
 MAX_BYTES = 64 * 2**20
 """No record, chunk or unpacked chunk may be larger: a scan may use 300 MB of memory, and real chunks have 1 to 10."""
@@ -156,6 +156,21 @@ def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
     return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
 
 
+class Content(Protocol):
+    """The bytes of one file, see content.FileContent."""
+
+    @property
+    def path(self) -> Path:
+        """Where the file lies."""
+
+    @property
+    def size(self) -> int:
+        """Its length in bytes."""
+
+    def open(self) -> IO[bytes]:
+        """The file for reading. Raises OSError."""
+
+
 @dataclass(frozen=True, eq=False)
 class Source:
     """One file of a recording, unpacked: its name, its path and size, and why a part could not be unpacked.
@@ -167,9 +182,9 @@ class Source:
     path: Path
     name: str
     size: int
-    content: FileContent
+    content: Content
     problem: str = ""
-    journal: FileContent | None = None
+    journal: Content | None = None
     _unpacked: IO[bytes] | None = None
 
     def open(self) -> IO[bytes]:
@@ -184,7 +199,7 @@ class Source:
             self._unpacked.close()
 
 
-def source_of(content: FileContent, journal: FileContent | None = None) -> Source:
+def source_of(content: Content, journal: Content | None = None) -> Source:
     """A file, unpacked where it is packed. Raises RecordingError where there is too little space for it."""
     file = content.path
     if file.suffix.lower() != PACKED:

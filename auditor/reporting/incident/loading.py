@@ -154,8 +154,9 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         in_incidents=audit.judgement.in_incidents if audit.judgement else 0,
         skipped=audit.measurement.skipped,
         sensors=_sensor_lines(audit.rig),
-        triples=audit.rig.triples,
+        triples=audit.rig.measured_triples,
         balance=audit.measurement.balance,
+        covered=audit.measurement.coverage or (),
         provenance=_provenance(store, audit, calibration_recordings),
     )
 
@@ -242,15 +243,17 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
 
 
 def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
-    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks."""
+    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks.
+
+    Judgements of earlier versions know fewer of them: later ones were added at the end.
+    """
     if row["method"] == Method.ROBUST:
-        # Judgements of earlier versions know fewer pair checks: later ones were added at the end.
         for pair_check, theta, samples in zip(
             rig_pair_checks(rig), row["check_theta"], row["check_samples"], strict=False
         ):
             yield ThresholdLine(pair_check.check, (pair_check.i, pair_check.k), theta, samples or 0)
     else:
-        for triple, theta, samples in zip(rig.triples, row["theta"], row["samples"], strict=True):
+        for triple, theta, samples in zip(rig.measured_triples, row["theta"], row["samples"], strict=False):
             yield ThresholdLine("E", triple, theta, samples or 0)
 
 

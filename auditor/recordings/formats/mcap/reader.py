@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Collection, Generator, Iterator
+from contextlib import suppress
 from io import BytesIO
 
 from mcap.data_stream import ReadDataStream
@@ -19,10 +20,12 @@ from auditor.recordings.formats.mcap.records import (
     read_body,
     read_ending,
     records,
+    span_of_records,
+    span_of_summary,
     unpack_chunk,
     unpack_cut_chunk,
 )
-from auditor.recordings.formats.topics import Channel, Channels, Names
+from auditor.recordings.formats.topics import Channel, Channels, Names, Span
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
@@ -76,6 +79,18 @@ class FileRead:
             if ending is None and self._damage.count == damage_before:
                 self._damage.add("its end is damaged (footer or summary)", stream.offset)
         self.channels.note_unknown()
+
+    def span_ns(self) -> Span | None:
+        """The first and last log time: by the summary where there is one, else by the heads of chunks and messages."""
+        with self._source.open() as file:
+            size = self._source.size
+            ending = read_ending(file, size)
+            if ending and (known := span_of_summary(ending.summary)):
+                return known
+            file.seek(0)
+            with suppress(CutError):
+                return span_of_records(ForwardStream(file, size))
+        return None
 
     def _record(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
         if record.opcode == Opcode.CHUNK:

@@ -5,7 +5,7 @@ searched for rows with the column types of these tables.
 """
 
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
 from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
-from auditor.recordings.formats.topics import Channels, Names
+from auditor.recordings.formats.topics import Channels, Names, Span, span_over
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
@@ -61,6 +61,23 @@ class Db3Read:
                 self._damage.add(f"it cannot be read further ({error.strerror or error})")
             self._note_totals(pages)
         self.channels.note_unknown()
+
+    def span_ns(self) -> Span | None:
+        """The times of the first and the last row: a recorder writes them in this order.
+
+        Raises RecordingError where the file is not a recording.
+        """
+        with self._pages() as pages:
+            root = self._catalogue(pages).get("messages")
+            ends = (pages.end_leaf(root, last=last) for last in (False, True)) if root is not None else ()
+            return span_over(time_ns for page in ends if page is not None for time_ns in self._times_ns(pages, page))
+
+    def _times_ns(self, pages: Pages, page: int) -> Iterator[int]:
+        for row in self._rows(pages, page):
+            if row.kinds.startswith(_MESSAGE_ROW):
+                with suppress(BadPageError):
+                    value = pages.value(row, 2)
+                    yield from (value,) if isinstance(value, int) else ()
 
     @contextmanager
     def _pages(self) -> Iterator[Pages]:
