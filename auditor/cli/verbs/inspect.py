@@ -66,6 +66,8 @@ def command(
     for path in found.recordings:
         try:
             description = run_within(limits(path), _describe, path, rig, write_rig)
+            if write_rig and description["rigs"]:
+                say(f"the rig is in {write_rig}")
         except LimitError as error:
             say(f"auditor: {error}")
             tally.incomplete = True
@@ -85,7 +87,6 @@ def command(
 
 
 def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str, Any]:
-    from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
     from auditor.recordings import check_health, open_recording, search_rigs, survey, synchronise, write_rig  # noqa: PLC0415
@@ -102,7 +103,6 @@ def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str,
             missing = error.what
         if rigs and written:
             write_rig(rigs[0], written)
-            say(f"the rig is in {written}")
         calibration_warnings = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
         described = [
             {**_rig(rig, check_health(synchronise(recording, rig, surveyed), rig)), "calibration_warnings": list(unfit)}
