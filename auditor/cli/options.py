@@ -55,6 +55,13 @@ jobs_option = click.option(
 )
 
 
+again_option = click.option(
+    "--measure-again",
+    is_flag=True,
+    help="Measure also what the store has; the earlier measurement goes, with its judgements.",
+)
+
+
 matcher_option = click.option(
     "--matcher",
     default="sgbm",
@@ -187,13 +194,15 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         origin_of: "Callable[[Path], Origin]",
         limits: "LimitsOf",
         jobs: int,
+        measure_again: bool,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        return command(measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs), **others)
+        settings = MeasureSettings(matcher, network, rig, origin_of, limits, jobs, again=measure_again)
+        return command(measuring=settings, **others)
 
-    return matcher_options(rig_option(origin_options(budget_options(jobs_option(collected)))))
+    return matcher_options(rig_option(origin_options(budget_options(jobs_option(again_option(collected))))))
 
 
 class _Rate(click.ParamType[Decimal]):
@@ -235,7 +244,7 @@ def judging_options(command: Decorated) -> Decorated:
             type=FiniteRange(0, 1),
             default=0.99,
             show_default=True,
-            help="Share of frames below which a recording counts as not fully audited.",
+            help="Share of frames, messages and time below which a recording counts as not fully audited.",
         ),
         click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N)."),
         click.option(

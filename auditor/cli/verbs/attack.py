@@ -129,7 +129,7 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> No
     with open_recording(source) as recording:
         surveyed = survey(recording)
         known = rigs_of(surveyed, rig)[0]
-        start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
+        start_ns = min(sample.time_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
         attackers = [Attacker(plan, known) for plan in _plans(wanted, start_ns)]
         changes = {
             known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud

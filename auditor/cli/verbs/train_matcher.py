@@ -15,6 +15,7 @@ from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
+    from auditor.recordings import Location
     from auditor.training import Made, Point, SampleSource, SampleTask
 
 _FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on
@@ -127,7 +128,7 @@ def command(
         raise error
     samples = out / "samples"
 
-    def tasks(paths: Sequence[Path], first_street: int, streets: int) -> "list[SampleTask]":
+    def tasks(paths: "Sequence[Location]", first_street: int, streets: int) -> "list[SampleTask]":
         sources: list[SampleSource] = [Recorded(path, rig) for path in paths]
         sources += [Street(first_street + number, _STREET_SAMPLES) for number in range(streets)]
         return [SampleTask(source, samples, frames) for source in sources]

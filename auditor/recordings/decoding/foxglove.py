@@ -64,10 +64,13 @@ class FoxgloveMessages:
 
 
 def stamp_ns(values: dict[str, Any]) -> int:
-    """Nanoseconds since 1970 of a message's timestamp; 0 where it has none. Raises DecodingError."""
+    """Nanoseconds since 1970 of a message's timestamp, which may be negative; 0 where it has none.
+
+    Raises DecodingError.
+    """
     stamp = values["timestamp"]
     time_ns = stamp["seconds"] * 10**9 + stamp["nanos"] if stamp else 0
-    if not 0 <= time_ns <= _MAX_STAMP_NS:
+    if abs(time_ns) > _MAX_STAMP_NS:
         raise DecodingError("its timestamp is out of range")
     return int(time_ns)
 

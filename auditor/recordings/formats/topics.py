@@ -1,6 +1,6 @@
 """The topics, definitions and channels that one read of one file finds, in every format."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.recording import Definition, Topic
@@ -9,6 +9,18 @@ MAX_TOPICS = 10_000
 MAX_NAME = 4096
 MAX_DEFINITION_BYTES = 64 * 2**20
 MAX_CHANNELS = 100_000
+
+Span = tuple[int, int]
+"""The first and last log time of a file, in nanoseconds."""
+
+
+def span_over(times_ns: Iterable[int]) -> Span | None:
+    """The first and the last of some times; None where there are none."""
+    first = last = None
+    for time_ns in times_ns:
+        first = time_ns if first is None else min(first, time_ns)
+        last = time_ns if last is None else max(last, time_ns)
+    return None if first is None or last is None else (first, last)
 
 
 class Names:

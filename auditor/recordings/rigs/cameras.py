@@ -1,7 +1,7 @@
 """The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ class View:
     info: CameraInfo
     rectified: bool
     lens: Lens
+    info_topic: str = ""
 
     @property
     def name(self) -> str:
@@ -81,7 +82,7 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
         except RigError as error:
             reasons.append(f"{image.topic.name}: {error.what}")
             continue
-        best.setdefault(topic, view)
+        best.setdefault(topic, replace(view, info_topic=topic))
     views = sorted(best.values(), key=lambda view: view.image.topic.name)
     names = (view.name for view in views)
     return first_ones(views, RIG_LIMITS.most_candidates, "cameras are calibrated", names, reasons)

@@ -36,7 +36,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images:
-        raise RigError("no triple possible: there are no camera images", remedy="give a recording with two cameras")
+        missing = "; ".join(["there are no camera images that can be read", *_unreadable(survey)])
+        raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras")
     found = search_rigs(survey)
     if not found.rigs:
         raise RigError(
@@ -294,4 +295,13 @@ def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
         yield "there is no camera info for any of the images"
     if not survey.clouds:
         yield "there is no LiDAR"
+    if survey.other_parts:
+        yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
+    yield from _unreadable(survey)
     yield from reasons[:12]
+
+
+def _unreadable(survey: Survey) -> Iterator[str]:
+    """What is there and cannot be read, as far as the recording's beginning shows."""
+    for one in survey.unreadable[:12]:
+        yield f"{one.topic.name} ({one.kind}): {one.reason}; {one.remedy}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from auditor.errors import DecodingError
@@ -14,9 +15,12 @@ from auditor.recordings.decoding import (
     ImageDecoder,
     Transform,
     decoder_table,
+    sensor_types,
 )
 from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.decoding.sensor_types import SensorKind
+from auditor.recordings.formats.part_names import other_parts
 from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
 
@@ -34,10 +38,15 @@ MAX_LAG_NS = FIRST_LOOK.most_lag_ns
 
 
 class Sample(NamedTuple):
-    """When one message was captured and when it was recorded."""
+    """When one message was captured, by its stamp (0: it has none), and when it was recorded."""
 
     stamp_ns: int
     log_time_ns: int
+
+    @property
+    def time_ns(self) -> int:
+        """Its stamp, or its log time where it has none."""
+        return self.stamp_ns or self.log_time_ns
 
 
 @dataclass(frozen=True)
@@ -64,12 +73,24 @@ class CloudTopic:
     samples: tuple[Sample, ...]
 
 
+@dataclass(frozen=True)
+class UnreadableTopic:
+    """A topic of camera pictures or LiDAR points of which no message could be read, why, and what to do about it."""
+
+    topic: Topic
+    kind: SensorKind
+    reason: str
+    remedy: str
+
+
 @dataclass(frozen=True, eq=False)
 class Survey:
     """The content of a recording's beginning.
 
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
-    after the other in the file, so that sensors cannot be paired in one read.
+    after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
+    no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
+    those of the recording that are named as parts of the same drive.
     """
 
     topics: tuple[Topic, ...]
@@ -79,6 +100,8 @@ class Survey:
     transforms: tuple[Transform, ...]
     problems: tuple[str, ...]
     interleaved: bool
+    other_parts: tuple[Path, ...] = ()
+    unreadable: tuple[UnreadableTopic, ...] = ()
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -104,6 +127,7 @@ class _Surveyor:
         self._infos: dict[str, CameraInfo] = {}
         self._transforms: dict[tuple[str, str], Transform] = {}
         self._problems: dict[str, None] = {}
+        self._reasons: dict[str, str] = {}
         self._bytes = 0
         self._messages = 0
         self._newest_ns = 0
@@ -136,6 +160,8 @@ class _Surveyor:
             transforms=tuple(self._transforms.values()),
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
+            other_parts=other_parts(self._recording.files),
+            unreadable=tuple(self._unreadable()),
         )
 
     def _by_kind(self, *kinds: str) -> tuple[str, ...]:
@@ -185,6 +211,7 @@ class _Surveyor:
             else:
                 self._take_sensor(message, decoder)
         except DecodingError as error:
+            self._reasons.setdefault(message.topic, error.what)
             self._note(f"{message.topic}: {error.what}")
 
     def _take_sensor(self, message: Message, decoder: ImageDecoder | CloudDecoder) -> None:
@@ -192,11 +219,11 @@ class _Surveyor:
         header = decoder.header(message)
         if header.stamp_ns == 0 != message.log_time_ns:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
-        stamp_ns = header.stamp_ns or message.log_time_ns
-        self._samples.setdefault(message.topic, []).append(Sample(stamp_ns, message.log_time_ns))
-        self._take_time(message.topic, stamp_ns)
+        sample = Sample(header.stamp_ns, message.log_time_ns)
+        self._samples.setdefault(message.topic, []).append(sample)
+        self._take_time(message.topic, sample.time_ns)
         if message.topic not in self._sensors:
-            size = decoder.size_px(message) if decoder.kind == "image" else len(decoder.xyz_m(message))
+            size = _size_px(message, decoder) if decoder.kind == "image" else len(decoder.xyz_m(message))
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
         if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
@@ -215,13 +242,15 @@ class _Surveyor:
         return depth_of(max(alike))
 
     def _take_time(self, topic: str, stamp_ns: int) -> None:
+        topic_begins = topic not in self._last_ns
         last_ns = self._last_ns.get(topic, stamp_ns)
         self._last_ns[topic] = stamp_ns
         if stamp_ns < last_ns - MAX_LAG_NS:
             self._jumped = True
             self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        if not self._jumped:  # behind a jump, old stamps do not show the order of topics
+        # Behind a jump, old stamps do not show the order of topics; nor do stamps that stand still or go back.
+        if not self._jumped and (stamp_ns > last_ns or topic_begins):
             self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
@@ -239,3 +268,28 @@ class _Surveyor:
         for name in unseen:
             self._note(f"{name}: no message of it could be read at the beginning")
         return len(unseen)
+
+    def _unreadable(self) -> Iterator[UnreadableTopic]:
+        for topic in self._recording.topics():
+            if topic.name in self._sensors:
+                continue
+            decoder = self._decoders.of(topic.schema, topic.encoding)
+            declared = decoder or self._decoders.in_any_encoding(topic.schema)
+            if declared is not None and declared.kind in sensor_types.KINDS:
+                kind, remedy = sensor_types.KINDS[declared.kind], sensor_types.remedy_of(topic.schema)
+                yield UnreadableTopic(topic, kind, self._why_unread(topic, readable=decoder is not None), remedy)
+            elif declared is None and topic.schema in sensor_types.UNREAD:
+                kind, remedy = sensor_types.UNREAD[topic.schema]
+                yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
+
+    def _why_unread(self, topic: Topic, *, readable: bool) -> str:
+        if not readable:
+            return f"{topic.schema} in the encoding {topic.encoding!r} cannot be decoded"
+        return self._reasons.get(topic.name, "no message of it lies at the beginning, from which rigs are found")
+
+
+def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:
+    """The size of an image that can be decoded. Raises DecodingError."""
+    size_px = decoder.size_px(message)
+    decoder.pixels(message, colour=False, size_px=size_px)
+    return size_px
