@@ -142,8 +142,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (
             3,
             4,
+            8,
+            16,
         ),
-        "dimensions, and N - 3",
+        "dimensions, and N - 3; bits of a pixel",
     ),
 }
 """By module the numbers that are definitions, not choices."""
