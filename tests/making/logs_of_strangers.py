@@ -108,7 +108,7 @@ def record(
     vehicle: Vehicle,
     moments: range,
     *,
-    attack: Attack = Attack(),  # noqa: B008  # frozen
+    attack: Attack = Attack(),  # frozen
     seed: int = 0,
     start_ns: int = START_NS,
     scene: Callable[[int], Seen] | None = None,
@@ -163,7 +163,7 @@ def _write_db3(path: Path, log: Sequence[Sent]) -> None:
         _write_with(writer, _Maker(ros1=False), log)
 
 
-def _write_with(writer: Any, maker: "_Maker", log: Sequence[Sent]) -> None:  # noqa: ANN401  # two writers
+def _write_with(writer: Any, maker: "_Maker", log: Sequence[Sent]) -> None:
     connections: dict[str, Any] = {}
     for sent in log:
         schema, data = maker.bytes_of(sent)
@@ -208,7 +208,7 @@ class _Maker:
                 return _TF, self._made(_TF, transforms=made)
         raise TypeError(sent.body)
 
-    def _made(self, schema: str, **fields: object) -> Any:  # noqa: ANN401  # rosbags generates the classes
+    def _made(self, schema: str, **fields: object) -> Any:  # rosbags generates the classes
         return self.types.types[schema.replace("/", "/msg/")](**fields)
 
     def _header(self, stamp_ns: int, frame_id: str) -> object:
@@ -274,7 +274,7 @@ class _Maker:
             **named,
         )
 
-    def _mount(self, head: Any, parent: str, child: str, place: NDArray[np.float64]) -> object:  # noqa: ANN401
+    def _mount(self, head: Any, parent: str, child: str, place: NDArray[np.float64]) -> object:
         x, y, z = (float(value) for value in place[:3, 3])
         qx, qy, qz, qw = _quaternion(place[:3, :3])
         head = replace(head, frame_id=parent)
