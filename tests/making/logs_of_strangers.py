@@ -20,7 +20,7 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from tests.making.vehicles_of_strangers import BASE_FRAME, LIDAR_FRAME, Seen, Vehicle, see, with_spot, with_wall
+from tests.making.vehicles_of_strangers import LIDAR_FRAME, Seen, Vehicle, see, with_spot, with_wall
 
 START_NS = 1_317_042_145_964_389_445
 """A real clock counts nanoseconds: 2011-09-26, 13:02:25.964389445 UTC."""
@@ -60,7 +60,7 @@ class Mounts:
     """By frame where it sits in the parent frame, (4, 4)."""
 
     places: Mapping[str, NDArray[np.float64]]
-    parent: str = BASE_FRAME
+    parent: str
 
 
 @dataclass(frozen=True)
@@ -91,17 +91,18 @@ Log = list[Sent]
 
 @dataclass(frozen=True)
 class Attack:
-    """A laser's spot on some cameras and a wall in the cloud, in some moments."""
+    """A laser's spot on some cameras and a wall in the cloud, so far ahead, in some moments."""
 
     cameras: tuple[str, ...] = ()
     wall: bool = False
     moments: range = range(0)
+    ahead_m: float = 5.0
 
     def on(self, seen: Seen, moment: int) -> Seen:
         if moment not in self.moments:
             return seen
         spots = {camera: with_spot(seen.images[camera], moment) for camera in self.cameras}
-        return Seen(seen.images | spots, with_wall(seen.xyz_m) if self.wall else seen.xyz_m)
+        return Seen(seen.images | spots, with_wall(seen.xyz_m, self.ahead_m) if self.wall else seen.xyz_m)
 
 
 def record(
@@ -112,27 +113,39 @@ def record(
     seed: int = 0,
     start_ns: int = START_NS,
     scene: Callable[[int], Seen] | None = None,
+    clock: Callable[[str, int], int] | None = None,
 ) -> Log:
-    """What a recorder writes of some moments: the mounts once, then the sensors, each at a time of its own."""
-    mounts = Sent("/tf_static", BASE_FRAME, start_ns, start_ns, Mounts(vehicle.mounts()))
-    log = [mounts]
+    """What a recorder writes of some moments: the mounts once, then the sensors, each at a time of its own.
+
+    `scene` gives what is seen at a moment, `clock` when a sensor sees it, in place of the vehicle's synthetic ones.
+    """
+
+    def synthetic_clock(sensor: str, moment: int) -> int:
+        offset_ns = list(vehicle.cameras).index(sensor) * 811_003 if sensor in vehicle.cameras else -17_000_123
+        return start_ns + moment * PERIOD_NS + offset_ns
+
+    clock = clock or synthetic_clock
+    begin_ns = clock(LIDAR_FRAME, moments[0])
+    log = [Sent("/tf_static", vehicle.parent, begin_ns, begin_ns, Mounts(vehicle.mounts(), vehicle.parent))]
     for moment in moments:
         seen = attack.on(scene(moment) if scene else see(vehicle, moment, seed), moment)
-        at = start_ns + moment * PERIOD_NS
-        for number, (camera, pixels) in enumerate(seen.images.items()):
-            stamp_ns = at + number * 811_003
+        for camera, pixels in seen.images.items():
+            stamp_ns = clock(camera, moment)
             frame = f"{camera}_optical"
             info = Calibration(vehicle.projection(camera), vehicle.size_px)
             log.append(Sent(vehicle.info(camera), frame, stamp_ns, stamp_ns + 21_000_017, info, moment))
             picture = Picture(pixels, vehicle.form)
             log.append(Sent(vehicle.topic(camera), frame, stamp_ns, stamp_ns + 23_000_041, picture, moment))
-        swept_ns = at - 17_000_123
+        swept_ns = clock(LIDAR_FRAME, moment)
         log.append(Sent(vehicle.lidar_topic, LIDAR_FRAME, swept_ns, swept_ns + 60_000_029, Cloud(seen.xyz_m), moment))
     return log
 
 
 def write(path: Path, log: Iterable[Sent]) -> Path:
-    """The log in the container of the path's ending: .mcap (ROS 2), .bag (ROS 1) or .db3 (a rosbag2 folder)."""
+    """The log in the container of the path's ending: .mcap (ROS 2), .bag (ROS 1) or .db3 (a rosbag2 folder).
+
+    Nothing is compressed: logs of equal messages in other bytes are files of equal size.
+    """
     {".mcap": _write_mcap, ".bag": _write_bag, ".db3": _write_db3}[path.suffix](path, list(log))
     return path
 
@@ -141,7 +154,7 @@ def _write_mcap(path: Path, log: Sequence[Sent]) -> None:
     maker = _Maker(ros1=False)
     channels: dict[str, int] = {}
     with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="a stranger's recorder")
         for sent in log:
             schema, data = maker.bytes_of(sent)

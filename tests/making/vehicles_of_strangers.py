@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIDAR_FRAME = "lidar_top"
-BASE_FRAME = "base_link"
 CAMERA_FROM_BASE = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 """Axes of a camera (x right, y down, z ahead) from those of a vehicle (x ahead, y left, z up)."""
 LIDAR_ABOVE_CAMERA_M = np.array([-0.3, -0.1, 0.25])  # ahead, left, up
@@ -15,8 +14,8 @@ FAR_PX = 2
 """Disparity of the wall behind everything, in px a unit of the baseline."""
 SPOT_SHARE = 0.36
 """Radius of a laser's spot as a share of the image's height."""
-WALL_M = (5.0, 1.4)
-"""Distance and half width of a bogus wall."""
+WALL_M = (-1.2, 1.25)
+"""Lowest height and half width of a bogus wall."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,7 @@ class Vehicle:
     info_topic: str
     form: str
     lidar_topic: str = "/lidar_top/points"
+    parent: str = "base_link"
 
     def topic(self, camera: str) -> str:
         return self.image_topic.format(camera)
@@ -105,14 +105,12 @@ def with_spot(image: NDArray[np.uint8], moment: int) -> NDArray[np.uint8]:
     return cv2.circle(image.copy(), at, round(SPOT_SHARE * height), 255, -1)
 
 
-def with_wall(xyz_m: NDArray[np.float32]) -> NDArray[np.float32]:
+def with_wall(xyz_m: NDArray[np.float32], ahead_m: float) -> NDArray[np.float32]:
     """Points that would lie behind a bogus wall ahead come from it; `xyz_m` is ahead, left, up."""
-    distance_m, half_m = WALL_M
-    scale = distance_m / np.maximum(xyz_m[:, 0], 1e-3)
-    behind = (xyz_m[:, 0] > distance_m) & (np.abs(xyz_m[:, 1] * scale) < half_m)
-    moved = xyz_m.copy()
-    moved[behind] *= scale[behind, None]
-    return moved
+    lowest_m, half_m = WALL_M
+    there = xyz_m * (ahead_m / np.maximum(xyz_m[:, :1], 1e-3))
+    behind = (xyz_m[:, 0] > ahead_m) & (np.abs(there[:, 1]) < half_m) & (there[:, 2] > lowest_m)
+    return np.where(behind[:, None], there, xyz_m).astype(np.float32)
 
 
 @dataclass(frozen=True)
