@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.making.logs_of_strangers import Attack, Log, record
+from tests.making.logs_of_strangers import NO_ATTACK, Attack, Log, record
 from tests.making.vehicles_of_strangers import LIDAR_FRAME, Seen
 
 CAMERAS = {"gray_right": 1, "color_right": 3, "gray_left": 0, "color_left": 2}
@@ -85,7 +85,7 @@ class Drive:
         return _rows(self._day / "calib_velo_to_cam.txt")
 
 
-def real_log(drive: Drive, moments: range, attack: Attack = Attack(), without: Collection[str] = ()) -> Log:
+def real_log(drive: Drive, moments: range, attack: Attack = NO_ATTACK, without: Collection[str] = ()) -> Log:
     """A log of some frames of the drive; the messages of some topics are missing where it is attacked."""
     log = record(drive, moments, attack=attack, scene=drive.see, clock=drive.stamp_ns)
     return [sent for sent in log if sent.topic not in without or sent.moment not in attack.moments]

@@ -105,11 +105,14 @@ class Attack:
         return Seen(seen.images | spots, with_wall(seen.xyz_m, self.ahead_m) if self.wall else seen.xyz_m)
 
 
+NO_ATTACK = Attack()
+
+
 def record(
     vehicle: Vehicle,
     moments: range,
     *,
-    attack: Attack = Attack(),  # frozen
+    attack: Attack = NO_ATTACK,
     seed: int = 0,
     start_ns: int = START_NS,
     scene: Callable[[int], Seen] | None = None,

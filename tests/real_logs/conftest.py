@@ -28,13 +28,23 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def audit(calibrated: Path, tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Audit:
-    """Verbs beside a calibrated store of the test's own."""
-    shutil.copytree(calibrated, tmp_path / "audit")
-    return Audit(tmp_path / "audit", capfdbinary.readouterr)
+def audits(calibrated: Path, tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Callable[[str], Audit]:
+    """Verbs beside calibrated stores of the test's own, each with a name."""
+
+    def audit(name: str) -> Audit:
+        shutil.copytree(calibrated, tmp_path / name)
+        return Audit(tmp_path / name, capfdbinary.readouterr)
+
+    return audit
 
 
 @pytest.fixture
-def new_audit(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Callable[[str], Audit]:
-    """Verbs beside a store of a name that is not there yet."""
-    return lambda name: Audit(tmp_path / name, capfdbinary.readouterr)
+def audit(audits: Callable[[str], Audit]) -> Audit:
+    """Verbs beside a calibrated store of the test's own."""
+    return audits("audit")
+
+
+@pytest.fixture
+def new_audit(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Audit:
+    """Verbs beside a store that is not there yet."""
+    return Audit(tmp_path / "new", capfdbinary.readouterr)

@@ -8,7 +8,7 @@ from auditor.cli import run
 from auditor.cli.exit_codes import Exit
 from tests.making.audits import Audit
 from tests.making.logs_of_real_frames import Drive, real_log
-from tests.making.logs_of_strangers import Attack, write
+from tests.making.logs_of_strangers import NO_ATTACK, Attack, write
 
 CLEAN, SCANNED, HIT = range(8), range(20, 29), range(23, 29)
 THREE = ("gray_right", "color_right", "color_left")
@@ -29,7 +29,7 @@ def calibrated(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 @pytest.mark.parametrize("cameras", [None, THREE], ids=["4 cameras", "3 cameras"])
-@pytest.mark.parametrize("attack", [Attack(), SPOT, WALL], ids=["clean", "spot", "wall"])
+@pytest.mark.parametrize("attack", [NO_ATTACK, SPOT, WALL], ids=["clean", "spot", "wall"])
 def test_what_hides_nothing_is_clean_or_found(cameras, attack: Attack, audit: Audit, real_data: Path, tmp_path: Path):
     drive = Drive(real_data, cameras) if cameras else Drive(real_data)
     answer = audit.scan(write(tmp_path / "log.mcap", real_log(drive, SCANNED, attack)))

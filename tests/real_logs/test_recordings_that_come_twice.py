@@ -40,7 +40,9 @@ def test_a_copy_under_another_name_gives_one_incident_and_both_names_are_kept(au
     copy.write_bytes(log.read_bytes())
     assert audit.scan(log, copy).code == Exit.FINDINGS
     assert len(audit(*INCIDENTS).rows) == 1
-    assert {"log.mcap", "copy.mcap"} <= set(str(audit.ask("FROM recordings")).replace("'", " ").replace("/", " ").split())
+    assert {"log.mcap", "copy.mcap"} <= set(
+        str(audit.ask("FROM recordings")).replace("'", " ").replace("/", " ").split()
+    )
 
 
 def test_a_cut_copy_of_an_attacked_recording_does_not_hide_it(audit: Audit, tmp_path: Path):

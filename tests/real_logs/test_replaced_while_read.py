@@ -1,4 +1,4 @@
-"""A recording that is another one when it is measured than it was when it was hashed: no hash stands for other bytes."""
+"""A recording that changes between hashing and measuring: no hash stands for the frames of other bytes."""
 
 import hashlib
 import os
@@ -14,7 +14,7 @@ from auditor.pipeline import measure
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store
 from tests.making.audits import Audit
-from tests.making.logs_of_strangers import Attack, record, write
+from tests.making.logs_of_strangers import NO_ATTACK, record, write
 from tests.making.vehicles_of_strangers import VAN
 from tests.making.ways_to_hide import MOMENTS, SEED, SPOT
 
@@ -41,7 +41,7 @@ def contents(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes]:
     folder = tmp_path_factory.mktemp("contents")
     clean, attacked = (
         write(folder / f"{number}.mcap", record(VAN, range(MOMENTS), attack=attack, seed=SEED)).read_bytes()
-        for number, attack in enumerate((Attack(), SPOT))
+        for number, attack in enumerate((NO_ATTACK, SPOT))
     )
     assert len(clean) == len(attacked)
     return clean, attacked

@@ -6,7 +6,7 @@ import pytest
 
 from auditor.cli.exit_codes import Exit
 from tests.making.audits import Audit
-from tests.making.logs_of_strangers import Attack, record, write
+from tests.making.logs_of_strangers import NO_ATTACK, Attack, record, write
 from tests.making.vehicles_of_strangers import WAGON
 from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL, WAYS, Way
 
@@ -21,7 +21,7 @@ def test_no_way_to_hide_ends_in_exit_code_0(way: Way, audit: Audit, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("attack", "code"), [(Attack(), Exit.CLEAN), (SPOT, Exit.FINDINGS), (WALL, Exit.FINDINGS)], ids=str
+    ("attack", "code"), [(NO_ATTACK, Exit.CLEAN), (SPOT, Exit.FINDINGS), (WALL, Exit.FINDINGS)], ids=str
 )
 def test_the_same_recordings_that_hide_nothing_are_clean_or_attacked(
     attack: Attack, code: Exit, audit: Audit, tmp_path: Path

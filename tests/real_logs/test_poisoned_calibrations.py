@@ -1,0 +1,27 @@
+"""Attacked recordings offered as clean ones: what was calibrated on them still finds the attack, or refuses."""
+
+from pathlib import Path
+
+import pytest
+
+from auditor.cli.exit_codes import Exit
+from tests.making.audits import Audit
+from tests.making.logs_of_strangers import DAY_NS, START_NS, Attack, record, write
+from tests.making.vehicles_of_strangers import WAGON
+from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL
+
+
+@pytest.mark.parametrize("attack", [SPOT, WALL], ids=["spot", "wall"])
+@pytest.mark.parametrize("clean", [0, 1], ids=["alone", "beside a clean one"])
+def test_an_attack_is_found_by_a_calibration_on_the_same_attack(
+    attack: Attack, clean: int, new_audit: Audit, tmp_path: Path
+):
+    offered = [
+        write(tmp_path / f"clean_{day}.mcap", record(WAGON, range(MOMENTS), seed=11, start_ns=START_NS - day * DAY_NS))
+        for day in range(1, 1 + clean)
+    ]
+    poisoned = record(WAGON, range(MOMENTS), attack=attack, seed=14, start_ns=START_NS - 3 * DAY_NS)
+    answer = new_audit("calibrate", *offered, write(tmp_path / "poisoned.mcap", poisoned), "-r", "0")
+    assert answer.code != Exit.FINDINGS
+    log = record(WAGON, range(MOMENTS), attack=attack, seed=SEED)
+    assert new_audit.scan(write(tmp_path / "log.mcap", log)).code != Exit.CLEAN
