@@ -261,8 +261,14 @@ WAYS = (
     Way("the LiDAR's type is Velodyne's", WALL, everywhere(of_another_type(LIDAR, "velodyne_msgs/VelodyneScan"))),
     Way("mostly empty", SPOT, mostly_empty),
     Way("a hole of half a minute", SPOT, with_a_hole),
-    Way("a raw decoy beside the compressed topic", SPOT, behind_a_decoy("/right/image_rect")),
-    Way("a clean topic in the attacked one's place", SPOT, moved_away),
-    Way("attacked between the LiDAR's sweeps", SPOT, between_frames),
     Way("attacked images beside clean twins", SPOT, beside_clean_twins),
 )
+
+UNKNOWABLE = (
+    (Way("a raw decoy beside the compressed topic", SPOT, behind_a_decoy("/right/image_rect")), RIGHT),
+    (Way("a clean topic in the attacked one's place", SPOT, moved_away), "/right/raw"),
+)
+"""Two topics of one camera: no recording says which of them the vehicle used. The one that is not audited is named."""
+
+BETWEEN_SWEEPS = Way("attacked between the LiDAR's sweeps", SPOT, between_frames)
+"""A frame takes one message a sensor: what a faster sensor says between two frames is compared with nothing."""

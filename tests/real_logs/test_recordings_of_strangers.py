@@ -82,7 +82,7 @@ def test_who_unplugs_a_sensor_is_judged_by_those_that_remain(which: str, attack:
 
 
 @pytest.mark.parametrize("which", ["a camera", "the LiDAR", "a camera and the LiDAR"])
-def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_new_audit(
+def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_alone(
     which: str, audit: Audit, new_audit: Audit, tmp_path: Path
 ):
     vehicle, missing = WITHOUT[which]

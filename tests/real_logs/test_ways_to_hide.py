@@ -8,7 +8,7 @@ from auditor.cli.exit_codes import Exit
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import NO_ATTACK, Attack, record, write
 from tests.making.vehicles_of_strangers import WAGON
-from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL, WAYS, Way
+from tests.making.ways_to_hide import BETWEEN_SWEEPS, MOMENTS, SEED, SPOT, UNKNOWABLE, WALL, WAYS, Way
 
 NOT_SILENCED = {Exit.FINDINGS, Exit.INCOMPLETE, Exit.FINDINGS_INCOMPLETE}
 
@@ -28,3 +28,16 @@ def test_the_same_recordings_that_hide_nothing_are_clean_or_attacked(
 ) -> None:
     log = record(WAGON, range(MOMENTS), attack=attack, seed=SEED)
     assert audit.scan(write(tmp_path / "log.mcap", log)).code == code
+
+
+@pytest.mark.parametrize(("way", "topic"), UNKNOWABLE, ids=[way.name for way, _ in UNKNOWABLE])
+def test_what_cannot_be_known_is_said(way: Way, topic: str, audit: Audit, tmp_path: Path) -> None:
+    answer = audit.scan(write(tmp_path / "log.mcap", way.log()))
+    assert topic in answer.err, "the topic that was not audited is named"
+
+
+def test_messages_between_frames_are_counted(audit: Audit, tmp_path: Path) -> None:
+    audit.scan(write(tmp_path / "log.mcap", BETWEEN_SWEEPS.log()))
+    balance = f"SELECT read, used FROM balance WHERE topic = '{WAGON.topic('right')}' AND name = 'log.mcap'"
+    [row] = audit.ask(balance)
+    assert row == {"read": 2 * MOMENTS, "used": MOMENTS}
