@@ -125,7 +125,7 @@ def record(
 
     def synthetic_clock(sensor: str, moment: int) -> int:
         offset_ns = list(vehicle.cameras).index(sensor) * 811_003 if sensor in vehicle.cameras else -17_000_123
-        return start_ns + moment * PERIOD_NS + offset_ns
+        return start_ns + vehicle.ahead_ns + moment * PERIOD_NS + offset_ns
 
     clock = clock or synthetic_clock
     begin_ns = clock(LIDAR_FRAME, moments[0])

@@ -32,6 +32,8 @@ class Vehicle:
     form: str
     lidar_topic: str = "/lidar_top/points"
     parent: str = "base_link"
+    ahead_ns: int = 0
+    """How much later than others it begins: no two vehicles have the same stamps."""
 
     def topic(self, camera: str) -> str:
         return self.image_topic.format(camera)
@@ -74,6 +76,7 @@ VAN = Vehicle(
     image_topic="/sensing/camera/{}/image_rect",
     info_topic="/sensing/camera/{}/camera_info",
     form="raw",
+    ahead_ns=5_417_211_333,
 )
 
 

@@ -10,7 +10,7 @@ from tests.making.audits import Audit
 from tests.making.logs_of_real_frames import Drive, real_log
 from tests.making.logs_of_strangers import NO_ATTACK, Attack, write
 
-CLEAN, SCANNED, HIT = range(8), range(20, 29), range(23, 29)
+SCANNED, HIT = range(20, 29), range(23, 29)
 THREE = ("gray_right", "color_right", "color_left")
 REFERENCE = "color_left"
 WALL = Attack(wall=True, moments=HIT, ahead_m=8.0)
@@ -22,8 +22,8 @@ SPOT = Attack(("gray_right",), moments=HIT)
 def calibrated(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with calibrations of the rig of four cameras and of that of three."""
     folder = tmp_path_factory.mktemp("real")
-    for drive in (Drive(real_data), Drive(real_data, THREE)):
-        clean = write(folder / f"{len(drive.cameras)}.mcap", real_log(drive, CLEAN))
+    for drive, moments in ((Drive(real_data), range(8)), (Drive(real_data, THREE), range(8, 16))):
+        clean = write(folder / f"{len(drive.cameras)}.mcap", real_log(drive, moments))
         assert run(["calibrate", str(clean), "-r", "0", "--store", str(folder / "audit")]) == Exit.CLEAN
     return folder / "audit"
 
