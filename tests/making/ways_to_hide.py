@@ -24,7 +24,7 @@ from tests.making.logs_of_strangers import (
 )
 from tests.making.vehicles_of_strangers import LIDAR_FRAME, WAGON, Vehicle
 
-BEGINS, MOMENTS, SEED = 4, 12, 13
+BEGINS, MOMENTS, SEED = 3, 8, 13
 HIT = range(BEGINS, MOMENTS)
 SPOT, WALL = Attack(("right",), moments=HIT), Attack(wall=True, moments=HIT)
 SENSOR_BODIES = (Picture, Cloud)
@@ -236,7 +236,6 @@ WAYS = (
     Way("stamps that repeat", SPOT, repeated),
     Way("all stamps equal", SPOT, all_equal),
     Way("negative stamps", SPOT, everywhere(shifted(-START_NS - 60 * 10**9))),
-    Way("stamps that become negative", SPOT, from_the_attack_on(shifted(-START_NS - 60 * 10**9))),
     Way("stamps that jump a day ahead", SPOT, from_the_attack_on(shifted(DAY_NS))),
     Way("stamps that jump a day back", SPOT, from_the_attack_on(shifted(-DAY_NS))),
     Way("stamps of one camera between all others", SPOT, a_camera_between),
@@ -250,7 +249,6 @@ WAYS = (
     Way("a camera's topic is removed", SPOT, everywhere(without({RIGHT}))),
     Way("the LiDAR's topic ends", WALL, from_the_attack_on(without({LIDAR}))),
     Way("the LiDAR's topic is removed", WALL, everywhere(without({LIDAR}))),
-    Way("two cameras and the LiDAR are left", WALL, everywhere(without({RIGHT, WAGON.topic("inner_right")}))),
     Way("the reference camera ends", WALL, from_the_attack_on(without({WAGON.topic("left")}))),
     Way("a camera without its camera info", SPOT, everywhere(without({WAGON.info("right")}))),
     Way("a LiDAR that nobody mounted", WALL, everywhere(without_frame(LIDAR_FRAME))),
@@ -258,7 +256,6 @@ WAYS = (
     Way("a camera said to sit 12 cm beside its place", SPOT, everywhere(elsewhere("right", -0.12))),
     Way("a camera's type is unknown", SPOT, everywhere(of_another_type(RIGHT, "makers_msgs/Picture"))),
     Way("the LiDAR's type is Livox's", WALL, everywhere(of_another_type(LIDAR, "livox_ros_driver2/CustomMsg"))),
-    Way("the LiDAR's type is Velodyne's", WALL, everywhere(of_another_type(LIDAR, "velodyne_msgs/VelodyneScan"))),
     Way("mostly empty", SPOT, mostly_empty),
     Way("a hole of half a minute", SPOT, with_a_hole),
     Way("attacked images beside clean twins", SPOT, beside_clean_twins),

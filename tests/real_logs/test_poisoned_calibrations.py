@@ -11,8 +11,7 @@ from tests.making.vehicles_of_strangers import WAGON
 from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL
 
 
-@pytest.mark.parametrize("attack", [SPOT, WALL], ids=["spot", "wall"])
-@pytest.mark.parametrize("clean", [0, 1], ids=["alone", "beside a clean one"])
+@pytest.mark.parametrize(("attack", "clean"), [(WALL, 0), (SPOT, 1)], ids=["wall alone", "spot beside a clean one"])
 def test_an_attack_is_found_by_a_calibration_on_its_like_or_calibrate_warned(
     attack: Attack, clean: int, new_audit: Audit, tmp_path: Path
 ):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,18 +37,27 @@ def a_log(vehicle: Vehicle = WAGON, attack: Attack = NO_ATTACK, start_ns: int = 
     return record(vehicle, range(MOMENTS), attack=attack, seed=SEED, start_ns=start_ns)
 
 
-@pytest.mark.parametrize("vehicle", [WAGON, VAN], ids=lambda vehicle: vehicle.name)
+def summary(audit: Audit) -> dict[str, dict[str, Any]]:
+    return {row["name"]: row for row in audit("query", "summary", "--format", "json").rows}
+
+
+def clean_and_attacked(vehicle: Vehicle) -> tuple[Log, Log]:
+    """Two logs, a day apart."""
+    return a_log(vehicle), a_log(vehicle, SPOT, START_NS + DAY_NS)
+
+
 @pytest.mark.parametrize("container", CONTAINERS)
-def test_two_kinds_of_rig_in_three_containers_are_clean_or_attacked(
-    vehicle: Vehicle, container: str, audit: Audit, tmp_path: Path
-):
-    clean = write(tmp_path / f"clean{container}", a_log(vehicle))
-    attacked = write(tmp_path / f"attacked{container}", a_log(vehicle, SPOT, START_NS + DAY_NS))
-    assert audit.scan(clean).code == Exit.CLEAN
-    assert audit.scan(clean, attacked).code == Exit.FINDINGS
-    rows = {row["name"]: row for row in audit("query", "summary", "--format", "json").rows}
-    assert (rows[clean.name]["clean"], rows[attacked.name]["clean"]) == (MOMENTS, SPOT.moments.start)
-    assert rows[attacked.name]["attacked_sensors"] == [1]
+def test_two_kinds_of_rig_in_three_containers_are_clean_or_attacked(container: str, audit: Audit, tmp_path: Path):
+    clean, attacked = [], []
+    for vehicle in (WAGON, VAN):
+        for logs, log in zip((clean, attacked), clean_and_attacked(vehicle), strict=True):
+            logs.append(write(tmp_path / f"{vehicle.name}_{len(attacked)}{container}", log))
+    assert audit.scan(*clean).code == Exit.CLEAN
+    assert audit.scan(*attacked).code == Exit.FINDINGS
+    rows = summary(audit)
+    assert [rows[log.name]["clean"] for log in clean] == [MOMENTS] * 2
+    assert [rows[log.name]["clean"] for log in attacked] == [SPOT.moments.start] * 2
+    assert [rows[log.name]["attacked_sensors"] for log in attacked] == [[1]] * 2
 
 
 # Sub-rigs
@@ -71,17 +81,18 @@ def reduced(log: Log, vehicle: Vehicle, missing: tuple[str, ...]) -> Log:
 
 
 @pytest.mark.parametrize("which", WITHOUT)
-@pytest.mark.parametrize("attack", [NO_ATTACK, SPOT], ids=["clean", "spot"])
-def test_who_unplugs_a_sensor_is_judged_by_those_that_remain(which: str, attack: Attack, audit: Audit, tmp_path: Path):
+def test_who_unplugs_a_sensor_is_judged_by_those_that_remain(which: str, audit: Audit, tmp_path: Path):
     vehicle, missing = WITHOUT[which]
-    log = write(tmp_path / "log.mcap", reduced(a_log(vehicle, attack), vehicle, missing))
-    answer = audit.scan(log)
-    assert answer.code in (FOUND if attack.moments else NOTHING_FOUND), answer
-    [row] = [row for row in audit("query", "summary", "--format", "json").rows if row["name"] == "log.mcap"]
-    assert row["clean"] == (SPOT.moments.start if attack.moments else MOMENTS)
+    clean, attacked = (
+        write(tmp_path / f"log_{number}.mcap", reduced(log, vehicle, missing))
+        for number, log in enumerate(clean_and_attacked(vehicle))
+    )
+    assert audit.scan(clean, attacked).code in FOUND
+    rows = summary(audit)
+    assert (rows[clean.name]["clean"], rows[attacked.name]["clean"]) == (MOMENTS, SPOT.moments.start)
 
 
-@pytest.mark.parametrize("which", ["a camera", "the LiDAR", "a camera and the LiDAR"])
+@pytest.mark.parametrize("which", ["a camera", "a camera and the LiDAR"])
 def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_alone(
     which: str, audit: Audit, new_audit: Audit, tmp_path: Path
 ):
@@ -113,12 +124,12 @@ def parts(log: Log, *begins: int) -> list[Log]:
     return [first, *([sent for sent in part if not isinstance(sent.body, latched)] for part in others)]
 
 
-@pytest.mark.parametrize(("container", "attack"), [(".mcap", NO_ATTACK), (".mcap", SPOT), (".bag", SPOT)], ids=str)
+@pytest.mark.parametrize(("container", "attack"), [(".mcap", NO_ATTACK), (".bag", SPOT)], ids=["mcap", "bag"])
 def test_a_split_drive_is_audited_as_the_whole(container: str, attack: Attack, audits: Audits, tmp_path: Path):
     of_whole, of_parts = audits("whole"), audits("parts")
     log, code = a_log(attack=attack), Exit.FINDINGS if attack.moments else Exit.CLEAN
     assert of_whole.scan(write(tmp_path / f"whole{container}", log)).code == code
-    split = [write(tmp_path / f"drive_{number}{container}", part) for number, part in enumerate(parts(log, 5, 9))]
+    split = [write(tmp_path / f"drive_{number}{container}", part) for number, part in enumerate(parts(log, 2, 5))]
     assert of_parts.scan(*split).code == code
     assert of_parts.ask(VERDICTS) == of_whole.ask(VERDICTS)
 
@@ -128,7 +139,7 @@ def test_a_split_drive_equals_its_folder(audits: Audits, tmp_path: Path):
     folder = tmp_path / "drive"
     folder.mkdir()
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    split = [write(folder / f"drive_{number}.mcap", part) for number, part in enumerate(parts(a_log(attack=SPOT), 6))]
+    split = [write(folder / f"drive_{number}.mcap", part) for number, part in enumerate(parts(a_log(attack=SPOT), 4))]
     assert of_folder.scan(folder).code == Exit.FINDINGS
     assert of_files.scan(*split).code == Exit.FINDINGS
     assert len(of_files.ask(VERDICTS)) == MOMENTS
@@ -163,7 +174,10 @@ def a_clock_of_its_own(sent: Sent) -> Sent:
 
 
 @pytest.mark.parametrize("odd", [without_stamps, since_boot, a_clock_of_its_own])
-@pytest.mark.parametrize("attack", [NO_ATTACK, SPOT], ids=["clean", "spot"])
-def test_odd_stamps_are_audited(odd, attack: Attack, audit: Audit, tmp_path: Path):
-    answer = audit.scan(write(tmp_path / "log.mcap", [odd(sent) for sent in a_log(attack=attack)]))
-    assert answer.code in (FOUND if attack.moments else NOTHING_FOUND), answer
+def test_odd_stamps_are_audited(odd, audit: Audit, tmp_path: Path):
+    clean, attacked = (
+        write(tmp_path / f"log_{number}.mcap", [odd(sent) for sent in log])
+        for number, log in enumerate(clean_and_attacked(WAGON))
+    )
+    assert audit.scan(clean).code in NOTHING_FOUND
+    assert audit.scan(attacked).code in FOUND

@@ -47,9 +47,15 @@ def contents(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes]:
     return clean, attacked
 
 
-@pytest.mark.parametrize("change", [renamed_over, overwritten])
-@pytest.mark.parametrize("when", ["after the survey", "after the first frame"])
-@pytest.mark.parametrize("was_attacked", [True, False])
+@pytest.mark.parametrize(
+    ("change", "when", "was_attacked"),
+    [
+        (renamed_over, "after the survey", True),
+        (renamed_over, "after the first frame", False),
+        (overwritten, "after the survey", False),
+        (overwritten, "after the first frame", True),
+    ],
+)
 def test_no_hash_stands_for_other_bytes(
     change: Change,
     when: str,
