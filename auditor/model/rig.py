@@ -44,8 +44,8 @@ class RigKind:
             self.lidar == other.lidar
             and self.sizes_px == other.sizes_px
             and len(self.baselines_m) == len(other.baselines_m)
-            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
-            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
+            and all(same_focal(a, b) for a, b in zip(self.focals_px, other.focals_px, strict=True))
+            and all(same_baseline(a, b) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
         )
 
     def __str__(self) -> str:
@@ -53,6 +53,16 @@ class RigKind:
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
+
+
+def same_focal(a: float, b: float) -> bool:
+    """Whether two focal lengths in pixels are those of one rig kind."""
+    return _close(a, b, 0.0)
+
+
+def same_baseline(a: float, b: float) -> bool:
+    """Whether two baselines in metres are those of one rig kind."""
+    return _close(a, b, KIND_TOLERANCE_M)
 
 
 def _close(a: float, b: float, tolerance: float) -> bool:
@@ -159,13 +169,23 @@ class Rig:
 
     @cached_property
     def triples(self) -> tuple[Triple, ...]:
-        """All triples that are measured, in the store's fixed order."""
+        """The triples that e and Algorithm 2 are of, in the store's fixed order."""
         return triples_of(self.n, lidar=self.lidar is not None)
 
     @cached_property
+    def fallback(self) -> Triple | None:
+        """The triple that a frame is judged by in which none of `triples` was measured; None where there is none."""
+        return fallback_of(self.n, lidar=self.lidar is not None)
+
+    @cached_property
+    def measured_triples(self) -> tuple[Triple, ...]:
+        """All triples that are measured in every frame: `triples`, then the fallback."""
+        return self.triples if self.fallback is None else (*self.triples, self.fallback)
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
-        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
+        """Cameras (i, k) that are compared in the view of k: all that measured triples name, in their order."""
+        named = ((source, triple.k) for triple in self.measured_triples for source in triple[:2] if source != LIDAR)
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
@@ -291,6 +311,15 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     return tuple(
         Triple(i, j, k) for k in range(n, last_reference - 1, -1) for i, j in combinations(range(lowest, k), 2)
     )
+
+
+def fallback_of(n: int, *, lidar: bool) -> Triple | None:
+    """The LiDAR with S_1 and S_2, which no triple of `triples_of` compares where there are three cameras or more.
+
+    It is the paper's Scenario 1 for frames without any other reference camera: with it every three sensors of a rig
+    can be compared.
+    """
+    return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
 
 
 def _lidar(fields: Fields) -> Lidar:

@@ -88,6 +88,11 @@ class Decoders:
             self._made[key] = factory(self.types) if factory and encoding in encodings else None
         return self._made[key]
 
+    def in_any_encoding(self, schema: str) -> Decoder | None:
+        """A decoder of a schema, whatever the encoding of its messages, or None where there is none."""
+        _, factory = decoder_table().get(schema, (frozenset(), None))
+        return factory(self.types) if factory else None
+
     def image(self, schema: str, encoding: str) -> ImageDecoder | None:
         """The decoder, if it decodes images; else None."""
         decoder = self.of(schema, encoding)
