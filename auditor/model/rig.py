@@ -18,6 +18,9 @@ from auditor.model.parameters import RIG_GEOMETRY, RIG_KIND_TOLERANCE
 LIDAR = 0
 """The number of the LiDAR S_0."""
 
+PIXEL_BITS, MOST_BITS = 8, 16
+"""The bits of a pixel that is measured, and the most that a recorded value has."""
+
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
 
@@ -83,7 +86,8 @@ class Camera:
 
     `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
     their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis. `offset_ns`
-    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording.
+    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording. Of recorded values
+    of `depth_bits` (None: 8) the upper 8 are the pixels.
     """
 
     number: int
@@ -95,6 +99,7 @@ class Camera:
     rectified: bool = True
     lens: Lens = NO_LENS
     offset_ns: int | None = None
+    depth_bits: int | None = None
 
     @property
     def focal_px(self) -> float:
@@ -287,6 +292,7 @@ class Rig:
                     "projection": camera.projection.tolist(),
                     **_lens_to_dict(camera.lens),
                     **_offset_to_dict(camera.offset_ns),
+                    **_depth_to_dict(camera.depth_bits),
                 }
                 for camera in self.cameras
             ],
@@ -342,6 +348,7 @@ def _camera(fields: Fields) -> Camera:
         projection=_projection(fields),
         lens=_lens(fields),
         offset_ns=_offset(fields),
+        depth_bits=_depth(fields),
     )
 
 
@@ -362,6 +369,20 @@ def _lens(fields: Fields) -> Lens:
 
 def _offset(fields: Fields) -> int | None:
     return fields.whole("offset_ns") if "offset_ns" in fields else None
+
+
+def _depth(fields: Fields) -> int | None:
+    if "depth_bits" not in fields:
+        return None
+    bits = fields.whole("depth_bits")
+    if not PIXEL_BITS <= bits <= MOST_BITS:
+        raise RigError(f"depth_bits of {fields.of} is {bits}, not {PIXEL_BITS} to {MOST_BITS}", where="rig")
+    return bits
+
+
+def _depth_to_dict(depth_bits: int | None) -> dict[str, Any]:
+    """Empty where values have 8 bits, so that the ids of such rigs do not depend on it."""
+    return {} if depth_bits is None else {"depth_bits": depth_bits}
 
 
 def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:

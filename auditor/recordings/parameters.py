@@ -129,14 +129,25 @@ CALIBRATION_CHANGES = CalibrationChanges()
 STAMP_AGREEMENT = StampAgreement()
 TIME_GAPS = TimeGaps()
 
+
+@dataclass(frozen=True)
+class PictureDepth:
+    """Of how many bits the values of 16-bit pictures are: cameras fill 10 to 14 of them, and write no word about it."""
+
+    bits: tuple[int, ...] = parameter((10, 12, 14, 16), unit="bits of a value", source="sensors that are sold")
+    pictures: int = parameter(10, unit="first pictures a topic, of which the largest value counts", source=BY_HAND)
+
+
 RIG_LIMITS = RigLimits()
 CAMERA_LIMITS = CameraLimits()
+
+PICTURE_DEPTH = PictureDepth()
 
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
-RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS)
-"""All that can change which cameras form a rig."""
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
+"""All that can change which cameras form a rig, and what a rig says of them."""
 
 SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
 """All that can change which messages form a frame, and what of a recording counts as covered."""

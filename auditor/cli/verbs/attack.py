@@ -135,7 +135,8 @@ def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> No
             known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
             for attacker in attackers
         }
-        rewrite(recording, target, changes, _labels(attackers, start_ns))
+        depths = {camera.topic: camera.depth_bits for camera in known.cameras if camera.depth_bits is not None}
+        rewrite(recording, target, changes, _labels(attackers, start_ns), depths)
 
 
 def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":

@@ -25,9 +25,12 @@ def command(source: Path, target: Path, limits: "LimitsOf") -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
+    from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
 
-    for left_out in run_within(limits(source), _convert, source, target):
-        say(left_out)
+    with no_remains(target):
+        left_out = run_within(limits(source), _convert, source, target)
+    for topic in left_out:
+        say(topic)
     click.echo(target)
 
 

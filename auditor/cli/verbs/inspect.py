@@ -48,7 +48,7 @@ def command(
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
-    from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
+    from auditor.errors import AuditorError, LimitError, SettingError  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
 
@@ -69,6 +69,10 @@ def command(
     for where in found.recordings:
         try:
             description = run_within(limits(where), _describe, where, rig, write_rig)
+        except LimitError as error:
+            say(f"auditor: {error}")
+            tally.incomplete = True
+            continue
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True

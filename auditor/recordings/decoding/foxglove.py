@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
+from auditor.recordings.decoding.depths import Depths
 from auditor.recordings.decoding.foxglove_layouts import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
@@ -20,9 +21,9 @@ from auditor.recordings.decoding.foxglove_layouts import (
     decode_json,
 )
 from auditor.recordings.decoding.geometry import checked_matrix, checked_transforms, motion_of, transform_of
-from auditor.recordings.decoding.images import raw_pixels
+from auditor.recordings.decoding.images import largest_raw_value, raw_pixels
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, inspect_picture
+from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
 
@@ -94,7 +95,13 @@ class _RawImage(NamedTuple):
     is_bigendian: bool = False
 
 
-class FoxgloveRawImageDecoder(_Decoder):
+class _DeepDecoder(_Decoder, Depths):
+    def __init__(self, types: RosTypes) -> None:
+        _Decoder.__init__(self, types)
+        Depths.__init__(self)
+
+
+class FoxgloveRawImageDecoder(_DeepDecoder):
     """foxglove.RawImage; its encodings are ROS's."""
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -106,13 +113,20 @@ class FoxgloveRawImageDecoder(_Decoder):
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
+        bits = self.bits(message.topic)
+        return raw_pixels(self._image(message), message.topic, colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_raw_value(self._image(message), message.topic)
+
+    def _image(self, message: Message) -> _RawImage:
         values = self._messages.decode(message)
         data = np.frombuffer(values["data"], np.uint8)
-        image = _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
-        return raw_pixels(image, message.topic, colour=colour, size_px=size_px)
+        return _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
 
 
-class FoxgloveCompressedImageDecoder(_Decoder):
+class FoxgloveCompressedImageDecoder(_DeepDecoder):
     """foxglove.CompressedImage with a PNG or JPEG inside."""
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -123,7 +137,12 @@ class FoxgloveCompressedImageDecoder(_Decoder):
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
-        return decode_picture(self._picture(message), colour=colour, size_px=size_px)
+        bits = self.bits(message.topic)
+        return decode_picture(self._picture(message), colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_picture_value(self._picture(message))
 
     def _picture(self, message: Message) -> memoryview:
         data: memoryview = self._messages.decode(message)["data"]

@@ -85,6 +85,17 @@ class FollowingDecoder(Protocol):
         """Note a message, in the order of the recording."""
 
 
+@runtime_checkable
+class DeepImageDecoder(Protocol):
+    """An image decoder whose pictures may have values of more than 8 bits, and which has to be told of how many."""
+
+    def largest_value(self, message: Message) -> int | None:
+        """The largest value of a picture of more than 8 bits a value; None for any other."""
+
+    def use_depth(self, topic: str, bits: int) -> None:
+        """Take the values of a topic's pictures as of so many bits, from here on: the full scale becomes 255."""
+
+
 class CloudDecoder(Protocol):
     """Decodes the point clouds of one schema."""
 

@@ -12,6 +12,7 @@ from auditor.model.rig import Camera
 from auditor.recordings.parameters import RIG_LIMITS
 
 _MOST_NAMED = 100
+_DIGITS = 9  # what differs by rounding alone overlaps alike
 
 Some = TypeVar("Some")
 
@@ -57,7 +58,7 @@ def _overlaps(cameras: Sequence[Camera]) -> Matrix:
     both = np.clip(np.minimum(high[:, None], high) - np.maximum(low[:, None], low), 0, None).prod(axis=2)
     each = (high - low).prod(axis=1)
     shared: Matrix = both / np.maximum(each[:, None] + each - both, np.finfo(float).tiny)
-    return shared
+    return np.round(shared, _DIGITS)
 
 
 def _seen_m(camera: Camera) -> Matrix:

@@ -133,9 +133,16 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
 
 def given_rig(path: Path, survey: Survey) -> Rig:
     """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
-    rig = rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path)
+    rig = _with_depths(rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path), survey)
     check_rig(rig, survey)
     return rig
+
+
+def _with_depths(rig: Rig, survey: Survey) -> Rig:
+    """The rig with the depths that the recording shows, where the file does not say them."""
+    shown = {image.topic.name: image.depth_bits for image in survey.images}
+    cameras = (replace(camera, depth_bits=camera.depth_bits or shown.get(camera.topic)) for camera in rig.cameras)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def check_rig_file(path: Path) -> None:
@@ -266,7 +273,8 @@ def _turned_camera(placed: Placed, index: int) -> Camera:
 
 def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
     width_px, height_px = view.image.size_px
-    return Camera(0, view.name, view.image.topic.name, width_px, height_px, projection, rectified, view.lens)
+    name, topic, depth_bits = view.name, view.image.topic.name, view.image.depth_bits
+    return Camera(0, name, topic, width_px, height_px, projection, rectified, view.lens, depth_bits=depth_bits)
 
 
 def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:

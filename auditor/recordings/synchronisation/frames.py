@@ -17,7 +17,7 @@ from auditor.errors import DecodingError
 from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
 from auditor.model.rig import LIDAR, Rig
-from auditor.recordings.decoding import Decoder, Decoders, FollowingDecoder
+from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
 from auditor.recordings.recording import Damage, Recording
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
@@ -263,6 +263,8 @@ class _FrameMaker:
         decoder = self._decoders.image(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not an image", where=camera.topic)
+        if camera.depth_bits is not None and isinstance(decoder, DeepImageDecoder):
+            decoder.use_depth(camera.topic, camera.depth_bits)
         pixels = decoder.pixels(waiting.message, colour=self._colour, size_px=(camera.width_px, camera.height_px))
         return CameraImage(sensor, waiting.stamp_ns, pixels)
 

@@ -11,15 +11,17 @@ from auditor.recordings.decoding import (
     CameraInfo,
     CloudDecoder,
     Decoders,
+    DeepImageDecoder,
     ImageDecoder,
     Transform,
     decoder_table,
     sensor_types,
 )
+from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
 from auditor.recordings.decoding.sensor_types import SensorKind
 from auditor.recordings.formats.part_names import other_parts
-from auditor.recordings.parameters import FIRST_LOOK
+from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
 
 SAMPLES = FIRST_LOOK.samples
@@ -49,12 +51,16 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class ImageTopic:
-    """A topic of images; `size_px` is what its first readable image has."""
+    """A topic of images; `size_px` is what its first readable image has.
+
+    `depth_bits` are those of its values where they have more than 8, as far as its first pictures show.
+    """
 
     topic: Topic
     frame_id: str
     size_px: SizePx
     samples: tuple[Sample, ...]
+    depth_bits: int | None = None
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,7 @@ class _Surveyor:
         self._lag_ns = 0
         self._last_ns: dict[str, int] = {}
         self._jumped = False
+        self._largest: dict[str, int] = {}
         self._topics: Sequence[Topic] = ()
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
@@ -144,7 +151,10 @@ class _Surveyor:
         self._note_undecodable()
         return Survey(
             topics=self._recording.topics(),
-            images=tuple(ImageTopic(t, f, size, tuple(self._samples[t.name])) for t, f, size in images),
+            images=tuple(
+                ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
+                for t, f, size in images
+            ),
             clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
             camera_infos=dict(sorted(self._infos.items())),
             transforms=tuple(self._transforms.values()),
@@ -216,6 +226,20 @@ class _Surveyor:
             size = _size_px(message, decoder) if decoder.kind == "image" else len(decoder.xyz_m(message))
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+        if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
+            self._take_depth(message, decoder)
+
+    def _take_depth(self, message: Message, decoder: ImageDecoder) -> None:
+        largest = decoder.largest_value(message) if isinstance(decoder, DeepImageDecoder) else None
+        if largest is not None:
+            self._largest[message.topic] = max(largest, self._largest.get(message.topic, 0))
+
+    def _depth_bits(self, topic: str, size_px: SizePx) -> int | None:
+        """The depth of a topic of 16-bit values: that of all whose pictures have this size, for they are compared."""
+        if topic not in self._largest:
+            return None
+        alike = (value for name, value in self._largest.items() if self._sensors[name][-1] == size_px)
+        return depth_of(max(alike))
 
     def _take_time(self, topic: str, stamp_ns: int) -> None:
         topic_begins = topic not in self._last_ns
