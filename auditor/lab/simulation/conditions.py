@@ -96,13 +96,13 @@ class Materials:
         (0.7, 0.95, 1.2, 2.0), unit="multiples of the albedo", source=_REFLECTANCE
     )
     green: tuple[float, float, float, float] = parameter(
-        (0.5, 1.15, 0.75, 5.5), unit="multiples of the albedo", source=_REFLECTANCE
+        (0.5, 1.15, 0.75, 9.0), unit="multiples of the albedo", source=_REFLECTANCE
     )
     autumn: tuple[float, float, float, float] = parameter(
-        (0.35, 0.9, 1.5, 4.0), unit="multiples of the albedo", source=_REFLECTANCE
+        (0.35, 0.9, 1.5, 6.0), unit="multiples of the albedo", source=_REFLECTANCE
     )
     dry: tuple[float, float, float, float] = parameter(
-        (0.6, 1.0, 1.25, 2.4), unit="multiples of the albedo", source=_REFLECTANCE
+        (0.6, 1.0, 1.25, 3.0), unit="multiples of the albedo", source=_REFLECTANCE
     )
     tail_lamp: tuple[float, float, float, float] = parameter(
         (0.15, 0.2, 2.6, 2.6), unit="multiples of the albedo", source=_REFLECTANCE
@@ -121,7 +121,8 @@ class Materials:
         (0.6, 3.0), unit="near infrared of dyed surfaces, of the albedo", source=BY_HAND
     )
     spread: float = parameter(0.05, unit="standard deviation of each band's logarithm", source=BY_HAND)
-    brightest: float = parameter(0.95, unit="the largest reflectance of any band", source="no surface reflects more")
+    clay_roofs: float = parameter(0.6, unit="probability that a roof is of clay; else neutral", source=BY_HAND)
+    brightest: float = parameter(0.95, unit="the largest visible reflectance", source="no surface reflects more")
 
 
 @dataclass(frozen=True)
@@ -136,11 +137,13 @@ class Illuminants:
     )
     low_deg: float = parameter(20.0, unit="degrees of elevation below which the sun reddens", source=BY_HAND)
     blue_sky: tuple[float, float, float, float] = parameter(
-        (1.45, 1.0, 0.7, 0.35), unit="multiples of green", source=_REFLECTANCE
+        (1.45, 1.0, 0.7, 0.5), unit="multiples of green", source=_REFLECTANCE
     )
     clouds: tuple[float, float, float, float] = parameter(
-        (1.02, 1.0, 0.97, 0.75), unit="multiples of green", source=_REFLECTANCE
+        (1.02, 1.0, 0.97, 0.85), unit="multiples of green", source=_REFLECTANCE
     )
+    blue_up: float = parameter(3.0, unit="tangent of the elevation where a sky is blue, as a factor", source=BY_HAND)
+    glow_deg: float = parameter(7.0, unit="degrees from the sun within which its glow falls to 1 / e", source=BY_HAND)
     sodium: tuple[float, float, float, float] = parameter(
         (0.15, 0.8, 1.5, 0.9), unit="multiples of green", source=_REFLECTANCE
     )
@@ -234,21 +237,28 @@ class ExposureRanges:
 
 
 @dataclass(frozen=True)
-class WetRanges:
-    """A wet road and a dusk's light."""
+class NightAndRain:
+    """A wet road, and the lights of a dusk."""
 
     darker: tuple[float, float] = parameter((0.45, 0.75), unit="factor of a wet surface's albedo", source=BY_HAND)
+    puddles: float = parameter(-1.6, unit="power of frequency in the depth of water", source=BY_HAND)
+    film: float = parameter(0.15, unit="share of a puddle's mirroring where the ground is only damp", source=BY_HAND)
     gloss: tuple[float, float] = parameter(
         (0.08, 0.3), unit="share of light that water mirrors straight down", source=BY_HAND
     )
     grazing: tuple[float, float] = parameter(
-        (0.5, 0.9), unit="more of it at grazing angles", source="Schlick's approximation; by hand"
+        (0.3, 0.7), unit="more of it at grazing angles", source="Schlick's approximation; by hand"
     )
     lost: tuple[float, float] = parameter(
         (0.1, 0.4), unit="share of a LiDAR's pulses that a wet road swallows", source=BY_HAND
     )
     lamp_spacing_m: tuple[float, float] = parameter((18.0, 35.0), unit="metres between street lamps", source=BY_HAND)
     lamp_height_m: float = parameter(6.0, unit="metres", source=BY_HAND)
+    lamp_m: float = parameter(0.35, unit="metres, a lamp's width and height", source=BY_HAND)
+    lamp_reach_m: float = parameter(0.8, unit="metres from a lamp to its post", source=BY_HAND)
+    nearest_m: float = parameter(3.0, unit="metres from a lamp below which its light grows no further", source=BY_HAND)
+    tail_lamp: float = parameter(0.25, unit="radiance of a car's lamps, of a street lamp's", source=BY_HAND)
+    window: float = parameter(0.33, unit="radiance of a lit window, of a street lamp's", source=BY_HAND)
     lit_fronts: float = parameter(0.4, unit="probability that a front's windows are lit", source=BY_HAND)
 
 
@@ -265,7 +275,7 @@ ILLUMINANTS = Illuminants()
 CAMERAS = CameraRanges()
 FLARE = FlareRanges()
 EXPOSURE = ExposureRanges()
-WET = WetRanges()
+NIGHT_AND_RAIN = NightAndRain()
 KINDS = KindRanges()
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.lab.simulation.conditions import ILLUMINANTS, MATERIALS, WET, Condition, Spectrum
+from auditor.lab.simulation.conditions import ILLUMINANTS, MATERIALS, NIGHT_AND_RAIN, Condition, Spectrum
 from auditor.lab.simulation.scene_objects import Look, pole
 from auditor.lab.simulation.shading import Light
 from auditor.lab.simulation.streets import BEYOND_M, Style
@@ -17,7 +17,7 @@ Floats = NDArray[np.float32]
 Bands = NDArray[np.float64]  # (4,)
 
 _GROUND = (Tile.ASPHALT, Tile.PAVING, Tile.CONCRETE)
-_LAMP_TILE, _LAMP_M = Tile.STAINS, 0.35
+_LAMP_TILE = Tile.STAINS  # no other piece shows it
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def draw_day(condition: Condition, rng: np.random.Generator) -> Day:
         shade=float(rng.uniform(*condition.shade)),
         shade_m=float(rng.uniform(*condition.shade_m)),
         one_sided=float(rng.choice([-1, 1]) * rng.uniform(*condition.one_sided)),
-        grazing=float(rng.uniform(*WET.grazing)) if wet else Light.grazing,
+        grazing=float(rng.uniform(*NIGHT_AND_RAIN.grazing)) if wet else Light.grazing,
     )
     low = max(0.0, 1 - float(np.rad2deg(elevation)) / ILLUMINANTS.low_deg)
     lamps = float(rng.uniform(*condition.lamps))
@@ -66,7 +66,7 @@ def draw_day(condition: Condition, rng: np.random.Generator) -> Day:
         glow=float(rng.uniform(*condition.glow)),
         emitted=float(rng.uniform(*condition.emitted)),
         lamps=lamps,
-        lamp_spacing_m=float(rng.uniform(*WET.lamp_spacing_m)),
+        lamp_spacing_m=float(rng.uniform(*NIGHT_AND_RAIN.lamp_spacing_m)),
         wet=wet,
         level=float(rng.uniform(*condition.level)),
     )
@@ -81,13 +81,14 @@ def street_lamps(day: Day, style: Style, length_m: float, rng: np.random.Generat
     """Lamps on posts on both sides, where the day has any."""
     if not day.lamps:
         return
-    head = Look(_LAMP_TILE, (_LAMP_M, _LAMP_M), albedo=0.5, contrast=0.0, stains=0.0)
+    size, height = NIGHT_AND_RAIN.lamp_m, NIGHT_AND_RAIN.lamp_height_m
+    head = Look(_LAMP_TILE, (size, size), albedo=0.5, contrast=0.0, stains=0.0)
     for z in np.arange(0.0, length_m + BEYOND_M, day.lamp_spacing_m):
         for side in (-1, 1):
             x = side * (style.road_m + 0.4)
-            yield from pole(x, z, WET.lamp_height_m, rng)
-            corner = (x - side * 0.8 - _LAMP_M / 2, -WET.lamp_height_m, z)
-            yield replace(head.piece(corner, (_LAMP_M, 0, 0), (0, -_LAMP_M, 0)), oval=True)
+            yield from pole(x, z, height, rng)
+            left = x - side * NIGHT_AND_RAIN.lamp_reach_m - size / 2
+            yield replace(head.piece((left, -height, z), (size, 0, 0), (0, -size, 0)), oval=True)
 
 
 def emissions(pieces: Sequence[Piece], day: Day, seed: int) -> Floats | None:
@@ -99,14 +100,14 @@ def emissions(pieces: Sequence[Piece], day: Day, seed: int) -> Floats | None:
         if piece.tile is _LAMP_TILE:
             found[row] = day.emitted * day.lamp
         elif piece.tile is Tile.REAR:
-            found[row, 1] = day.emitted * np.array(MATERIALS.tail_lamp) / 4
+            found[row, 1] = day.emitted * NIGHT_AND_RAIN.tail_lamp * np.array(MATERIALS.tail_lamp)
         elif piece.tile is Tile.WINDOWS and _lit(piece, seed):
-            found[row, 1] = day.emitted * np.array(ILLUMINANTS.sodium) / 3
+            found[row, 1] = day.emitted * NIGHT_AND_RAIN.window * np.array(ILLUMINANTS.sodium)
     return found
 
 
 def _lit(piece: Piece, seed: int) -> bool:
-    return bool(np.random.default_rng([seed, piece.body]).random() < WET.lit_fronts)
+    return bool(np.random.default_rng([seed, piece.body]).random() < NIGHT_AND_RAIN.lit_fronts)
 
 
 def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator) -> tuple[Surfaces, Atlas]:
@@ -114,17 +115,18 @@ def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator
     if not day.wet:
         return surfaces, atlas
     ground = np.isin(surfaces.tile, _GROUND) & (np.abs(surfaces.normal[:, 1]) > 0.9)
-    water = np.clip((cloud_noise(rng, -1.6) - np.quantile(cloud_noise(rng, -1.6), 1 - day.wet)) * 2 + 0.5, 0.15, 1)
+    depth = cloud_noise(rng, NIGHT_AND_RAIN.puddles)
+    water = np.clip((depth - np.quantile(depth, 1 - day.wet)) * 2 + 0.5, NIGHT_AND_RAIN.film, 1)
     mask = atlas.mask.copy()
     flat = np.concatenate([level.ravel() for level in reductions(water.astype(np.float32))])
     for tile in _GROUND:
         mask[tile * atlas.tile_size : (tile + 1) * atlas.tile_size] = flat
-    drier = np.where(ground, np.float32(rng.uniform(*WET.darker)), np.float32(1))
+    drier = np.where(ground, np.float32(rng.uniform(*NIGHT_AND_RAIN.darker)), np.float32(1))
     wet = replace(
         surfaces,
         albedo=surfaces.albedo * drier,
-        gloss=np.where(ground, np.float32(rng.uniform(*WET.gloss)), surfaces.gloss),
-        lost=np.where(ground, np.float32(rng.uniform(*WET.lost)), surfaces.lost),
+        gloss=np.where(ground, np.float32(rng.uniform(*NIGHT_AND_RAIN.gloss)), surfaces.gloss),
+        lost=np.where(ground, np.float32(rng.uniform(*NIGHT_AND_RAIN.lost)), surfaces.lost),
     )
     return wet, replace(atlas, mask=mask)
 
@@ -132,11 +134,13 @@ def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator
 def lamp_light(day: Day, road_m: float, place: tuple[Floats, Floats, Floats]) -> Floats:
     """(N,) light of the street lamps at places in the world frame; 1 of `lamps` below a lamp."""
     x, y, z = place
-    spacing, height = np.float32(day.lamp_spacing_m), np.float32(WET.lamp_height_m)
+    spacing, height = np.float32(day.lamp_spacing_m), np.float32(NIGHT_AND_RAIN.lamp_height_m)
     ahead = (z + spacing / 2) % spacing - spacing / 2
     across = np.abs(x) - np.float32(road_m)
     squared = across * across + (y + height) ** 2 + ahead * ahead
-    return np.asarray(np.float32(day.lamps) * (height * height / np.maximum(squared, 1)) ** np.float32(1.5))
+    return np.asarray(
+        np.float32(day.lamps) * (height * height / np.maximum(squared, NIGHT_AND_RAIN.nearest_m**2)) ** np.float32(1.5)
+    )
 
 
 def _mixed(first: Spectrum, second: Spectrum, share: float) -> Bands:

@@ -23,6 +23,7 @@ from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, Senso
 from auditor.model.geometry import Matrix, compose, invert, motion
 from auditor.model.rig import Camera, Rig
 
+WIDTH_PX, HEIGHT_PX = 1242, 375
 PERIOD_NS = 100_000_000
 START_NS = 1_600_000_000_000_000_000
 _CAMERA_HEIGHT_M = 1.65
@@ -137,8 +138,8 @@ def make_drive(
     n_cameras: int = 3,
     lidar: bool = True,
     style: str = "city",
-    width_px: int = 1242,
-    height_px: int = 375,
+    width_px: int = WIDTH_PX,
+    height_px: int = HEIGHT_PX,
     vehicle: int = 0,
     trip: int = 0,
     positions_m: tuple[float, ...] | None = None,

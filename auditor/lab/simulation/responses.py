@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import cycle, islice
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,8 @@ from auditor.lab.simulation.vehicles import CameraFlaws
 
 CameraKind = Literal["grey", "colour"]
 
-BRIGHTEST = 4.0  # of the light that a lens spreads, of white
+_MIXED_THREE: tuple[CameraKind, ...] = ("grey", "colour", "colour")
+_BRIGHTEST = 4.0  # of the light that a lens spreads, of white
 _WHITE = 255.0
 _STEPS = 4096
 _CURVE_END = 2.0  # exposed light beyond is white whatever the curve
@@ -62,11 +64,14 @@ class Response:
 
 
 def kinds_of(vehicle: int, cameras: int) -> tuple[CameraKind, ...]:
-    """The kinds of S_1, S_2, ... of a vehicle: all grey, all colour, or both in turn from a grey S_1, as KITTI's."""
+    """The kinds of S_1, S_2, ... of a vehicle: all grey, all colour, or mixed.
+
+    Mixed ones are grey and colour in turn from a grey S_1, as KITTI's four; KITTI's three lack the second grey one.
+    """
     drawn = np.random.default_rng([vehicle, 11]).random()
-    if drawn < KINDS.mixed:
-        return tuple("colour" if number % 2 else "grey" for number in range(cameras))
-    return ("grey" if drawn < KINDS.mixed + KINDS.grey else "colour",) * cameras
+    if drawn >= KINDS.mixed:
+        return ("grey" if drawn < KINDS.mixed + KINDS.grey else "colour",) * cameras
+    return _MIXED_THREE if cameras == len(_MIXED_THREE) else tuple(islice(cycle(_MIXED_THREE[:2]), cameras))
 
 
 def draw_responses(kinds: Sequence[CameraKind], vehicle: int) -> tuple[Response, ...]:
@@ -97,6 +102,7 @@ def _draw_model(kind: CameraKind, rng: np.random.Generator) -> Response:
 def _unit(model: Response, rng: np.random.Generator) -> Response:
     """One camera of a model."""
     spread = np.exp(rng.normal(0, CAMERAS.unit_spread, model.bands.shape))
+    drift = float(rng.uniform(*CAMERAS.drift))
     return Response(
         bands=model.bands * spread,
         gamma=model.gamma,
@@ -105,7 +111,7 @@ def _unit(model: Response, rng: np.random.Generator) -> Response:
         black=max(0.0, model.black + float(rng.normal(0, 1)) / _WHITE),
         exposure=model.exposure * float(np.exp(rng.normal(0, CAMERAS.unit_spread))),
         vignetting=model.vignetting,
-        drift=tuple(rng.uniform(-1, 1, 2) * rng.uniform(*CAMERAS.drift)),  # type: ignore[arg-type]
+        drift=(drift * float(rng.uniform(-1, 1)), drift * float(rng.uniform(-1, 1))),
         drift_s=float(rng.uniform(*CAMERAS.drift_s)),
         phase=float(rng.uniform(0, 2 * np.pi)),
         lens=draw_lens(rng),
@@ -180,7 +186,7 @@ def developed(
     An `exposure` (K,) of 1 makes a radiance of 1 white. More of it comes with more noise, as a sensor's gain does.
     """
     light *= exposure[:, None, None]
-    np.minimum(light, np.float32(BRIGHTEST), out=light)
+    np.minimum(light, np.float32(_BRIGHTEST), out=light)
     with_stray_light(light, response.lens, sun)
     gain = max(float(exposure.mean()), 1.0)
     read = np.float32(flaws.read_noise * gain**CAMERAS.noise_gain / _WHITE)

@@ -31,7 +31,8 @@ def reflectances(pieces: Sequence[Piece], seed: int) -> Floats:
         if key not in known:
             rng = np.random.default_rng([seed, *key])
             known[key] = np.stack([_body(material, piece, rng), _detail(material), _NEUTRAL])
-        found[row] = np.minimum(known[key], MATERIALS.brightest / max(piece.albedo, 1e-3))
+        found[row] = known[key]
+        found[row, :, :3] = np.minimum(found[row, :, :3], MATERIALS.brightest / max(piece.albedo, 1e-3))
     return found
 
 
@@ -39,7 +40,7 @@ def _body(material: Tile, piece: Piece, rng: np.random.Generator) -> Bands:
     if material is Tile.PLASTER and piece.body == 0:  # a marking on the road
         return _NEUTRAL
     drawn = _BODIES[material](rng) if material in _BODIES else _NEUTRAL
-    return drawn * np.exp(rng.normal(0, MATERIALS.spread, 4))
+    return np.asarray(drawn * np.exp(rng.normal(0, MATERIALS.spread, 4)))
 
 
 def _detail(material: Tile) -> Bands:
@@ -68,7 +69,7 @@ def _plant(rng: np.random.Generator) -> Bands:
     else:
         first, second, share = MATERIALS.autumn, MATERIALS.dry, rng.uniform(0, 1)
     mixed = (1 - share) * _even(first) + share * _even(second)
-    return mixed * np.array([1, 1, 1, rng.uniform(*MATERIALS.plant_infrared)])
+    return np.asarray(mixed * np.array([1, 1, 1, rng.uniform(*MATERIALS.plant_infrared)]))
 
 
 def _dyed(probability: float, saturation: Range) -> Callable[[np.random.Generator], Bands]:
@@ -102,7 +103,9 @@ _BODIES: Mapping[Tile, Callable[[np.random.Generator], Bands]] = MappingProxyTyp
         Tile.WINDOWS: _front,
         Tile.FENCE: _front,
         Tile.BRICKS: _brick,
-        Tile.ROOF: lambda rng: _brick(rng) if rng.random() < 0.6 else _NEUTRAL,  # tiles of clay, or slates
+        Tile.ROOF: lambda rng: (
+            _brick(rng) if rng.random() < MATERIALS.clay_roofs else _NEUTRAL
+        ),  # tiles of clay, or slates
         Tile.BARK: _of(MATERIALS.bark),
         Tile.PAINT: _car,
         Tile.SIGN: _dyed(MATERIALS.saturated_paint, MATERIALS.paint_saturation),

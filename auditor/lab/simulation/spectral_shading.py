@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.lab.simulation.conditions import ILLUMINANTS
 from auditor.lab.simulation.daylight import Day, lamp_light
 from auditor.lab.simulation.raycasting import Hits, Rays
 from auditor.lab.simulation.shading import Lit, Scene, parts, sky
@@ -18,8 +19,6 @@ from auditor.model.geometry import Matrix
 
 _MIRRORS_SKY = np.float32(0.85)  # of the surroundings' values; below are houses
 _SURROUNDINGS_SKY = 1.2  # the value of their sky
-_GLOW_DEG = 7.0
-_BLUE_UP = 3.0  # rows of the sky to its blue part, of the tangent
 
 Floats = NDArray[np.float32]
 
@@ -111,7 +110,7 @@ def _channel(lit: Lit, row: NDArray[np.int32], lamps: Floats | None, day: Day, s
 def _sky(rays: Rays, day: Day, seen: Channels, world_SE3_rig: Matrix) -> Floats:
     """(K, H, W) sky: whiter near the horizon, brighter beside the sun."""
     level = sky(rays, day.light)
-    blue = np.clip(np.broadcast_to(-rays.y, rays.shape) * np.float32(_BLUE_UP), 0, 1)
+    blue = np.clip(np.broadcast_to(-rays.y, rays.shape) * np.float32(ILLUMINANTS.blue_up), 0, 1)
     result = np.stack(
         [level * (low + (high - low) * blue) for low, high in zip(seen.sky_low, seen.sky_high, strict=True)]
     )
@@ -120,5 +119,5 @@ def _sky(rays: Rays, day: Day, seen: Channels, world_SE3_rig: Matrix) -> Floats:
         x, y, z = (np.float32(axis) for axis in sun)
         cosine = (rays.x * x + rays.y * y + z) / np.sqrt(rays.x * rays.x + rays.y * rays.y + 1)
         angle = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
-        result += seen.glow[:, None, None] * np.float32(day.glow) * np.exp(-angle / np.float32(_GLOW_DEG))
+        result += seen.glow[:, None, None] * np.float32(day.glow) * np.exp(-angle / np.float32(ILLUMINANTS.glow_deg))
     return np.asarray(result, dtype=np.float32)
