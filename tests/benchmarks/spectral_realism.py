@@ -52,7 +52,7 @@ def real(path: Path) -> tuple[Rig, Iterator[Frame]]:
 
 
 def levels(frame: Frame, rig: Rig) -> tuple[Floats, dict[int, Floats], Floats]:
-    """(3, N) points in the rig frame, (N,) smoothed grey levels by camera, (N, 3) channels of S_4, of all that is seen."""
+    """(3, N) points in the rig frame, (N,) smoothed grey levels by camera, (N, 3) channels of S_4, of what all see."""
     assert frame.cloud is not None
     assert rig.lidar is not None
     T = rig.lidar.rig_SE3_lidar

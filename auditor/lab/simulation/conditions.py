@@ -64,7 +64,7 @@ CONDITIONS: Mapping[str, Condition] = MappingProxyType(
         ),
         "wet": Condition(
             direct=(0.0, 0.7), ambient=(0.5, 0.9), sky=(1.3, 2.4), blue=(0.0, 0.4), shade=(0.3, 0.8),
-            wet=(0.25, 0.9), emitted=(0.0, 1.5),
+            wet=(0.15, 0.7), emitted=(0.0, 1.5),
         ),
         "dusk": Condition(
             elevation_deg=(20.0, 40.0), direct=(0.0, 0.01), ambient=(0.05, 0.12), sky=(0.12, 0.4), blue=(0.5, 1.0),
@@ -242,7 +242,7 @@ class NightAndRain:
 
     darker: tuple[float, float] = parameter((0.45, 0.75), unit="factor of a wet surface's albedo", source=BY_HAND)
     puddles: float = parameter(-1.6, unit="power of frequency in the depth of water", source=BY_HAND)
-    film: float = parameter(0.15, unit="share of a puddle's mirroring where the ground is only damp", source=BY_HAND)
+    film: float = parameter(0.05, unit="share of a puddle's mirroring where the ground is only damp", source=BY_HAND)
     gloss: tuple[float, float] = parameter(
         (0.08, 0.3), unit="share of light that water mirrors straight down", source=BY_HAND
     )
@@ -250,8 +250,9 @@ class NightAndRain:
         (0.3, 0.7), unit="more of it at grazing angles", source="Schlick's approximation; by hand"
     )
     lost: tuple[float, float] = parameter(
-        (0.1, 0.4), unit="share of a LiDAR's pulses that a wet road swallows", source=BY_HAND
+        (0.1, 0.4), unit="share of a LiDAR's pulses that damp ground loses", source=BY_HAND
     )
+    mirrored_away: float = parameter(0.9, unit="share of a LiDAR's pulses that puddles lose", source=BY_HAND)
     lamp_spacing_m: tuple[float, float] = parameter((18.0, 35.0), unit="metres between street lamps", source=BY_HAND)
     lamp_height_m: float = parameter(6.0, unit="metres", source=BY_HAND)
     lamp_m: float = parameter(0.35, unit="metres, a lamp's width and height", source=BY_HAND)

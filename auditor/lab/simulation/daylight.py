@@ -111,7 +111,7 @@ def _lit(piece: Piece, seed: int) -> bool:
 
 
 def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator) -> tuple[Surfaces, Atlas]:
-    """The same street after rain: its ground is darker, mirrors where water stands, and loses a LiDAR's pulses."""
+    """The street after rain: its ground is darker, and where water stands it mirrors; a LiDAR's pulses are lost."""
     if not day.wet:
         return surfaces, atlas
     ground = np.isin(surfaces.tile, _GROUND) & (np.abs(surfaces.normal[:, 1]) > 0.9)
@@ -126,6 +126,7 @@ def watered(surfaces: Surfaces, atlas: Atlas, day: Day, rng: np.random.Generator
         surfaces,
         albedo=surfaces.albedo * drier,
         gloss=np.where(ground, np.float32(rng.uniform(*NIGHT_AND_RAIN.gloss)), surfaces.gloss),
+        see_through=np.where(ground, np.float32(NIGHT_AND_RAIN.mirrored_away), surfaces.see_through),
         lost=np.where(ground, np.float32(rng.uniform(*NIGHT_AND_RAIN.lost)), surfaces.lost),
     )
     return wet, replace(atlas, mask=mask)
