@@ -65,7 +65,7 @@ class Scenery:
         changed = response.exposure * changed_exposure(self.changes, camera.number, time_s)
         exposure = metered * response.balance(time_s) * np.float32(changed)
         light = self.light(camera.number, view, atlas)
-        sun = self._sun_seen(camera, view)
+        sun = self.sun_seen(camera, view)
         return developed(light, flaws, response, exposure, sun, rng)
 
     def metered(self, camera: int, preview: View, atlas: Atlas) -> Floats:
@@ -81,7 +81,7 @@ class Scenery:
             low, high = (middle, high) if too_dark else (low, middle)
         return np.asarray(balance * np.float32(np.exp(low)), dtype=np.float32)
 
-    def _sun_seen(self, camera: Camera, view: View) -> SunSeen | None:
+    def sun_seen(self, camera: Camera, view: View) -> SunSeen | None:
         """Where a camera sees the sun, and how much of it; None by dusk, and where it is far from the picture."""
         world_SE3_rig, rays, _, hits = view
         if not self.day.glow:
