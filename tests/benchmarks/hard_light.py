@@ -7,7 +7,7 @@ streets. Run from the repository's top; what is in the store already is not meas
 """
 
 import argparse
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ from auditor.lab.simulation.responses import kinds_of
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.store import Store, run_sql
+from tests.benchmarks.clustered import clustered_interval
 
-CAMERAS = 3
+CAMERAS, FEWEST_SCENES = 3, 5
 _JUDGED = """
     SELECT evaluations.name AS street, judged.verdict AS verdict, len(judged.identified) AS named, count(*) AS frames
     FROM case_verdicts AS judged JOIN evaluations USING (evaluation_id)
@@ -58,18 +59,23 @@ def main() -> None:
 
 
 def lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Frames, those that are not clean and those that name a sensor, by street and by condition."""
-    frames: Counter[str] = Counter()
-    raised, named = frames.copy(), frames.copy()
+    """Frames, those that are not clean and those that name a sensor, by street and by groups of streets."""
+    groups: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(lambda: [0, 0, 0]))
     for row in rows:
-        family, _, _ = row["street"].rpartition(" ")
-        kinds = "-".join(kind[0] for kind in kinds_of(int(row["street"].split()[-1]), CAMERAS))
+        family, _, number = row["street"].rpartition(" ")
+        kinds = "-".join(kind[0] for kind in kinds_of(int(number), CAMERAS))
         for group in (f"{row['street']} ({kinds})", family.partition(", ")[2], f"cameras {kinds}", "all"):
-            frames[group] += row["frames"]
-            raised[group] += row["frames"] * (row["verdict"] != "clean")
-            named[group] += row["frames"] * bool(row["named"])
-    for group in sorted(frames, key=lambda group: (group == "all", "," not in group, group)):
-        yield f"{group:36} {frames[group]:4} frames, {raised[group]:4} not clean, {named[group]:4} name a sensor"
+            counts = groups[group][row["street"]]
+            counts[0] += row["frames"]
+            counts[1] += row["frames"] * (row["verdict"] != "clean")
+            counts[2] += row["frames"] * bool(row["named"])
+    for group in sorted(groups, key=lambda group: (group == "all", "," not in group, group)):
+        frames, raised, named = zip(*groups[group].values(), strict=True)
+        line = f"{group:36} {sum(frames):4} frames, {sum(raised):4} not clean, {sum(named):4} name a sensor"
+        if len(frames) >= FEWEST_SCENES:
+            low, high = clustered_interval(raised, frames)
+            line += f"; {100 * sum(raised) / sum(frames):3.0f} % [{100 * low:.0f}, {100 * high:.0f}] not clean"
+        yield line
 
 
 if __name__ == "__main__":
