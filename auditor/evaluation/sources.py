@@ -23,12 +23,12 @@ from auditor.store.records import content_id
 class CleanDrive:
     """Clean frames of one rig, in order; `frames` can be read once.
 
-    Drives of one `family` are alike in what can be learnt from them: see docs/protocol.md.
+    Drives of one `family` are alike in what can be learnt from them (docs/protocol.md); None is a family of its own.
     """
 
     recording_id: str
     name: str
-    family: str
+    family: str | None
     synthetic: bool
     rig: Rig
     frames: Iterator[Frame | Skipped]
@@ -64,8 +64,9 @@ class Recorded:
             frames: Iterator[Frame | Skipped] = iter(synchronise(recording, rig, surveyed, colour=colour))
             if not seen.pairs:
                 rig, frames = seen.rig, seen.frames(frames)
-            name = recording.path.name
-            yield CleanDrive(recording.recording_id, name, family=name, synthetic=False, rig=rig, frames=frames)
+            yield CleanDrive(
+                recording.recording_id, recording.path.name, family=None, synthetic=False, rig=rig, frames=frames
+            )
 
 
 @dataclass(frozen=True)
