@@ -216,6 +216,13 @@ def test_the_summary_agrees_with_the_tables(made):
             assert short[name[len(row["system"]), row["attacked_sensors"]]] == row["rate"]
 
 
+def test_the_summary_can_be_of_one_way_of_leaving_out_alone(made):
+    everything = answer(made, "evaluation_summary", r=R)
+    for left_out, shown in (("block", "block"), ("recording", "recording"), ("family", "recording")):
+        chosen = answer(made, "evaluation_summary", r=R, left_out=left_out)
+        assert chosen == [row for row in everything if row["left_out"] == shown] != []
+
+
 def test_the_cost_of_a_case_stands_beside_that_of_a_clean_frame(made):
     rows = {row["experiment"]: row for row in run_query(made[0], "evaluation_cost").to_pylist()}
     cases = {name: sum(len(made[1][name, recording]) for recording in FRAMES) for name in rows}
