@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 from auditor import __version__
 from auditor.errors import RecordingError
@@ -14,8 +15,8 @@ from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
-from auditor.pipeline.measure import rigs_of
-from auditor.recordings import open_recording, survey, synchronise
+from auditor.pipeline.measure import rigs_through
+from auditor.recordings import Location, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 
@@ -42,7 +43,7 @@ class Recorded:
     views of their own, attacks are made on the images as recorded.
     """
 
-    path: Path
+    path: Path | Location
     rig: Path | None = None
 
     def __str__(self) -> str:
@@ -59,9 +60,11 @@ class Recorded:
                     remedy="evaluate on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
-            rig = rigs_of(surveyed, self.rig)[0]
+            first = rigs_through(recording, surveyed, self.rig).rigs[0]
+            rig = first.rig
             seen = rectification(rig)
-            frames: Iterator[Frame | Skipped] = iter(synchronise(recording, rig, surveyed, colour=colour))
+            stream = synchronise(recording, rig, first.survey, colour=colour, stretches=first.stretches)
+            frames: Iterator[Frame | Skipped] = iter(stream)
             if not seen.pairs:
                 rig, frames = seen.rig, seen.frames(frames)
             yield CleanDrive(
@@ -81,6 +84,7 @@ class Street:
     frames: int
     cameras: int = 3
     scale: float = 1.0
+    path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"

@@ -13,6 +13,8 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from auditor.errors import QueryError
+
 Table = pa.Table
 """The form of every answer: an Arrow table."""
 
@@ -35,8 +37,18 @@ def rows_of(table: pa.Table) -> list[dict[str, Any]]:
 def encode(table: pa.Table, form: str) -> bytes:
     """The bytes of a table in the form 'json' (a list of objects), 'csv' or 'parquet'.
 
-    Parquet keeps the types of the columns; JSON and CSV hold the values of `rows_of`.
+    Parquet keeps the types of the columns; JSON and CSV hold the values of `rows_of`. Raises QueryError where the form
+    has no such type.
     """
+    try:
+        return _encoded(table, form)
+    except pa.ArrowException as error:
+        reason = " ".join(str(error).split())
+        remedy = "cast the column in SQL, or take another --format"
+        raise QueryError(f"the answer cannot be written as {form} ({reason})", where="query", remedy=remedy) from error
+
+
+def _encoded(table: pa.Table, form: str) -> bytes:
     if form == "json":
         rows = [{name: _plain(value) for name, value in row.items()} for row in rows_of(table)]
         return (json.dumps(rows, indent=2, default=str, allow_nan=False) + "\n").encode()

@@ -113,7 +113,7 @@ def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice(
 def test_a_triple_that_was_not_requested_or_lacks_a_sensor_has_no_counts():
     attacked_frame = AttackedFrame(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
     assert attacked_frame.sensors == (0, 1, 3, 4)
-    counts = dict(zip(RIG.triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
+    counts = dict(zip(RIG.measured_triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
 
 
@@ -270,7 +270,7 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
 @pytest.fixture
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
-    monkeypatch.setattr(AttackedFrame, "counts", lambda attacked_frame, *_: [None] * len(attacked_frame.rig.triples))
+    monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
     monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
     none = CaseFeatures([], [], [], [], [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
