@@ -16,6 +16,8 @@ import argparse
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from time import process_time
+from typing import Any
 
 import cv2
 import numpy as np
@@ -40,6 +42,7 @@ GREENER = 1.05
 SMOOTHED = 15
 FEWEST = 100
 WHITE = 250
+PICTURES = 8
 
 Floats = NDArray[np.floating]
 
@@ -136,6 +139,22 @@ def main() -> None:
         everything += rows
         print(line(f"streets: {condition}", rows), flush=True)
     print(line("streets: all", everything))
+    plain, *spectral = (cost(**how) for how in ({}, {"kinds": ("grey",) * 3}, {"kinds": ("colour",) * 3}))
+    print(
+        "CPU time of a picture over that of a plain street: grey {:.2f}, colour {:.2f}".format(
+            *(c / plain for c in spectral)
+        )
+    )
+
+
+def cost(**how: Any) -> float:
+    """CPU seconds of a picture; with `kinds` of a street in colour."""
+    made = make_drive(7, PICTURES, condition="low sun" if how else None, **how)
+    made.image(0, 1)
+    started = process_time()
+    for number in range(PICTURES):
+        made.image(number, 1)
+    return (process_time() - started) / PICTURES
 
 
 if __name__ == "__main__":
