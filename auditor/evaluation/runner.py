@@ -243,7 +243,8 @@ class _Run(Run):
         self._features = FeaturesOfCases()
 
     def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
-        return EvaluationPart(**self.shared_columns(experiment, chunk), inputs=experiment.inputs)
+        shared = self.shared_columns(experiment, chunk)
+        return EvaluationPart(**shared, inputs=experiment.inputs, family=self._drive.family)
 
     def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
         attacked_frame, triples = now.attacked_frame, experiment.triples(now.attacked_frame.rig)
