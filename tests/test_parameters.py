@@ -24,7 +24,7 @@ from auditor.measurement.parameters import (
 from auditor.model.measurement import COUNTING_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import RIG_FINDING, SYNCHRONISING, synchronising_digest
+from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING, synchronising_digest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "auditor"
@@ -241,17 +241,17 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
-    for groups in ((*RIG_FINDING, *SYNCHRONISING), (*MEASURING, *WARNING), JUDGING):
+    for groups in ((*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING), (*MEASURING, *WARNING), JUDGING):
         assert not [name for name, times in Counter(type(group).__name__ for group in groups).items() if times > 1]
     groups_named: dict[str, set[int]] = {}
-    for group in (*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
+    for group in (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
         groups_named.setdefault(type(group).__name__, set()).add(id(group))
     assert not [name for name, groups in groups_named.items() if len(groups) > 1]
 
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
-        ("recordings", (*RIG_FINDING, *SYNCHRONISING)),
+        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING)),
         ("measurement", (*MEASURING, *WARNING)),
         ("identification", JUDGING),
     ):
