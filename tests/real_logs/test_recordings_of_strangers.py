@@ -48,10 +48,9 @@ def clean_and_attacked(vehicle: Vehicle) -> tuple[Log, Log]:
 
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_two_kinds_of_rig_in_three_containers_are_clean_or_attacked(container: str, audit: Audit, tmp_path: Path):
-    clean, attacked = [], []
-    for vehicle in (WAGON, VAN):
-        for logs, log in zip((clean, attacked), clean_and_attacked(vehicle), strict=True):
-            logs.append(write(tmp_path / f"{vehicle.name}_{len(attacked)}{container}", log))
+    logs = {vehicle.name: clean_and_attacked(vehicle) for vehicle in (WAGON, VAN)}
+    clean = [write(tmp_path / f"{name}_clean{container}", log) for name, (log, _) in logs.items()]
+    attacked = [write(tmp_path / f"{name}_attacked{container}", log) for name, (_, log) in logs.items()]
     assert audit.scan(*clean).code == Exit.CLEAN
     assert audit.scan(*attacked).code == Exit.FINDINGS
     rows = summary(audit)
