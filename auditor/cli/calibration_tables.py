@@ -4,9 +4,7 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from auditor.cli.output import emit, print_rows, say
+from auditor.cli.output import answer, emit, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
@@ -76,8 +74,8 @@ def show_left_out(
 
 
 def _head(calibration: "Calibration") -> None:
-    click.echo(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
-    click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
+    answer(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
+    answer(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
 
 
 def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":

@@ -13,6 +13,7 @@ class Exit(IntEnum):
     INCOMPLETE = 3
     FINDINGS_INCOMPLETE = 4
     INTERRUPTED = 130
+    ENDED = 143
 
 
 @dataclass

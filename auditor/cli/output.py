@@ -1,13 +1,15 @@
 """What verbs print: rows on stdout, progress and remarks on stderr."""
 
 import sys
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from auditor.model.text import one_line
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 WIDEST_TABLE = 200
 _BRIEF_ID = 12
+_COUNT_EACH_S = 30.0
+"""Where no terminal shows a bar, a line that counts comes this often."""
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -133,7 +137,7 @@ def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str
 
 
 def shown(value: object) -> str:
-    """A value as text for a terminal; a recording's own text cannot send control sequences through it."""
+    """A value as text for a terminal; a recording's own text cannot break its line or send control sequences."""
     if value is None:
         return "-"
     if isinstance(value, bool):
@@ -143,47 +147,62 @@ def shown(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(shown(item) for item in value) if value else "-"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {shown(item)}" for name, item in value.items())
-    return "".join(
-        c if c == "\n" or unicodedata.category(c)[0] != "C" else "\N{REPLACEMENT CHARACTER}" for c in str(value)
-    )
+        return ", ".join(f"{shown(name)} {shown(item)}" for name, item in value.items())
+    return one_line(str(value))
 
 
 def say(text: str) -> None:
-    """One remark on stderr."""
-    click.echo(shown(text), err=True)
+    """One remark on stderr, on one line."""
+    click.echo(one_line(text), err=True)
+
+
+def answer(text: object) -> None:
+    """One line of an answer on stdout."""
+    click.echo(one_line(str(text)))
+
+
+Advanced = Callable[[object, str, int], None]
+"""Called with an item, what is done with it, and how many of its frames are; with none yet it is a remark."""
+Finished = Callable[..., None]
+"""Called when an item is finished, with remarks on it, each a line."""
 
 
 @contextmanager
-def progress(total: int, what: str) -> Iterator[tuple[Callable[[object, str, int], None], Callable[[str], None]]]:
-    """Show how far a number of recordings are: yields (frames are done, a recording is finished with this remark).
+def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
+    """Show how far a number of recordings are.
 
-    A terminal gets a bar; anything else one line for each finished recording.
+    A terminal gets a bar; anything else the remarks only, and now and then a line that counts.
     """
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
-    console = Console(stderr=True, highlight=False, markup=False)
+    console = Console(stderr=True, highlight=False, markup=False, emoji=False)
     columns = (
-        TextColumn(what),
+        TextColumn(doing),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[frames]} frames"),
         TimeElapsedColumn(),
     )
     frames: dict[object, int] = {}
+    counted_at = monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=total, frames=0)
+        task = bar.add_task(doing, total=total, frames=0)
 
         def advanced(item: object, what: str, done: int) -> None:
+            nonlocal counted_at
             if done == 0:
                 console.print(shown(f"{item}: {what}"), soft_wrap=True)
             frames[item] = done
             bar.update(task, frames=sum(frames.values()))
+            if not console.is_terminal and monotonic() - counted_at >= _COUNT_EACH_S:
+                counted_at = monotonic()
+                ended = int(bar.tasks[0].completed)
+                console.print(f"{doing}: {ended} of {total} done, {sum(frames.values())} frames", soft_wrap=True)
 
-        def finished(remark: str) -> None:
+        def finished(*remarks: str) -> None:
             bar.advance(task)
-            if remark:
+            for remark in remarks:
                 console.print(shown(remark), soft_wrap=True)
 
         yield advanced, finished

@@ -36,6 +36,7 @@ from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.recordings import (
     FrameStream,
     Origin,
@@ -246,17 +247,17 @@ def _recording_record(
         origin = origin.over(Origin(known.vehicle, known.date, known.drive))
     return RecordingRecord(
         recording_id=recording.recording_id,
-        name=recording.path.name,
-        path=str(recording.path.resolve()),
-        files=tuple(file.name for file in recording.files),
+        name=storable(recording.path.name),
+        path=storable(str(recording.path.resolve())),
+        files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(recording.path),
         clock=recording.clock,
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
-        vehicle=origin.vehicle,
+        vehicle=origin.vehicle and storable(origin.vehicle),
         date=origin.date,
-        drive=origin.drive,
+        drive=origin.drive and storable(origin.drive),
         damage=damage,
     )
 

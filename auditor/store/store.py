@@ -11,6 +11,7 @@ from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned
@@ -119,7 +120,7 @@ class Store:
         return [
             known
             for known in self.recordings()
-            if wanted and (wanted == known.name or known.recording_id.startswith(wanted))
+            if wanted and (storable(wanted) == known.name or known.recording_id.startswith(wanted))
         ]
 
     def has_recording(self, recording_id: str) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.output import answer
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def command(
             for attacker in attackers
         }
         rewrite(recording, target, changes, _labels(attackers, start_ns))
-    click.echo(target)
+    answer(target)
 
 
 def _at(start_ns: int, seconds: float | None) -> int | None:

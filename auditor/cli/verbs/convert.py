@@ -15,11 +15,11 @@ def command(source: Path, target: Path) -> None:
     auditor convert 2011_09_26_drive_0009_sync/ drive_0009.mcap
     auditor convert old_vehicle.bag old_vehicle.mcap
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.output import answer, say  # noqa: PLC0415 - keeps --help quick
     from auditor.recordings import convert, open_recording  # noqa: PLC0415
 
     with open_recording(source) as recording:
         report = convert(recording, target)
     for left_out in report.left_out:
         say(left_out)
-    click.echo(target)
+    answer(target)

@@ -1,6 +1,7 @@
 """`auditor demo`: the first thing a newcomer runs."""
 
 import re
+import shlex
 import shutil
 from collections.abc import Sequence
 from decimal import Decimal
@@ -11,7 +12,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
-from auditor.cli.output import print_rows, progress, say
+from auditor.cli.output import answer, print_rows, progress, say
 
 if TYPE_CHECKING:
     from auditor.pipeline.demo import Take
@@ -72,8 +73,8 @@ def command(folder: Path, method: str, jobs: int) -> int:
     show_audit(kept, "table", {one.recording_id for one in audited})
     exact = _compare(kept, suspected)
     page = render_incident_report(kept, out=store / "reports" / "incident.html")
-    click.echo(f"The incident page: {page}")
-    click.echo(f"Query the store:   auditor query --store {store}")
+    answer(f"The incident page: {page}")
+    answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
     return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
 
 
@@ -118,7 +119,7 @@ def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
         for outcome in run_all(record, takes, jobs, advanced):
             if outcome.error:
                 raise outcome.error
-            finished("")
+            finished()
 
 
 def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:

@@ -76,6 +76,7 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
 def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str, Any]:
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
+    from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
     from auditor.recordings import check_health, open_recording, search_rigs, survey, synchronise, write_rig  # noqa: PLC0415
 
@@ -101,7 +102,7 @@ def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str,
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
         return {
-            "recording": str(path),
+            "recording": storable(str(path)),
             "recording_id": recording.recording_id,
             "clock": recording.clock,
             "metadata": dict(recording.metadata()),
@@ -205,17 +206,17 @@ def _show(description: dict[str, Any]) -> None:
     for name, value in description["metadata"].items():
         click.echo(shown(f"  {name}: {value}"))
     if description["labels"]:
-        click.echo(f"  carries ground truth of {description['labels']} attacks")
+        click.echo(shown(f"  carries ground truth of {description['labels']} attacks"))
     print_rows(description["topics"], ("topic", "schema", "messages", "sensor"))
     for rig in description["rigs"]:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
         print_rows(rows, columns, title=f"Rig {rig['kind']}")
         for line in rig["capabilities"]:
-            click.echo(f"  {line}")
+            click.echo(shown(f"  {line}"))
         click.echo()
         for line in _geometry(rig):
-            click.echo(shown(f"  {line}\n"))
+            click.echo(shown(f"  {line}") + "\n")
         counted = ("sensor", "read", "used", "unused", "damaged", "skipped", "present", "from_s", "to_s", "offset_ms")
         print_rows(
             [
@@ -225,7 +226,7 @@ def _show(description: dict[str, Any]) -> None:
             counted,
             title="Messages, presence, and offset to the leftmost camera",
         )
-        click.echo(shown(f"  {_frames(rig)}\n"))
+        click.echo(shown(f"  {_frames(rig)}") + "\n")
     for reason in description["left_out"]:
         click.echo(shown(f"  left out: {reason}"))
     for remark in (*description["problems"], *(f"damaged: {piece}" for piece in description["damage"])):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.output import emit, format_option, say
+from auditor.cli.output import answer, emit, format_option, say
 
 if TYPE_CHECKING:
     from auditor.store import Store
@@ -86,12 +86,13 @@ def _describe(name: str) -> None:
     from auditor.store import describe  # noqa: PLC0415 - heavy
 
     description = describe(name)
-    click.echo(f"{description.text}\n")
+    answer(description.text)
+    click.echo()
     for parameter in description.parameters:
         default = "required" if parameter.required else f"default {parameter.default or 'none'}"
-        click.echo(f"  parameter {parameter.name}, {default}: {parameter.sentence}")
+        answer(f"  parameter {parameter.name}, {default}: {parameter.sentence}")
     for column in description.columns:
-        click.echo(f"  {column.name} {column.type}: {column.sentence}")
+        answer(f"  {column.name} {column.type}: {column.sentence}")
 
 
 def _values(parameters: tuple[str, ...]) -> dict[str, str]:
