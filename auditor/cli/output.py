@@ -40,11 +40,14 @@ def emit(table: "Table", form: str, title: str = "") -> None:
     sys.stdout.buffer.flush()
 
 
-def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
+def print_rows(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "", expendable: Sequence[str] = ()
+) -> None:
     """Print rows as a table.
 
-    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows stands
-    once, above; what is too wide even so becomes several tables, and rows one below the other where a column is.
+    Where it would be wider than the terminal, ids are cut to their beginnings, what is the same in all rows stands
+    once, above, and `expendable` columns are left out, the first of them first. What is too wide even so becomes
+    several tables, and rows one below the other where a column is.
     """
     from rich.console import Console  # noqa: PLC0415
 
@@ -68,6 +71,9 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
             alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
             console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
         columns = [column for column in columns if column not in same] or columns
+        for column in expendable:
+            if not fits(columns):
+                columns = [one for one in columns if one != column]
         groups = _groups(columns, fits)
     if groups and (len(groups) == 1 or len(rows) > 1):
         for number, group in enumerate(groups):

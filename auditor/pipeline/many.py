@@ -17,6 +17,7 @@ from auditor.recordings import Origin, check_rig_file, find_recordings
 from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
 
 _MOST_DAMAGE = 3  # pieces of damage in one warning
+_NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
@@ -191,8 +192,8 @@ class JudgeSettings:
 class Judged:
     """What became of one measurement: a judgement, an error, or neither where the store has no thresholds for it.
 
-    `recording` is the name of its recording. `complete` is False where something was not audited: `warnings`, which
-    are sentences, say what.
+    `recording` is the name of its recording. `complete` is False where something was not audited: `gaps` say what.
+    `warnings` are sentences for people, those of the gaps among them.
     """
 
     recording: str
@@ -201,6 +202,7 @@ class Judged:
     error: AuditorError | None = None
     warnings: tuple[str, ...] = ()
     complete: bool = False
+    gaps: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -223,14 +225,14 @@ class Judge:
         name = recording_name(store, measurement)
         calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
         if calibration is None:
-            return Judged(name, measurement, warnings=(_NO_THRESHOLDS,))
+            return Judged(name, measurement, warnings=(_NO_THRESHOLDS,), gaps=(_NO_THRESHOLDS_GAP,))
         try:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error)
         gaps = tuple(_gaps(store.measurement(measurement), judgement, self._settings.min_coverage))
         warnings = (*_unresolved(judgement), *gaps, *_unresolved_incidents(calibration, criteria))
-        return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps)
+        return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps, gaps=gaps)
 
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:

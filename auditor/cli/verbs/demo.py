@@ -60,22 +60,22 @@ def command(folder: Path, method: str, jobs: int) -> int:
     clean, suspected = fleet(folder)
     _prepare(folder, (*clean, *suspected))
     store = folder / "audit"
-    tally = Tally()
+    of_clean, tally = Tally(), Tally()
     _record((*clean, *suspected), jobs)
     measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
-    references = show_measuring(find_batch([take.file for take in clean], store, measuring), tally)
+    references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
     kept = Store.open(store)
     calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
     kept.write_calibration(calibration)
     audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
     judging = JudgeSettings(Criteria(Decimal(0), Method(method), strict=True), calibration, min_coverage=1)
-    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), tally)
-    show_audit(kept, "table", {one.recording_id for one in audited})
+    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
+    show_audit(kept, "table", tally, {one.recording_id for one in audited})
     exact = _compare(kept, suspected)
     page = render_incident_report(kept, out=store / "reports" / "incident.html")
     answer(f"The incident page: {page}")
     answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
-    return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
+    return Exit.CLEAN if exact and not (of_clean.failed or tally.failed) else Exit.FINDINGS
 
 
 def _prepare(folder: Path, takes: "Sequence[Take]") -> None:

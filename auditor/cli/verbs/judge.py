@@ -34,6 +34,6 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
     from auditor.store import Store  # noqa: PLC0415
 
     kept, tally = Store.open(store), Tally()
-    judged = show_judging(judge(kept, **judging), tally)
-    show_audit(kept, form, judged=judged)
+    judged = show_judging(judge(kept, **judging), kept, tally)
+    show_audit(kept, form, tally, judged=judged)
     return tally.exit_code()
