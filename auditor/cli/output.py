@@ -12,7 +12,7 @@ import click
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
     from rich.table import Table as TableOnScreen
 
     from auditor.store.export import Table
@@ -41,13 +41,17 @@ def emit(table: "Table", form: str, title: str = "") -> None:
 
 
 def print_rows(
-    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "", expendable: Sequence[str] = ()
+    rows: Sequence[Mapping[str, Any]],
+    columns: Sequence[str],
+    title: str = "",
+    expendable: Sequence[str] = (),
+    wrapped: Sequence[str] = (),
 ) -> None:
     """Print rows as a table.
 
     Where it would be wider than the terminal, ids are cut to their beginnings, what is the same in all rows stands
-    once, above, and `expendable` columns are left out, the first of them first. What is too wide even so becomes
-    several tables, and rows one below the other where a column is.
+    once, above, `expendable` columns are left out, the first of them first, and `wrapped` ones take several lines.
+    What is too wide even so becomes several tables, and rows one below the other where a column is.
     """
     from rich.console import Console  # noqa: PLC0415
 
@@ -74,6 +78,11 @@ def print_rows(
         for column in expendable:
             if not fits(columns):
                 columns = [one for one in columns if one != column]
+        wrapping = _table(rows, columns, title, wrapped)
+        if wrapped and console.measure(wrapping).minimum <= room < console.measure(wrapping).maximum:
+            console.width = room
+            console.print(wrapping)
+            return
         groups = _groups(columns, fits)
     if groups and (len(groups) == 1 or len(rows) > 1):
         for number, group in enumerate(groups):
@@ -122,7 +131,9 @@ def _brief(column: str, value: object) -> object:
     return value
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "TableOnScreen":
+def _table(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str, wrapped: Sequence[str] = ()
+) -> "TableOnScreen":
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
@@ -136,7 +147,8 @@ def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str
     )
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
-        table.add_column(Text(column), justify="right" if numeric and rows else "left", no_wrap=True)
+        justify: JustifyMethod = "right" if numeric and rows else "left"
+        table.add_column(Text(column), justify=justify, no_wrap=column not in wrapped)
     for row in rows:
         table.add_row(*(Text(shown(row[column])) for column in columns))
     return table

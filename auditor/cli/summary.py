@@ -22,7 +22,6 @@ _RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS,
 _EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
-_EXPENDABLE_OF_INCIDENTS = ("gap", "seconds")
 _MOST_NAMED = 3
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -103,7 +102,8 @@ def show_audit(
         incidents = rows
     else:
         summary = run_query(store, "summary", {})
-        summary = summary.take(_places(rows_of(summary), recording_ids, judged))
+        places = _places(rows_of(summary), recording_ids, judged)
+        summary = summary.take(places) if places else summary.slice(0, 0)
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
@@ -128,7 +128,7 @@ def closing_line(tally: Tally) -> str:
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
     reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
     more = f", and {len(why) - _MOST_NAMED} other reasons" if len(why) > _MOST_NAMED else ""
-    return f"{line}, {len(left)} not or not fully audited: {reasons}{more}"
+    return f"{line}, {len(left)} not fully audited: {reasons}{more}"
 
 
 def _leave(tally: Tally, path: Path, error: "AuditorError") -> None:
@@ -178,11 +178,17 @@ def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[st
 def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
-    print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE)
+    print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
     if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     if incidents:
-        print_rows([_incident(row) for row in incidents], _INCIDENT_COLUMNS, "Incidents", _EXPENDABLE_OF_INCIDENTS)
+        print_rows(
+            [_incident(row) for row in incidents],
+            _INCIDENT_COLUMNS,
+            "Incidents",
+            expendable=("gap", "seconds"),
+            wrapped=("sensors",),
+        )
 
 
 def _recording(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -238,7 +238,7 @@ def _context() -> ForkServerContext:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM inside the block count at its end; they reach the main thread only: others have nothing to do."""
+    """Ctrl-C and SIGTERM inside the block count at its end; only the main thread gets them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -101,7 +101,11 @@ def test_only_what_was_judged_now_is_shown(store, capfd):
     assert "Incidents" not in shown.out
     assert "1 measurement keeps its verdicts from earlier" in shown.err
     assert run([*judge, "-r", "0.001", "--strict", "--format", "json"]) == 2
-    assert json.loads(capfd.readouterr().out) == []
+    said = json.loads(capfd.readouterr().out)
+    assert (said["recordings"], said["incidents"]) == ([], [])
+    [left] = said["not_audited"]
+    assert (left["recording"], left["path"]) == ("drive.mcap", "/logs/drive.mcap")
+    assert "not resolvable" in left["reason"]
 
 
 def test_what_a_store_finds_attacked_is_not_calibrated_on(store, capfd):
@@ -175,5 +179,5 @@ def test_tables_of_an_audit_fit_eighty_columns(store, capfd):
     assert run(["judge", str(store.folder), "--method", "paper", "-r", "0.001"]) == 1
     out = capfd.readouterr().out
     assert "0.001*" in out
-    assert "* not resolvable" in out
+    assert "* r = 0.001 is not resolvable: judged as at r = 0\n" in out
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 80
