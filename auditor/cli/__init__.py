@@ -25,6 +25,7 @@ VERBS = (
     "calibrate",
     "scan",
     "judge",
+    "label",
     "evaluate",
     "query",
     "report",

@@ -1,6 +1,7 @@
 """Options that several verbs share."""
 
 import os
+import re
 from collections.abc import Callable
 from decimal import Decimal
 from functools import wraps
@@ -210,6 +211,20 @@ class _Rate(click.ParamType[Decimal]):
 
 RATE = _Rate()
 """A designated false-alarm rate r, as a Decimal in [0, 1]."""
+
+
+class _Sensor(click.ParamType[int]):
+    name = "S_k"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not found:
+            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+        return int(found[1])
+
+
+SENSOR = _Sensor()
+"""A sensor by its number, as S_2 or 2."""
 
 
 method_option = click.option(

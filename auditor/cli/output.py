@@ -74,10 +74,7 @@ def print_rows(
         if same:
             alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
             console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
-        columns = [column for column in columns if column not in same] or columns
-        for column in expendable:
-            if not fits(columns):
-                columns = [one for one in columns if one != column]
+        columns = _without([column for column in columns if column not in same] or columns, expendable, fits)
         wrapping = _table(rows, columns, title, wrapped)
         if wrapped and console.measure(wrapping).minimum <= room < console.measure(wrapping).maximum:
             console.width = room
@@ -89,6 +86,15 @@ def print_rows(
             console.print(_table(rows, group, "" if number else title))
     else:
         _print_below(console, rows, columns, title)
+
+
+def _without(columns: Sequence[str], expendable: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> Sequence[str]:
+    """The columns without as many of the expendable ones as it takes to fit."""
+    for column in expendable:
+        if fits(columns):
+            break
+        columns = [one for one in columns if one != column]
+    return columns
 
 
 def _print_below(console: "Console", rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> None:

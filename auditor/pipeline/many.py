@@ -158,8 +158,11 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
 
 
 def _attacked(store: Store, measurement: str) -> str:
-    labels = store.labels(store.measurement(measurement).recording_id)
-    return "it carries the ground truth of an attack" if labels else ""
+    recording_id = store.measurement(measurement).recording_id
+    if store.labels(recording_id):
+        return "it carries the ground truth of an attack"
+    given = any(label.attack is not None for label in store.given_labels(recording_id))
+    return "it was labelled as attacked" if given else ""
 
 
 def _in_incidents(judgement: StoredJudgement | None) -> str:
