@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 
 WIDEST_TABLE = 200
 _BRIEF_ID = 12
+_LEAST_WRAPPED = 12
+"""A column that may take several lines keeps so many characters."""
 _COUNT_EACH_S = 30.0
 """Where no terminal shows a bar, a line that counts comes this often."""
+
+_REMARKS = ("note",)
+_WORDS = ("item", "value", "note")
+"""Columns of answers that hold words, and those that only remark."""
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -34,7 +40,7 @@ def emit(table: "Table", form: str, title: str = "") -> None:
     from auditor.store.export import encode, rows_of  # noqa: PLC0415 - Arrow is heavy
 
     if form == "table":
-        print_rows(rows_of(table), table.column_names, title)
+        print_rows(rows_of(table), table.column_names, title, expendable=_REMARKS, wrapped=_WORDS)
         return
     sys.stdout.buffer.write(encode(table, form))
     sys.stdout.buffer.flush()
@@ -50,7 +56,7 @@ def print_rows(
     """Print rows as a table.
 
     Where it would be wider than the terminal, ids are cut to their beginnings, what is the same in all rows stands
-    once, above, `expendable` columns are left out, the first of them first, and `wrapped` ones take several lines.
+    once, above, `wrapped` columns take several lines, and `expendable` ones are left out, the first of them first.
     What is too wide even so becomes several tables, and rows one below the other where a column is.
     """
     from rich.console import Console  # noqa: PLC0415
@@ -74,12 +80,12 @@ def print_rows(
         if same:
             alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
             console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
-        columns = _without([column for column in columns if column not in same] or columns, expendable, fits)
-        wrapping = _table(rows, columns, title, wrapped)
-        if wrapped and console.measure(wrapping).minimum <= room < console.measure(wrapping).maximum:
-            console.width = room
-            console.print(wrapping)
-            return
+        columns = _without(columns, same) or columns
+        for some in (_without(columns, expendable[:count]) for count in range(len(expendable) + 1)):
+            if console.measure(_table(rows, some, title, wrapped)).minimum <= room:
+                console.width = room
+                console.print(_table(rows, some, title, wrapped))
+                return
         groups = _groups(columns, fits)
     if groups and (len(groups) == 1 or len(rows) > 1):
         for number, group in enumerate(groups):
@@ -88,13 +94,8 @@ def print_rows(
         _print_below(console, rows, columns, title)
 
 
-def _without(columns: Sequence[str], expendable: Sequence[str], fits: Callable[[Sequence[str]], bool]) -> Sequence[str]:
-    """The columns without as many of the expendable ones as it takes to fit."""
-    for column in expendable:
-        if fits(columns):
-            break
-        columns = [one for one in columns if one != column]
-    return columns
+def _without(columns: Sequence[str], some: Sequence[str]) -> list[str]:
+    return [column for column in columns if column not in some]
 
 
 def _print_below(console: "Console", rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> None:
@@ -154,7 +155,8 @@ def _table(
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
         justify: JustifyMethod = "right" if numeric and rows else "left"
-        table.add_column(Text(column), justify=justify, no_wrap=column not in wrapped)
+        least = min(_LEAST_WRAPPED, max(len(shown(row[column])) for row in rows)) if column in wrapped else None
+        table.add_column(Text(column), justify=justify, no_wrap=column not in wrapped, min_width=least)
     for row in rows:
         table.add_row(*(Text(shown(row[column])) for column in columns))
     return table
