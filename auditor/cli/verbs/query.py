@@ -103,7 +103,7 @@ def _values(parameters: tuple[str, ...], asked: "SqlFile") -> dict[str, str]:
     values: dict[str, str] = {}
     for place, parameter in enumerate(parameters):
         key, equals, value = parameter.partition("=")
-        if equals:
+        if equals and (key in in_order or not in_order):
             values[key] = value
         elif place < len(in_order):
             values[in_order[place]] = parameter
