@@ -28,7 +28,7 @@ class FiniteRange(click.FloatRange):
         """The number. Fails as click does."""
         number = super().convert(value, param, ctx)
         if not isfinite(number):
-            self.fail(f"{value!r} is not a number", param, ctx)
+            self.fail(f"{value!r} is not a number: write one such as 0.5", param, ctx)
         return float(number)
 
 

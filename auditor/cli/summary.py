@@ -127,7 +127,8 @@ def closing_line(tally: Tally) -> str:
         return f"{line}, all fully audited" if tally.audited else line
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
     reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
-    more = f", and {len(why) - _MOST_NAMED} other reasons" if len(why) > _MOST_NAMED else ""
+    others = len(why) - _MOST_NAMED
+    more = f", and {others} other reason{'s' * (others > 1)}" if others > 0 else ""
     return f"{line}, {len(left)} not fully audited: {reasons}{more}"
 
 
@@ -142,7 +143,7 @@ def _say_once(remarks: Remarks) -> None:
     """Each remark on one line, with the recordings that it holds for; their rig kind, where there are several."""
     several = len({kind for kind, _ in remarks}) > 1
     for (kind, remark), all_names in remarks.items():
-        names = list(dict.fromkeys(all_names))
+        names = sorted(set(all_names))
         if len(names) == 1:
             say(f"{names[0]}: {remark}")
         else:

@@ -12,8 +12,9 @@ from auditor.lab.simulation.streets import STYLES
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.pipeline.measure import rigs_of
-from auditor.recordings import open_recording, survey, synchronise
+from auditor.recordings import Recording, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 
@@ -30,7 +31,7 @@ class CleanDrive:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording known to be clean, with its own rig or that of a rig file; of several rigs the first is taken.
+    """A recording known to be clean, with each of its rigs, or that of a rig file.
 
     Images that are not rectified are rectified first, and attacks are made on the rectified images. Where pairs have
     views of their own, attacks are made on the images as recorded.
@@ -43,8 +44,8 @@ class Recorded:
         return str(self.path)
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[CleanDrive]:
-        """Its frames. Raises RecordingError where it cannot be read or was attacked, and RigError."""
+    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
         with open_recording(self.path) as recording:
             if recording.labels():
                 raise RecordingError(
@@ -53,12 +54,17 @@ class Recorded:
                     remedy="evaluate on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
-            rig = rigs_of(surveyed, self.rig)[0]
-            seen = rectification(rig)
-            frames: Iterator[Frame | Skipped] = iter(synchronise(recording, rig, surveyed, colour=colour))
-            if not seen.pairs:
-                rig, frames = seen.rig, seen.frames(frames)
-            yield CleanDrive(recording.recording_id, recording.path.name, synthetic=False, rig=rig, frames=frames)
+            yield tuple(
+                _clean_drive(recording, rig, iter(synchronise(recording, rig, surveyed, colour=colour)))
+                for rig in rigs_of(surveyed, self.rig)
+            )
+
+
+def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | Skipped]) -> CleanDrive:
+    seen = rectification(rig)
+    if not seen.pairs:
+        rig, frames = seen.rig, seen.frames(frames)
+    return CleanDrive(recording.recording_id, storable(recording.path.name), synthetic=False, rig=rig, frames=frames)
 
 
 @dataclass(frozen=True)
@@ -73,12 +79,12 @@ class Street:
         return f"street {self.seed}"
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[CleanDrive]:  # noqa: ARG002 - its images are grey
+    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:  # noqa: ARG002 - its images are grey
         """Its frames, each made when it is read."""
         style = list(STYLES)[self.seed % len(STYLES)]
         drive = make_drive(self.seed, self.frames, n_cameras=self.cameras, style=style, vehicle=self.seed)
         known = content_id("street", __version__, self.seed, self.frames, self.cameras, style)
-        yield CleanDrive(known, f"{style} {self.seed}", synthetic=True, rig=drive.rig, frames=drive.frames())
+        yield (CleanDrive(known, f"{style} {self.seed}", synthetic=True, rig=drive.rig, frames=drive.frames()),)
 
 
 Source = Recorded | Street

@@ -172,8 +172,8 @@ def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
     assert "no other can judge it" in capfd.readouterr().err
     assert run(["calibrate", clean, quiet, "-r", "0", "--store", str(tmp_path / "two")]) == 0
     shown = capfd.readouterr()
-    assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames raised" in shown.err
-    assert "raised by paper" in shown.out
+    assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames are findings" in shown.err
+    assert "findings by paper" in shown.out
     assert "60 clean frames resolve r = 0 and r from 0.017 up" in shown.err
 
 
