@@ -9,9 +9,9 @@ import unicodedata
 
 _UNSAFE_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 """Controls, marks of format (also of direction), surrogates, characters without a meaning, ends of lines."""
-_SHORT = {"\n": r"\n", "\r": r"\r", "\t": r"\t"}
 _SURROGATES = re.compile("[\ud800-\udfff]")
-_FIRST_OF_BYTES, _LAST_OF_BYTES = 0xDC80, 0xDCFF
+_BYTES = re.compile("[\udc80-\udcff]")
+"""What Python makes of bytes, as of a file's name, that are no UTF-8."""
 _FORMULA_BEGINS = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?")
 
@@ -41,11 +41,6 @@ def _written_out(character: str) -> str:
 
 
 def _escape(character: str) -> str:
-    code = ord(character)
-    if _FIRST_OF_BYTES <= code <= _LAST_OF_BYTES:  # a byte that Python could not decode
-        code -= 0xDC00
-    if character in _SHORT:
-        return _SHORT[character]
-    if code < 0x100:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+    if _BYTES.match(character):
+        return rf"\x{character.encode('ascii', 'surrogateescape').hex()}"
+    return character.encode("unicode_escape").decode()

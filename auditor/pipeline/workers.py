@@ -249,8 +249,8 @@ def _uninterrupted() -> Iterator[None]:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
-    for each in came[:1]:
-        signal.raise_signal(each)  # what a shell starts in the background ignores Ctrl-C
+    for number in came[:1]:
+        signal.raise_signal(number)  # what a shell starts in the background ignores Ctrl-C
 
 
 def _start_worker(progress: "Connection[Any, Any]") -> None:

@@ -1,8 +1,8 @@
 """Rows leave the store: as Python values, JSON, CSV or Parquet.
 
 A moment leaves as text in the form of ISO 8601 with every digit that its column holds: a nanosecond has no Python type.
-So does a length of time that has months or days (P1M2DT3.5S), which is no number of seconds. CSV is opened with
-spreadsheets: its texts are made safe for them (`csv_cell`).
+So does a length of time that has months or days (P1M2DT3.5S), which no number of seconds can tell. CSV is opened
+with spreadsheets: its texts are made safe for them (`csv_cell`).
 """
 
 import io
@@ -165,4 +165,5 @@ def _each(change: Callable[[Any], str], values: Iterable[Any]) -> pa.Array:
 def _is_text(kind: pa.DataType) -> bool:
     if pa.types.is_dictionary(kind):
         return _is_text(kind.value_type)
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+    kinds = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
+    return any(is_one(kind) for is_one in kinds)
