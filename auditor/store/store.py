@@ -81,6 +81,8 @@ class Store:
         Raises StoreError where the folder holds something else, or a store of another version.
         """
         folder = Path(path).expanduser().resolve()
+        if storable(str(folder)) != str(folder):
+            raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
         if not (folder / MARKER).exists():
             _check_free(folder, create=create)
             write_marker(folder)

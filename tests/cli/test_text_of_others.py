@@ -117,6 +117,12 @@ def test_a_file_name_that_is_no_utf_8_is_audited_stored_and_asked_for(ending, tm
     assert {path: path.stat().st_mtime_ns for path in before} == before, "it is known again"
 
 
+def test_a_store_whose_path_is_no_utf_8_is_refused(tmp_path, capfd):
+    drive = write_drive(tmp_path / "drive.mcap", count=2)
+    assert run(["scan", str(drive), "--store", str(tmp_path / os.fsdecode(b"\xff"))]) == 2
+    assert r"/\xff: its path is not UTF-8, as Parquet and SQL need it; name another" in capfd.readouterr().err
+
+
 def test_csv_and_parquet_hold_the_name_safe_and_as_it_is(folder, tmp_path, capfdbinary):
     store = ["--store", str(tmp_path / "audit")]
     assert run(["scan", str(folder / NAME), "--measure-only", "--jobs", "1", *store]) == 3
