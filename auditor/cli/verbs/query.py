@@ -42,6 +42,7 @@ def command(
     from auditor.pipeline.library import query  # noqa: PLC0415 - heavy
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
+    from auditor.store.sql_files import queries  # noqa: PLC0415
 
     if sql is not None:
         if name is not None:
@@ -53,7 +54,7 @@ def command(
     elif describe:
         _describe(name)
     else:
-        values = _values(parameters, find_query(name))
+        values = _values(parameters, queries().get(name))
         answer = query(store, name, **values)
         _show(Store.open(store), find_query(name).sql, answer, form)
 
@@ -97,9 +98,10 @@ def _describe(name: str) -> None:
         answer(f"  {column.name} {column.type}: {column.sentence}")
 
 
-def _values(parameters: tuple[str, ...], asked: "SqlFile") -> dict[str, str]:
+def _values(parameters: tuple[str, ...], asked: "SqlFile | None") -> dict[str, str]:
     """The parameters by name; those of a query that needs some may be given without names, in their order."""
-    in_order = [one.name for one in asked.parameters] if any(one.required for one in asked.parameters) else []
+    known = asked.parameters if asked is not None else ()
+    in_order = [one.name for one in known] if any(one.required for one in known) else []
     values: dict[str, str] = {}
     for place, parameter in enumerate(parameters):
         key, equals, value = parameter.partition("=")
