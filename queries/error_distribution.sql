@@ -37,7 +37,7 @@ WITH frame AS (
 sample AS (
     SELECT kind, i, j, k, list_has_any(truth, [i, j, k]) AS attacked, E
     FROM (SELECT kind, rig_id, truth, unnest(E) AS E, generate_subscripts(E, 1) AS position FROM frame)
-    JOIN triples USING (rig_id, position)
+    JOIN paper_triples USING (rig_id, position)
 ),
 -- Quantiles of any number of samples in bounded memory: each bin of 0.0001 is counted.
 cell AS MATERIALIZED (

@@ -14,7 +14,7 @@
 -- column identified: The sensors that the verdict names; empty unless it is attacked.
 -- column cases: Frames.
 WITH verdict_of AS (
-    FROM verdicts_by_method(cases, triples, case_verdicts, [$r], $statistic, $block_frames)
+    FROM verdicts_by_method(cases, paper_triples, case_verdicts, [$r], $statistic, $block_frames)
 )
 SELECT
     setup,

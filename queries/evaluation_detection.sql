@@ -28,7 +28,7 @@ WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
 leftmost AS (
-    SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+    SELECT rig_id, position, i, j, k FROM paper_triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
 error AS MATERIALIZED (
     SELECT

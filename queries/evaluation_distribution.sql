@@ -17,7 +17,7 @@
 -- column largest: Largest E.
 -- column histogram: Number of E in each bin, the last including 1.
 WITH triple AS (
-    SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+    SELECT rig_id, position, i, j, k FROM paper_triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
 error AS MATERIALIZED (
     SELECT

@@ -27,7 +27,7 @@
 -- column naming_low: Lower end of its interval.
 -- column naming_high: Upper end of its interval.
 WITH verdict_of AS MATERIALIZED (
-    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, paper_triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 tally AS (
     SELECT

@@ -25,7 +25,7 @@
 -- column identification_low: Lower end of its interval.
 -- column identification_high: Upper end of its interval.
 WITH verdict_of AS MATERIALIZED (
-    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, paper_triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 tally AS (
     SELECT

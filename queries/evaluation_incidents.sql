@@ -34,7 +34,7 @@
 -- column at_most_an_hour: Upper 95 % bound of that, as of a Poisson process.
 WITH state AS MATERIALIZED (
     SELECT *
-    FROM evaluation_states(cases, triples, $r, $statistic, $block_frames)
+    FROM evaluation_states(cases, paper_triples, $r, $statistic, $block_frames)
     WHERE experiment IN ('clean', 'intervals')
     QUALIFY len(system) = max(len(system)) OVER (PARTITION BY setup)
 ),

@@ -37,7 +37,7 @@ least AS (
     SELECT DISTINCT unnest(CAST($iou AS DOUBLE[])) AS iou
 ),
 leftmost AS (
-    SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+    SELECT rig_id, position, i, j, k FROM paper_triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
 share AS MATERIALIZED (
     SELECT

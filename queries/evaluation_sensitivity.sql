@@ -27,7 +27,7 @@ WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
 triple AS (
-    SELECT rig_id, position, j, k FROM triples
+    SELECT rig_id, position, j, k FROM paper_triples
     WHERE i = 0 AND j = 1 QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
 error AS MATERIALIZED (

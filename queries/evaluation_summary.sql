@@ -23,10 +23,10 @@ WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
 verdict_of AS MATERIALIZED (
-    FROM verdicts_by_method(cases, triples, case_verdicts, $r, $statistic, $block_frames)
+    FROM verdicts_by_method(cases, paper_triples, case_verdicts, $r, $statistic, $block_frames)
 ),
 triple AS (
-    SELECT rig_id, position, i, j, k FROM triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
+    SELECT rig_id, position, i, j, k FROM paper_triples QUALIFY k = max(k) OVER (PARTITION BY rig_id)
 ),
 error AS MATERIALIZED (
     SELECT

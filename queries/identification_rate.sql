@@ -36,7 +36,7 @@ WITH rate AS (
     SELECT DISTINCT unnest(CAST($r AS DECIMAL(18, 17)[])) AS r
 ),
 layout AS (
-    SELECT rig_id, list({i: i, j: j, k: k} ORDER BY position) AS triples FROM triples GROUP BY rig_id
+    SELECT rig_id, list({i: i, j: j, k: k} ORDER BY position) AS triples FROM paper_triples GROUP BY rig_id
 ),
 calibration AS (
     SELECT DISTINCT calibration_id, matcher, settings, counting_version, rig_kind, recordings FROM calibrations
@@ -48,7 +48,12 @@ chosen AS MATERIALIZED (
         measurement.rig_id,
         rig.kind,
         calibration.calibration_id,
-        NOT kinds_match(rig.rig_kind, calibration.rig_kind) AS transferred,
+        -- the numbers of the rig's sensors in the calibration's, where the rig is a part of that
+        CASE
+            WHEN judgement.calibration_id = calibration.calibration_id AND len(judgement.absent_sensors) > 0
+                THEN judgement.calibrated_as
+        END AS calibrated_as,
+        NOT kinds_match(rig.rig_kind, calibration.rig_kind) AND calibrated_as IS NULL AS transferred,
         list_contains(calibration.recordings, measurement.recording_id) AS in_sample
     FROM measurements AS measurement
     JOIN rigs AS rig USING (rig_id)
@@ -68,8 +73,18 @@ thresholds AS MATERIALIZED (
         list(threshold(samples, r) ORDER BY position) AS theta,
         min(N) AS samples,
         bool_and(resolvable_with(N, r)) AS resolvable
-    FROM (SELECT DISTINCT calibration_id, rig_id FROM chosen)
-    JOIN triples USING (rig_id)
+    FROM (
+        SELECT
+            part.calibration_id,
+            part.rig_id,
+            triple.position,
+            number_there(triple.i, rig.rig_kind['lidar'], part.calibrated_as) AS i,
+            number_there(triple.j, rig.rig_kind['lidar'], part.calibrated_as) AS j,
+            number_there(triple.k, rig.rig_kind['lidar'], part.calibrated_as) AS k
+        FROM (SELECT DISTINCT calibration_id, rig_id, calibrated_as FROM chosen) AS part
+        JOIN paper_triples AS triple USING (rig_id)
+        JOIN rigs AS rig USING (rig_id)
+    )
     LEFT JOIN (SELECT * FROM calibrations WHERE statistic = $statistic AND N > 0) USING (calibration_id, i, j, k)
     CROSS JOIN rate
     GROUP BY calibration_id, rig_id, r
@@ -101,7 +116,7 @@ counted AS MATERIALIZED (
         sample.attacked,
         array_to_string(
             list_transform(
-                list_zip(sample.E, thresholds.theta),
+                list_zip(sample.E, thresholds.theta, TRUE),
                 lambda x: CASE WHEN x[1] > x[2] THEN '1' WHEN x[1] <= x[2] THEN '0' ELSE '-' END
             ),
             ''

@@ -152,11 +152,14 @@ SELECT
     any_value(whole.parts[1].first_frame) AS first_frame,
     any_value(whole.parts[-1].last_frame) AS last_frame,
     any_value(whole.parts) AS parts,
-    arg_max(frame, gap) AS strongest_frame,
-    arg_max(incident.name, gap) AS strongest_name,
+    -- of equal gaps the last frame's
+    arg_max(frame, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_frame,
+    arg_max(incident.name, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_name,
     max(gap) AS largest_gap,
     any_value(carried.evidence) AS evidence,
-    alternatives_in_words(arg_max(incident.alternatives, gap)) AS alternatives,
+    alternatives_in_words(
+        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+    ) AS alternatives,
     causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
 JOIN whole USING (line, kind, attacked, run)

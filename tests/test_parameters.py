@@ -24,15 +24,15 @@ from auditor.measurement.parameters import (
 from auditor.model.measurement import COUNTING_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import SYNCHRONISING, synchronising_digest
+from auditor.recordings.parameters import RIG_FINDING, SYNCHRONISING, synchronising_digest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "auditor"
 
-COUNTED = {4: ("78da6eae4208", "bc27e7641c4b")}
+COUNTED = {4: ("78da6eae4208", "bc27e7641c4b"), 5: ("78da6eae4208", "bc27e7641c4b")}
 """By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
 
-JUDGED = {1: "ead99d9c85b4"}
+JUDGED = {1: "ead99d9c85b4", 2: "ead99d9c85b4"}
 """By JUDGING_VERSION the digest of what judges."""
 
 SCANNED = tuple(
@@ -46,6 +46,7 @@ ELSEWHERE = {
 """Folders and files whose numbers change neither a count nor a verdict."""
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
+    "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
     "identification/algorithm2.py": (
         (
             4,
@@ -162,7 +163,7 @@ def numbers(path: Path) -> Iterator[tuple[int, float]]:
 
 
 def every_parameter() -> tuple[Parameter, ...]:
-    return list_parameters(*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
+    return list_parameters(*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
 
 
 def test_numbers_that_can_change_a_count_or_a_verdict_stand_in_the_parameter_files_alone() -> None:
@@ -237,16 +238,20 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
-    for groups in (SYNCHRONISING, (*MEASURING, *WARNING), JUDGING):
+    for groups in ((*RIG_FINDING, *SYNCHRONISING), (*MEASURING, *WARNING), JUDGING):
         assert not [name for name, times in Counter(type(group).__name__ for group in groups).items() if times > 1]
     groups_named: dict[str, set[int]] = {}
-    for group in (*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
+    for group in (*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
         groups_named.setdefault(type(group).__name__, set()).add(id(group))
     assert not [name for name, groups in groups_named.items() if len(groups) > 1]
 
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
-    for name, listed in (("measurement", (*MEASURING, *WARNING)), ("identification", JUDGING)):
+    for name, listed in (
+        ("recordings", (*RIG_FINDING, *SYNCHRONISING)),
+        ("measurement", (*MEASURING, *WARNING)),
+        ("identification", JUDGING),
+    ):
         classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
         assert set(classes) <= {type(group).__name__ for group in listed}
     shared = re.findall(r"^class (\w+):", (PACKAGE / "model" / "parameters.py").read_text(), re.MULTILINE)

@@ -19,9 +19,6 @@ HISTORY = (
     "docs/decisions.md",
     "docs/glossary.md",
     "tests/benchmarks/golden_rows.py",
-    "auditor/store/upgrade.py",
-    "auditor/store/marker.py",
-    "tests/store/test_upgrade.py",
 )
 """What tells of old words on purpose."""
 

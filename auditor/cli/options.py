@@ -13,7 +13,7 @@ import click
 
 if TYPE_CHECKING:
     from auditor.measurement.disparity.matchers import MatcherOptions
-    from auditor.pipeline.workers import Limits
+    from auditor.pipeline.many import LimitsOf
     from auditor.recordings import Origin
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
@@ -53,6 +53,13 @@ jobs_option = click.option(
     default=lambda: len(os.sched_getaffinity(0)),
     show_default="the number of cores",
     help="Recordings measured at the same time.",
+)
+
+
+again_option = click.option(
+    "--measure-again",
+    is_flag=True,
+    help="Measure also what the store has; the earlier measurement goes, with its judgements.",
 )
 
 
@@ -100,7 +107,7 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What one recording may take; the command gets `limits`, a function from a path to its Limits."""
+    """What one recording may take; the command gets `limits`, a function from a path, or None, to its Limits."""
 
     @wraps(command)
     def collected(*, time_limit: float | None, memory_limit: float, **others: Any) -> Any:  # noqa: ANN401
@@ -115,13 +122,14 @@ def budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default=4096,
             show_default=True,
             metavar="MB",
-            help="Memory that measuring one recording may take before it is given up.",
+            help="Memory that one recording may take before it is given up.",
         ),
         click.option(
             "--time-limit",
             type=FiniteRange(min=0, min_open=True),
             metavar="SECONDS",
-            help="Time that measuring one recording may take.  [default: any, while a frame comes every ten minutes]",
+            help="Time that one recording may take.  [default: any, while it makes progress: within ten minutes, and "
+            "0.1 s a MB of it]",
         ),
     ):
         collected = option(collected)
@@ -185,15 +193,17 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         network: "MatcherOptions",
         rig: Path | None,
         origin_of: "Callable[[Path], Origin]",
-        limits: "Callable[[Path], Limits]",
+        limits: "LimitsOf",
         jobs: int,
+        measure_again: bool,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        return command(measuring=MeasureSettings(matcher, network, rig, origin_of, limits, jobs), **others)
+        settings = MeasureSettings(matcher, network, rig, origin_of, limits, jobs, again=measure_again)
+        return command(measuring=settings, **others)
 
-    return matcher_options(rig_option(origin_options(budget_options(jobs_option(collected)))))
+    return matcher_options(rig_option(origin_options(budget_options(jobs_option(again_option(collected))))))
 
 
 class _Rate(click.ParamType[Decimal]):
@@ -249,7 +259,7 @@ def judging_options(command: Decorated) -> Decorated:
             type=FiniteRange(0, 1),
             default=0.99,
             show_default=True,
-            help="Share of frames below which a recording counts as not fully audited.",
+            help="Share of frames, messages and time below which a recording counts as not fully audited.",
         ),
         click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N)."),
         click.option(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.many import Batch, Judged
     from auditor.pipeline.measure import Measured
+    from auditor.recordings import Location
     from auditor.store import Store
 
 _WHERE_KNOWN = ("vehicle", "date")
@@ -132,7 +133,7 @@ def closing_line(tally: Tally) -> str:
     return f"{line}, {len(left)} not fully audited: {reasons}{more}"
 
 
-def _leave(tally: Tally, path: Path, error: "AuditorError") -> None:
+def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
     """A recording could not be measured."""
     tally.failed = True
     tally.recordings.add(str(path))

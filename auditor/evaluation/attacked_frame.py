@@ -67,9 +67,10 @@ class AttackedFrame:
         return rectification(self.rig)
 
     def counts(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[Counts | None, ...]:
-        """Counts in the order of `rig.triples`; None where a sensor is not there, or the triple was not requested."""
+        """Counts in the order of `measured_triples`; None where a sensor is not there, or it was not requested."""
         wanted = self._measurable(triples)
-        return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in self.rig.triples)
+        every = self.rig.measured_triples
+        return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in every)
 
     def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
         """Windowed ratios in the order of `pair_checks`, as far as measuring these triples gives them."""
@@ -179,7 +180,7 @@ class AttackedFrame:
     def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
         """The requested triples whose sensors are all present."""
         present = frozenset(self.sensors)
-        wanted = self.rig.triples if triples is None else triples
+        wanted = self.rig.measured_triples if triples is None else triples
         return tuple(triple for triple in wanted if present.issuperset(triple))
 
     def _counts(self, triple: Triple, attacks: Attacks) -> Counts:

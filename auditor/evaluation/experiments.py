@@ -131,8 +131,8 @@ def attacked_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
 
 
 def all_triples(rig: Rig) -> tuple[Triple, ...]:
-    """All triples of the rig."""
-    return rig.triples
+    """All triples that a scan measures."""
+    return rig.measured_triples
 
 
 def _scenario_1_only(rig: Rig) -> tuple[Triple, ...]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from auditor import __version__
 from auditor.errors import RecordingError
@@ -13,8 +14,8 @@ from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.measure import rigs_of
-from auditor.recordings import Recording, open_recording, survey, synchronise
+from auditor.pipeline.measure import rigs_through
+from auditor.recordings import Location, Recording, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 
@@ -37,7 +38,7 @@ class Recorded:
     views of their own, attacks are made on the images as recorded.
     """
 
-    path: Path
+    path: Path | Location
     rig: Path | None = None
 
     def __str__(self) -> str:
@@ -55,8 +56,12 @@ class Recorded:
                 )
             surveyed = survey(recording)
             yield tuple(
-                _clean_drive(recording, rig, iter(synchronise(recording, rig, surveyed, colour=colour)))
-                for rig in rigs_of(surveyed, self.rig)
+                _clean_drive(
+                    recording,
+                    one.rig,
+                    iter(synchronise(recording, one.rig, one.survey, colour=colour, stretches=one.stretches)),
+                )
+                for one in rigs_through(recording, surveyed, self.rig).rigs
             )
 
 
@@ -74,6 +79,7 @@ class Street:
     seed: int
     frames: int
     cameras: int = 3
+    path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"

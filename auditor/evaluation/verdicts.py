@@ -83,7 +83,8 @@ def _system(rig: Rig, sensors: Sequence[int]) -> System:
     """The pair checks and triples by which some of a rig's sensors are judged."""
     chosen = set(sensors)
     pair_checks = tuple(pair_check for pair_check in rig_pair_checks(rig) if set(pair_check.needed) <= chosen)
-    return System(pair_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors))
+    fallback = rig.fallback if rig.fallback and set(rig.fallback) <= chosen else None
+    return System(pair_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors), fallback)
 
 
 def _thresholds(

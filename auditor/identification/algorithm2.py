@@ -17,6 +17,9 @@ ABOVE, NOT_ABOVE, NOT_MEASURED = "1", "0", "-"
 FEWEST_SENSORS = 4
 """N sensors tolerate N - 3 attacked ones, so with three an attack has no name."""
 
+FEWEST_COMPARED = 3
+"""The sensors of a triple: fewer cannot be compared."""
+
 MOST_SETS = ATTACK_SET_COST.most_sets
 """Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
 
@@ -103,6 +106,12 @@ def without(e: str, triples: Sequence[Triple], absent: frozenset[int]) -> str:
     return "".join(
         NOT_MEASURED if not absent.isdisjoint(triple) else state for state, triple in zip(e, triples, strict=True)
     )
+
+
+def listed(sensors: Sequence[int]) -> str:
+    """Sensors in words: S_1, S_2 and S_3."""
+    names = [f"S_{sensor}" for sensor in sensors]
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def sensors_where(sensors: Sequence[int], chosen: Flags) -> list[frozenset[int]]:

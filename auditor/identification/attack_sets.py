@@ -103,10 +103,18 @@ def triple_states(
     These states are the input of Algorithm 2.
     """
     inside = np.array([[set(e.nameable) <= set(t) for t in triples] for e in pair_checks], dtype=np.bool_)
-    needed = np.array([[e in _needed(t) for t in triples] for e in pair_checks], dtype=np.bool_)
-    found = (measured[:, :, None] & needed).sum(axis=1)
     above = np.asarray((fired[:, :, None] & inside).any(axis=1))
-    return above, np.asarray(above | (found == [len(_needed(t)) for t in triples]))
+    return above, np.asarray(above | compared(measured, pair_checks, triples))
+
+
+def compared(measured: Flags, pair_checks: Sequence[PairCheck], triples: Sequence[Triple]) -> Flags:
+    """(F, T) whether the disparities of all three sensors of a triple were compared, from (F, M) measured pair checks.
+
+    A brightness difference compares no disparities, and a check of the LiDAR alone no sensors.
+    """
+    needed = np.array([[e in _needed(t) for t in triples] for e in pair_checks], dtype=np.bool_)
+    found = (measured[:, :, None] & needed.reshape(len(pair_checks), len(triples))).sum(axis=1)
+    return np.asarray(found == np.array([len(_needed(t)) for t in triples], dtype=np.intp))
 
 
 def _needed(triple: Triple) -> tuple[PairCheck, ...]:

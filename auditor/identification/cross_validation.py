@@ -17,6 +17,7 @@ from auditor.identification.thresholds import threshold
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, strengths_of
 from auditor.model.measurement import Statistic
+from auditor.model.rig import fallback_of
 from auditor.model.verdict import FINDINGS, Finding
 
 NS_PER_HOUR = 3600 * 10**9
@@ -81,14 +82,19 @@ def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -
 
 def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
+    fallback = fallback_of(len(calibration.rig_kind.sizes_px), lidar=calibration.rig_kind.lidar)
 
     def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        above = np.zeros(left_out.frames, dtype=np.bool_)
-        for (kind, triple), E in left_out.errors.items():
-            clean = [o.errors[kind, triple] for o in others if (kind, triple) in o.errors]
-            samples = _measured(clean) if kind is statistic else np.zeros(0)
+        above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
+        triples = [triple for kind, triple in left_out.errors if kind is statistic]
+        # The fallback, which comes last, counts where no other E of a frame was measured.
+        for triple in sorted(triples, key=lambda triple: triple == fallback):
+            key, E = (statistic, triple), left_out.errors[statistic, triple]
+            samples = _measured([o.errors[key] for o in others if key in o.errors])
             if samples.size:
-                above |= threshold(samples.tolist(), r) < E
+                known = ~np.isnan(E) & ~(measured & (triple == fallback))
+                above |= known & (threshold(samples.tolist(), r) < E)
+                measured |= known
         return int(np.count_nonzero(above)), _count_runs(above)
 
     return _leave_one_out(calibration, judge)

@@ -14,7 +14,7 @@ from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import HIGHEST_SCORE, Scale
-from auditor.model.checks import LIDAR_CHECKS, Check, Pair, PairCheck, relative_excess
+from auditor.model.checks import COLUMNS, LIDAR_CHECKS, Check, Pair, PairCheck, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, FaultHypothesis, Verdict, VerdictKind
@@ -29,9 +29,13 @@ FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
 
+SCORED = tuple(name for name in COLUMNS if name not in {"tracked", "compared", "right_px", "down_px"})
+"""The fault features that fault scores are made of."""
+
+
 @dataclass(frozen=True, eq=False)
 class ObservedFeatures:
-    """The fault features of F frames: `columns` holds (F, P) values by the names of `checks.COLUMNS`.
+    """The fault features of F frames: `columns` holds (F, P) values by the names of SCORED at least.
 
     `pairs` are the P matched pairs (i, k). `level` and `saturated` are (F, C), mean grey level and saturated share of
     the `cameras`. NaN where not measured.

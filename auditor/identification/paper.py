@@ -17,6 +17,7 @@ from auditor.identification.algorithm2 import (
     Identification,
     disagreements,
     identify,
+    listed,
     without,
 )
 from auditor.identification.parameters import ATTACK_SET_COST
@@ -51,7 +52,7 @@ def judge(
         named=None if found is None or found.undetermined else found.attacked,
         alternatives=_alternatives(found, e, triples, system),
     )
-    without_them = f"judged without {_names(outside)}" if outside else ""
+    without_them = f"judged without {listed(outside)}" if outside else ""
     if ABOVE not in e:
         return replace(verdict, kind=VerdictKind.CLEAN, reason=without_them)
     doubt = _doubt(found, e, triples, N)
@@ -66,12 +67,17 @@ def judge_frames(
     triples: Sequence[Triple],
     sensors: Sequence[int],
     missing: Sequence[frozenset[int]],
+    fallback: Triple | None = None,
 ) -> list[Verdict]:
     """The verdicts on F frames: `errors` is (F, T) disparity errors E by triple, NaN where not measured.
 
     `missing` holds, for each frame, the sensors that were missing or damaged. Frames that share their e vector and
-    their missing sensors are judged once. Raises ThresholdsError where no triple of the rig has a theta.
+    their missing sensors are judged once. With a `fallback` its E are one more column, which counts where no other E
+    of a frame has been measured: there e has one more character. Raises ThresholdsError where no triple of the rig has
+    a theta.
     """
+    T = len(triples)
+    triples = triples if fallback is None else (*triples, fallback)
     theta = np.array([thresholds.theta.get(triple, np.nan) for triple in triples], dtype=np.float64)
     if len(triples) and np.isnan(theta).all():
         raise ThresholdsError(
@@ -80,7 +86,8 @@ def judge_frames(
             remedy="calibrate on clean recordings of this rig kind",
         )
     distances = _mask(errors, triples, missing) - theta
-    judged = cache(lambda e, absent: judge(e, triples, sensors, absent))
+    distances[~np.isnan(distances[:, :T]).all(axis=1), T:] = np.nan
+    judged = cache(lambda e, absent: judge(e, triples[: len(e)], sensors, absent))
     evidence = [partial(Evidence, thresholds.statistic.value, *triple) for triple in triples]
     return [
         # Made in full, not by replace(): a night's frames are judged in one go.
@@ -96,7 +103,7 @@ def judge_frames(
             v.alternatives,
         )
         for e, absent, gap, row in zip(
-            _state_vectors(distances), missing, _smallest_distances(distances), distances, strict=True
+            _state_vectors(distances, T), missing, _smallest_distances(distances), distances, strict=True
         )
         for v in (judged(e, absent),)
     ]
@@ -114,13 +121,14 @@ def _mask(
     return masked
 
 
-def _state_vectors(distances: NDArray[np.float64]) -> list[str]:
-    """The e vector of each row of E - theta, (F, T)."""
+def _state_vectors(distances: NDArray[np.float64], T: int) -> list[str]:
+    """The e vector of each row of E - theta, (F, T); the states after the T-th only where they were measured."""
     if distances.shape[1] == 0:
         return [""] * len(distances)
     states = np.where(np.isnan(distances), ord(NOT_MEASURED), np.where(distances > 0, ord(ABOVE), ord(NOT_ABOVE)))
     rows = np.ascontiguousarray(states.astype(np.uint8)).view(f"S{distances.shape[1]}")
-    return [row.decode() for row in rows.ravel().tolist()]
+    vectors = (row.decode() for row in rows.ravel().tolist())
+    return [e[:T] + e[T:].strip(NOT_MEASURED) for e in vectors]
 
 
 def _smallest_distances(distances: NDArray[np.float64]) -> list[float | None]:
@@ -162,7 +170,7 @@ def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: i
     if found is None:
         return f"an attack on one of {N} sensors cannot be attributed"
     if found.undetermined:
-        return f"unmeasured disparity errors leave {_names(found.undetermined)} undetermined"
+        return f"unmeasured disparity errors leave {listed(found.undetermined)} undetermined"
     if disagreements(e, found.attacked, triples):
         return f"no attack on at most {N - 3} of {N} sensors explains the disparity error states"
     return ""
@@ -173,12 +181,8 @@ def _why_nothing_was_measured(sensors: Sequence[int], missing: frozenset[int]) -
         return f"three overlapping sensors are needed, and the rig has {len(sensors)}"
     absent = tuple(sensor for sensor in sensors if sensor in missing)
     if absent:
-        return f"{_names(absent)} missing, and no triple of the other sensors was measured"
+        return f"{listed(absent)} missing, and no triple of the other sensors was measured"
     return "no triple with a threshold has enough valid pixels"
-
-
-def _names(sensors: Sequence[int]) -> str:
-    return ", ".join(f"S_{sensor}" for sensor in sensors)
 
 
 def _join(*parts: str) -> str:

@@ -139,7 +139,7 @@ def _matched(
 def _prepare(frame: Frame, rig: Rig, matcher: Matcher) -> _PreparedFrame:
     seen = rectification(rig)
     rectified = seen.frame(frame)
-    triples = present(seen.rig.triples, rectified)
+    triples = present(seen.rig.measured_triples, rectified)
     pairs = matched(triples)
     whole = prepare(rectified, seen.rig, triples, pairs, colour=matcher.colour)
     parts = {pair: _prepare_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}
@@ -176,10 +176,12 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
         number=frame.number,
         stamp_ns=frame.stamp_ns,
         presence=frame.presence,
-        counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.triples),
+        counts=tuple(comparisons[t].counts if t in comparisons else None for t in arrays.rig.measured_triples),
         coverage=_coverage(prepared.whole, arrays),
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
+        unmasked_cells=arrays.frame_checks.unmasked.cells,
+        unmasked_shares=arrays.frame_checks.unmasked.shares,
         fingerprints=fingerprints(frame),
     )
     return measurement, arrays

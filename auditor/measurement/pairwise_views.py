@@ -57,11 +57,18 @@ def joined(
     Brightness differences, point dropout and isolated points are measured in the common view, of which `half_res` and
     `views` are: its cells are larger than the offset of cameras that stand beside a line.
     """
+    in_common = collect_checks(half_res, {}, views, rig)
     return replace(
-        collect_checks(half_res, {}, views, rig),
+        in_common,
         lidar_conflicts=_of_pairs({pair: one.lidar_conflicts for pair, one in of_pairs.items()}),
         photometric_inconsistencies=_of_pairs(
             {pair: one.photometric_inconsistencies for pair, one in of_pairs.items()}
+        ),
+        unmasked=replace(
+            in_common.unmasked,
+            photometric_inconsistencies=_of_pairs(
+                {pair: one.unmasked.photometric_inconsistencies for pair, one in of_pairs.items()}
+            ),
         ),
         verified_conflicts=_of_pairs({pair: one.verified_conflicts for pair, one in of_pairs.items()}),
         consistencies=_of_pairs({pair: one.consistencies for pair, one in of_pairs.items()}),

@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from auditor.model.arrays import Flags, Floats, Integers
-from auditor.model.checks import PairCheck
+from auditor.model.checks import Pair, PairCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.parameters import SCORE_LIMITS
 from auditor.model.rig import RigKind, Triple
+from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
 
 LOWEST_SCORE, HIGHEST_SCORE = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
@@ -26,6 +27,10 @@ class CleanFrames:
     `errors` holds the disparity errors E by statistic and triple, `ratios` the statistics by pair check, `strengths`
     the fault scores by fault and sensor; each is (F,), NaN where it was not measured. `missing` and `frozen` are (F,)
     flags of the sensors that were not there, or repeated their data while others changed, in some frame.
+
+    The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
+    LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
+    camera; each is (F,), NaN where it was not measured.
     """
 
     recording_id: str
@@ -35,6 +40,9 @@ class CleanFrames:
     strengths: Mapping[CauseIn, Floats]
     missing: Mapping[int, Flags] = field(default_factory=dict)
     frozen: Mapping[int, Flags] = field(default_factory=dict)
+    unmasked: Mapping[PairCheck, Floats] = field(default_factory=dict)
+    features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
+    brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
@@ -52,7 +60,8 @@ class Calibration:
     """The clean frames of some recordings; thresholds at any r follow from them.
 
     Recordings are separate, so that each can be judged by the others. `calibrated_at` (UTC) is no part of the id: the
-    same frames are the same calibration.
+    same frames are the same calibration. `part` says where it was made for a rig that is a part of that calibrated,
+    whose id it has.
     """
 
     calibration_id: str
@@ -60,6 +69,7 @@ class Calibration:
     procedure: Procedure
     clean: tuple[CleanFrames, ...]
     calibrated_at: datetime | None = None
+    part: SubRig | None = None
 
     @cached_property
     def recordings(self) -> tuple[str, ...]:

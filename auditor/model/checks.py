@@ -3,7 +3,7 @@
 Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from enum import StrEnum
 from itertools import combinations
 from math import nan
@@ -55,7 +55,7 @@ def pair_checks_of(
     cameras: int,
     matched: Iterable[tuple[int, int]],
     lidar_conflict_pairs: Iterable[tuple[int, int]],
-    views: Iterable[int],
+    views: Collection[int],
 ) -> tuple[PairCheck, ...]:
     """All pair checks in their fixed order.
 
@@ -72,9 +72,24 @@ def pair_checks_of(
 
 
 def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
-    """The pair checks that frames of a rig are judged by."""
-    lidar_conflict_pairs = [pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair)]
-    return pair_checks_of(rig.n, rig.pairs, lidar_conflict_pairs, rig.references if rig.lidar else ())
+    """The pair checks that frames of a rig are judged by; those that only the fallback brings are the last.
+
+    So stored lists of before there was a fallback are the beginning of today's.
+    """
+    if rig.fallback is None:
+        return usual_pair_checks(rig)
+    _, j, k = rig.fallback
+    return (*usual_pair_checks(rig), *pair_checks_of(0, [(j, k)], _checking_lidar(rig, [(j, k)]), [k]))
+
+
+def usual_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
+    """The pair checks of a rig without those that only the fallback brings."""
+    pairs = [pair for pair in rig.pairs if rig.fallback is None or pair != rig.fallback[1:]]
+    return pair_checks_of(rig.n, pairs, _checking_lidar(rig, pairs), rig.references if rig.lidar else ())
+
+
+def _checking_lidar(rig: Rig, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    return [pair for pair in pairs if rig.lidar and resolves_depth(rig, *pair)]
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
@@ -174,3 +189,5 @@ class PairFaultFeatures(NamedTuple):
 
 
 COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *IsolatedShares._fields)
+OF_LIDAR = frozenset((*Agreement._fields, *IsolatedShares._fields))
+"""The columns that are measured with the LiDAR."""

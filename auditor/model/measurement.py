@@ -46,7 +46,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 4
+COUNTING_VERSION = 5
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 
@@ -122,9 +122,10 @@ class Cells:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One frame, measured. `counts` follows `rig.triples`; None where a sensor of the triple was not there.
+    """One frame, measured. `counts` follows `rig.measured_triples`; None where a sensor of the triple was not there.
 
-    `cells` and `shares` are the results of the checks, by pair check: counts on a grid, or the statistic itself.
+    `cells` and `shares` are the results of the checks, by pair check: counts on a grid, or the statistic itself;
+    `unmasked_cells` and `unmasked_shares` are those that the LiDAR's range masks changed, as they are without it.
     `fingerprints` show by sensor whether its data change from frame to frame; `fault_features` are by matched pair.
     `regions` are the portions of sensors that would be damaged if they are attacked.
     """
@@ -136,6 +137,8 @@ class Measurement:
     coverage: Mapping[int, Coverage]
     cells: Mapping[PairCheck, Cells] = field(default_factory=dict)
     shares: Mapping[PairCheck, float] = field(default_factory=dict)
+    unmasked_cells: Mapping[PairCheck, Cells] = field(default_factory=dict)
+    unmasked_shares: Mapping[PairCheck, float] = field(default_factory=dict)
     fingerprints: Mapping[int, int] = field(default_factory=dict)
     fault_features: Mapping[Pair, PairFaultFeatures] = field(default_factory=dict)
     regions: tuple[Region, ...] = ()

@@ -18,6 +18,9 @@ from auditor.model.parameters import RIG_GEOMETRY, RIG_KIND_TOLERANCE
 LIDAR = 0
 """The number of the LiDAR S_0."""
 
+PIXEL_BITS, MOST_BITS = 8, 16
+"""The bits of a pixel that is measured, and the most that a recorded value has."""
+
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
 
@@ -44,8 +47,8 @@ class RigKind:
             self.lidar == other.lidar
             and self.sizes_px == other.sizes_px
             and len(self.baselines_m) == len(other.baselines_m)
-            and all(_close(a, b, 0.0) for a, b in zip(self.focals_px, other.focals_px, strict=True))
-            and all(_close(a, b, KIND_TOLERANCE_M) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
+            and all(same_focal(a, b) for a, b in zip(self.focals_px, other.focals_px, strict=True))
+            and all(same_baseline(a, b) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
         )
 
     def __str__(self) -> str:
@@ -53,6 +56,16 @@ class RigKind:
         focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
         baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
         return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
+
+
+def same_focal(a: float, b: float) -> bool:
+    """Whether two focal lengths in pixels are those of one rig kind."""
+    return _close(a, b, 0.0)
+
+
+def same_baseline(a: float, b: float) -> bool:
+    """Whether two baselines in metres are those of one rig kind."""
+    return _close(a, b, KIND_TOLERANCE_M)
 
 
 def _close(a: float, b: float, tolerance: float) -> bool:
@@ -73,7 +86,8 @@ class Camera:
 
     `projection` is the full (3, 4) matrix P = K [R | t]: points of the rig frame in metres to pixels, if no `lens` bent
     their rays. Images are `rectified` where none does and the camera looks straight along the rig's z axis. `offset_ns`
-    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording.
+    is how far its stamps lie behind the leftmost camera's; None: to be learnt from the recording. Of recorded values
+    of `depth_bits` (None: 8) the upper 8 are the pixels.
     """
 
     number: int
@@ -85,6 +99,7 @@ class Camera:
     rectified: bool = True
     lens: Lens = NO_LENS
     offset_ns: int | None = None
+    depth_bits: int | None = None
 
     @property
     def focal_px(self) -> float:
@@ -159,13 +174,23 @@ class Rig:
 
     @cached_property
     def triples(self) -> tuple[Triple, ...]:
-        """All triples that are measured, in the store's fixed order."""
+        """The triples that e and Algorithm 2 are of, in the store's fixed order."""
         return triples_of(self.n, lidar=self.lidar is not None)
 
     @cached_property
+    def fallback(self) -> Triple | None:
+        """The triple that a frame is judged by in which none of `triples` was measured; None where there is none."""
+        return fallback_of(self.n, lidar=self.lidar is not None)
+
+    @cached_property
+    def measured_triples(self) -> tuple[Triple, ...]:
+        """All triples that are measured in every frame: `triples`, then the fallback."""
+        return self.triples if self.fallback is None else (*self.triples, self.fallback)
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Cameras (i, k) that are compared in the view of k: all that triples name, in their order."""
-        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
+        """Cameras (i, k) that are compared in the view of k: all that measured triples name, in their order."""
+        named = ((source, triple.k) for triple in self.measured_triples for source in triple[:2] if source != LIDAR)
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
@@ -267,6 +292,7 @@ class Rig:
                     "projection": camera.projection.tolist(),
                     **_lens_to_dict(camera.lens),
                     **_offset_to_dict(camera.offset_ns),
+                    **_depth_to_dict(camera.depth_bits),
                 }
                 for camera in self.cameras
             ],
@@ -293,6 +319,15 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
     )
 
 
+def fallback_of(n: int, *, lidar: bool) -> Triple | None:
+    """The LiDAR with S_1 and S_2, which no triple of `triples_of` compares where there are three cameras or more.
+
+    It is the paper's Scenario 1 for frames without any other reference camera: with it every three sensors of a rig
+    can be compared.
+    """
+    return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
+
+
 def _lidar(fields: Fields) -> Lidar:
     return Lidar(
         name=fields.text("name"),
@@ -313,6 +348,7 @@ def _camera(fields: Fields) -> Camera:
         projection=_projection(fields),
         lens=_lens(fields),
         offset_ns=_offset(fields),
+        depth_bits=_depth(fields),
     )
 
 
@@ -333,6 +369,20 @@ def _lens(fields: Fields) -> Lens:
 
 def _offset(fields: Fields) -> int | None:
     return fields.whole("offset_ns") if "offset_ns" in fields else None
+
+
+def _depth(fields: Fields) -> int | None:
+    if "depth_bits" not in fields:
+        return None
+    bits = fields.whole("depth_bits")
+    if not PIXEL_BITS <= bits <= MOST_BITS:
+        raise RigError(f"depth_bits of {fields.of} is {bits}, not {PIXEL_BITS} to {MOST_BITS}", where="rig")
+    return bits
+
+
+def _depth_to_dict(depth_bits: int | None) -> dict[str, Any]:
+    """Empty where values have 8 bits, so that the ids of such rigs do not depend on it."""
+    return {} if depth_bits is None else {"depth_bits": depth_bits}
 
 
 def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:

@@ -13,19 +13,20 @@ from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
-from auditor.identification.faults import ObservedFeatures, fault_scores, frozen
+from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, frozen
 from auditor.identification.naming import System
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import judging_digest, judging_settings
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.statistics import windowed_ratios
+from auditor.identification.sub_rigs import additional_sensors, calibration_for
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import PairCheck, rig_pair_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig, RigKind
-from auditor.model.verdict import CauseIn, Method, Verdict
+from auditor.model.verdict import Method, Verdict
 from auditor.store import FrameRatios, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
 Rows = list[tuple[int, int, Verdict]]
@@ -62,7 +63,7 @@ class Criteria:
 
 def system_of(rig: Rig) -> System:
     """What the frames of a rig are judged by."""
-    return System(rig_pair_checks(rig), rig.triples, rig.sensors)
+    return System(rig_pair_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
 def calibrate(
@@ -94,6 +95,7 @@ def _clean_frames(
     store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:
     ratios = _frame_ratios(store, known, recount=recount)
+    features = _observed_features(store, known)
     present = ratios.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
     return CleanFrames(
@@ -102,13 +104,32 @@ def _clean_frames(
         {
             (statistic, triple): column
             for statistic in Statistic
-            for triple, column in zip(rig.triples, store.load_errors(known, statistic).E[chosen].T, strict=True)
+            for triple, column in zip(
+                rig.measured_triples, store.load_errors(known, statistic).E[chosen].T, strict=True
+            )
         },
         dict(zip(rig_pair_checks(rig), ratios.ratios[chosen].T, strict=True)),
-        {cause: column[chosen] for cause, column in _strengths(store, known, rig).items()},
+        {cause: column[chosen] for cause, column in fault_scores(features, ratios.stamps_ns, rig.sensors).items()},
         missing=_of_sensors(rig, ~present[chosen]),
         frozen=_of_sensors(rig, frozen(ratios.fingerprints, present)[chosen]),
+        unmasked=_unmasked(rig, ratios, chosen),
+        features={
+            (name, pair): column
+            for name in SCORED
+            for pair, column in zip(features.pairs, features.columns[name][chosen].T, strict=True)
+        },
+        brightness={
+            (name, camera): column
+            for name, values in (("level", features.level), ("saturated_share", features.saturated))
+            for camera, column in zip(features.cameras, values[chosen].T, strict=True)
+        },
     )
+
+
+def _unmasked(rig: Rig, ratios: FrameRatios, chosen: NDArray[np.bool_]) -> dict[PairCheck, NDArray[np.float64]]:
+    """The statistics without the LiDAR of those pair checks for which they are others in some frame."""
+    columns = zip(rig_pair_checks(rig), ratios.ratios[chosen].T, ratios.unmasked[chosen].T, strict=True)
+    return {e: alone for e, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
 
 
 def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
@@ -116,11 +137,10 @@ def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool
     return {sensor: column for sensor, column in zip(rig.sensors, flags.T, strict=True) if column.any()}
 
 
-def _strengths(store: Store, measurement: str, rig: Rig) -> dict[CauseIn, NDArray[np.float64]]:
-    """The fault score of each frame for each cause, (F,), from the stored fault features."""
+def _observed_features(store: Store, measurement: str) -> ObservedFeatures:
+    """The stored fault features of a measurement."""
     seen = store.load_fault_features(measurement)
-    observed = ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
-    return fault_scores(observed, seen.stamps_ns, rig.sensors)
+    return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
 
 
 def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRatios:
@@ -154,10 +174,16 @@ def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -
 
 
 def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:
-    """The newest of some calibrations that holds for a measurement's rig kind and procedure."""
+    """The calibration, of some, that a measurement is judged by: made of measurements of the same procedure.
+
+    One of its rig kind goes first, then that of a rig with the fewest additional sensors; of several the newest.
+    """
     stored = store.measurement(measurement)
-    kind = store.rig(stored.rig_id).kind
-    fitting = [c for c in calibrations if c.procedure == stored.procedure and c.rig_kind.matches(kind)]
+    rig = store.rig(stored.rig_id)
+    alike = [calibration for calibration in calibrations if calibration.procedure == stored.procedure]
+    additional = [(additional_sensors(calibration, rig), calibration) for calibration in alike]
+    fewest = min((more for more, _ in additional if more is not None), default=None)
+    fitting = [calibration for more, calibration in additional if more is not None and more == fewest]
     return max(fitting, key=_made_at, default=None)
 
 
@@ -174,11 +200,13 @@ def judge_measurement(
 ) -> StoredJudgement:
     """Judge every frame of a measurement and keep the verdicts, which are its current ones from then on.
 
+    A rig that is a part of the calibration's is judged by what the calibration has of its sensors.
     `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
     ThresholdsError where the thresholds do not fit and StoreError where r has more decimals than the store keeps.
     """
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
+    whole, calibration = calibration, calibration_for(calibration, rig) or calibration
     transferred = check_calibration(
         calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
     )
@@ -197,10 +225,17 @@ def judge_measurement(
         _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
     before = (store.current_judgements() if current is None else current).get(measurement)
     judgement = JudgementRecord(
-        measurement, criteria.method, thresholds, todays_rules(), _after(before), criteria.recount
+        measurement,
+        criteria.method,
+        thresholds,
+        todays_rules(),
+        _after(before),
+        criteria.recount,
+        absent_sensors=calibration.part.absent if calibration.part else (),
+        calibrated_as=calibration.part.sensors if calibration.part else rig.sensors,
     )
-    if calibration.calibration_id not in store.ids("calibrations"):
-        store.write_calibration(calibration)
+    if whole.calibration_id not in store.ids("calibrations"):
+        store.write_calibration(whole)
     return store.write_judgement(judgement, rows)
 
 
@@ -224,8 +259,9 @@ def _robust(
 
 
 def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameRatios) -> Rows:
-    present, fault_scores = frames.states == SensorState.PRESENT, _strengths(store, measurement, rig)
-    series = FrameSeries.of_recording(frames.stamps_ns, frames.ratios, present, frames.fingerprints, fault_scores)
+    present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
+    scores = fault_scores(features, frames.stamps_ns, rig.sensors)
+    series = FrameSeries.of_recording(frames.stamps_ns, frames.ratios, present, frames.fingerprints, scores)
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 
@@ -233,7 +269,7 @@ def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustTh
 def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Thresholds) -> Rows:
     errors = store.load_errors(measurement, thresholds.statistic)
     missing = sensors_where(rig.sensors, errors.states != SensorState.PRESENT)
-    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
     return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
 
 

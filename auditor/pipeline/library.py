@@ -36,12 +36,13 @@ from auditor.pipeline.many import (
     measure_all,
     named_calibration,
 )
-from auditor.pipeline.measure import Measured, rigs_of
+from auditor.pipeline.measure import Measured, in_force, rigs_through
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, list_views, run_query, run_sql
 from auditor.store import query as find_query
 from auditor.store.export import Table
+from auditor.store.maintenance.relations import relate
 
 PathLike = str | Path
 Rate = Decimal | float | str
@@ -65,24 +66,28 @@ def open_recording(path: PathLike) -> Recording:
 def find_rigs(recording: Recording, rig_file: PathLike | None = None) -> tuple[Rig, ...]:
     """The rigs of a recording: from its calibration and transforms, or the one of a rig.toml or camchain.yaml.
 
-    Raises RigError where no three sensors overlap, or where the rig file does not fit the recording.
+    Where its calibration changes, the rigs that come into force later follow those of its beginning. Raises RigError
+    where no three sensors overlap, or where the rig file does not fit the recording.
     """
-    return rigs_of(reading.survey(recording), Path(rig_file) if rig_file is not None else None)
+    path = Path(rig_file) if rig_file is not None else None
+    return tuple(one.rig for one in rigs_through(recording, reading.survey(recording), path).rigs)
 
 
 def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> FrameStream:
     """The frames of a recording, in order; each iteration reads it again. What cannot be a frame comes as `Skipped`.
 
-    Images are (H, W) uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
+    A rig of `find_rigs` has the frames of the time in which it is in force, any other rig has all. Images are (H, W)
+    uint8 grey, or (H, W, 3) BGR where `colour`; clouds are (N, 3) float32 in metres.
     """
-    return reading.synchronise(recording, rig, reading.survey(recording), colour=colour)
+    found = in_force(recording, reading.survey(recording), rig)
+    return reading.synchronise(recording, rig, found.survey, colour=colour, stretches=found.stretches)
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
     """Count the inconsistent pixels of every triple (Eq. 2), and compute the statistics of the five checks.
 
-    `counts` follow `rig.triples`, None where a sensor was missing. Raises RigError where the cameras have no view in
-    common, and SettingError for an unknown matcher.
+    `counts` follow `rig.measured_triples`, None where a sensor was missing. Raises RigError where the cameras have no
+    view in common, and SettingError for an unknown matcher.
     """
     found = find_matcher(matcher) if isinstance(matcher, str) else matcher
     return measure_frame(frame, rig, found)[0]
@@ -137,6 +142,7 @@ def calibrate(
     jobs: int | None = None,
     time_limit: float | None = None,
     memory_limit: float = MEMORY_MB,
+    measure_again: bool = False,
     on_progress: Progress | None = None,
 ) -> Calibrated:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
@@ -146,10 +152,11 @@ def calibrate(
     """
     paths = _paths(sources)
     folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
     outcomes = list(measure_all(batch, on_progress or _silent))
     kept = Store.open(folder, create=True)
+    relate(kept)
     given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
     clean = choose_clean(given, stores)
     calibration = calibrate_on(clean, frames)
@@ -172,20 +179,22 @@ def scan(
     jobs: int | None = None,
     time_limit: float | None = None,
     memory_limit: float = MEMORY_MB,
+    measure_again: bool = False,
     on_progress: Progress | None = None,
 ) -> Iterator[Scanned]:
     """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
 
     `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits. `jobs`
     recordings (None: as many as cores) are measured at a time, each in a process of its own that may take
-    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again.
+    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again, unless
+    `measure_again`; then the earlier measurement goes, with its judgements.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.
     """
     folder = Path(store)
     judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage)
-    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit)
+    settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
 
 
@@ -194,11 +203,13 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
         yield Scanned(error.where, error=error)
     if not batch.tasks:
         return
-    judge = Judge(Store.open(batch.tasks[0].store), judging)
+    store = Store.open(batch.tasks[0].store)
+    judge = Judge(store, judging)
     for outcome in measure_all(batch, on_progress):
         if outcome.result is None:
             yield Scanned(str(outcome.item), error=outcome.error)
         else:
+            relate(store)
             judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
             yield Scanned(str(outcome.item), outcome.result, judged)
 
@@ -292,7 +303,7 @@ def query(
     _refuse_view(name)
     wanted, kept = find_query(name), _opened(store)
     _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
-    return run_query(kept, name, parameters)
+    return run_query(kept, name, _by_id(kept, parameters))
 
 
 def _refuse_view(name: str) -> None:
@@ -304,14 +315,28 @@ def _refuse_view(name: str) -> None:
         )
 
 
+def _by_id(store: Store, parameters: Mapping[str, object]) -> dict[str, object]:
+    """The parameters with the id of the one recording that is called so: by any name that it was read under."""
+    called = store.recordings_called(str(parameters["recording"])) if parameters.get("recording") else []
+    return {**parameters, **({"recording": called[0].recording_id} if len(called) == 1 else {})}
+
+
 def _refuse_unknown(store: Store, query: str, parameters: Mapping[str, object]) -> None:
     """Raises QueryError for a recording or calibration that the store does not have: no rows would hide it."""
     recording, calibration = parameters.get("recording"), parameters.get("calibration")
-    if recording is not None and not store.recordings_called(str(recording)):
+    called = [] if recording is None else store.recordings_called(str(recording))
+    if recording is not None and not called:
         raise QueryError(
             f"no recording has the name or id {recording!r}",
             where=f"query {query}",
             remedy=f"auditor query summary --store {shlex.quote(str(store.folder))} lists them",
+        )
+    if called and all(one.superseded_by is not None for one in called):
+        later = store.recording(str(called[0].superseded_by))
+        raise QueryError(
+            f"recording {recording!r} counts no longer: {later.name} holds every frame of it",
+            where=f"query {query}",
+            remedy=f"ask for recording={later.recording_id[:12]}",
         )
     if calibration is not None and not store.calibrations_called(str(calibration)):
         raise QueryError(
@@ -328,9 +353,11 @@ def _settings(
     jobs: int | None,
     time_limit: float | None,
     memory_limit: float,
+    *,
+    again: bool,
 ) -> MeasureSettings:
     limits = limits_by_size(time_limit, memory_limit)
-    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits)
+    settings = MeasureSettings(matcher, network, Path(rig) if rig is not None else None, limits=limits, again=again)
     return settings if jobs is None else replace(settings, jobs=jobs)
 
 

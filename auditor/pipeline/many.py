@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,11 +12,12 @@ from auditor.model.calibration import Calibration
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement, resolves_incidents
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
+from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
+from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
-from auditor.recordings import Origin, check_rig_file, find_recordings
-from auditor.store import Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
+from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 
-_MOST_DAMAGE = 3  # pieces of damage in one warning
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
@@ -24,15 +25,17 @@ _NO_THRESHOLDS = (
 )
 
 
+LimitsOf = Callable[[Path | Location | None], Limits]
+"""The budgets of a recording at a path; of what is made here where there is None."""
+
 # Measuring
 
 
-def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> Callable[[Path], Limits]:
-    """The budgets of each recording: without a time limit they depend on its size."""
+def limits_by_size(time_limit_s: float | None = None, memory_limit_mb: float = MEMORY_MB) -> LimitsOf:
+    """The budgets of each recording: without a time limit they depend on its size. What is made here has no path."""
 
-    def limits(path: Path) -> Limits:
-        files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
-        size_bytes = sum(file.stat().st_size for file in files)
+    def limits(where: Path | Location | None) -> Limits:
+        size_bytes = located(where).size_bytes if where is not None else 0
         return limits_of(size_bytes, seconds=time_limit_s, memory_mb=memory_limit_mb)
 
     return limits
@@ -46,15 +49,17 @@ def _unknown_origin(_: Path) -> Origin:
 class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
-    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration.
+    `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
+    what the store has.
     """
 
     matcher: str = "sgbm"
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin_of: Callable[[Path], Origin] = _unknown_origin
-    limits: Callable[[Path], Limits] = field(default_factory=limits_by_size)
+    limits: LimitsOf = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    again: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,8 +86,16 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
     Store.open(store, create=True)
     network, jobs = share_threads(settings.network, min(settings.jobs, len(found.recordings)))
     tasks = tuple(
-        MeasureTask(path, store, settings.matcher, network, settings.rig, settings.origin_of(path))
-        for path in found.recordings
+        MeasureTask(
+            location,
+            store,
+            settings.matcher,
+            network,
+            settings.rig,
+            settings.origin_of(location.first),
+            again=settings.again,
+        )
+        for location in found.recordings
     )
     return Batch(tasks, found.errors, replace(settings, network=network, jobs=jobs))
 
@@ -129,12 +142,13 @@ class CleanMeasurements:
 def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
     """The measurements `given` as clean and those that `stores` hold beside them.
 
-    Left out is what carries the ground truth of an attack and, of the stores', what their current verdicts put into
-    incidents.
+    Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
+    there as well; and, of the stores', what their current verdicts put into incidents.
     """
     known = {measurement for _, measurement in given}
+    named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [(store, one, _attacked(store, one)) for store, one in given]
+    reasons += [(store, one, _attacked(store, one) or _superseded(store, one, among=named)) for store, one in given]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     left_out = (f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in reasons if reason)
     return CleanMeasurements(chosen, tuple(left_out))
@@ -154,7 +168,8 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     judgements = store.current_judgements()
     for measurement in store.ids("measurements"):
         if measurement not in given:
-            yield measurement, _attacked(store, measurement) or _in_incidents(judgements.get(measurement))
+            reason = _attacked(store, measurement) or _superseded(store, measurement)
+            yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
 def _attacked(store: Store, measurement: str) -> str:
@@ -163,6 +178,13 @@ def _attacked(store: Store, measurement: str) -> str:
         return "it carries the ground truth of an attack"
     given = any(label.attack is not None for label in store.given_labels(recording_id))
     return "it was labelled as attacked" if given else ""
+
+
+def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+    later = store.recording(store.measurement(measurement).recording_id).superseded_by
+    if later is None or (among is not None and later not in among):
+        return ""
+    return f"{store.recording(later).name} holds every frame of it"
 
 
 def _in_incidents(judgement: StoredJudgement | None) -> str:
@@ -183,12 +205,13 @@ def _in_incidents(judgement: StoredJudgement | None) -> str:
 class JudgeSettings:
     """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it.
 
-    Below `min_coverage`, the share of frames that could be judged, a recording counts as not fully audited.
+    Below `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
+    sensor, a recording counts as not fully audited.
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
-    min_coverage: float = 0.99
+    min_coverage: float = MIN_COVERAGE
 
 
 @dataclass(frozen=True)
@@ -221,27 +244,52 @@ class Judge:
         self._settings = settings
         self._calibrations = [] if settings.calibration else store.calibrations()
         self._current = store.current_judgements()
+        self._usual = UsualRigs(store)
 
     def judge(self, measurement: str) -> Judged:
         """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
         store, criteria = self._store, self._settings.criteria
-        name = recording_name(store, measurement)
+        name, stored = recording_name(store, measurement), store.measurement(measurement)
+        reading = _reading(stored, self._settings.min_coverage)
+        told = (*reading.remarks, *self._missing(stored))
         calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
         if calibration is None:
-            return Judged(name, measurement, warnings=(_NO_THRESHOLDS,), gaps=(_NO_THRESHOLDS_GAP,))
+            return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
         try:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
-            return Judged(name, measurement, error=error)
-        gaps = tuple(_gaps(store.measurement(measurement), judgement, self._settings.min_coverage))
-        warnings = (*_unresolved(judgement), *gaps, *_unresolved_incidents(calibration, criteria))
-        return Judged(name, measurement, judgement, warnings=warnings, complete=not gaps, gaps=gaps)
+            return Judged(name, measurement, error=error, warnings=told)
+        recording = store.recording(stored.recording_id)
+        gaps = (*_gaps(stored, judgement, self._settings.min_coverage), *conflicts_of(store, recording))
+        warnings = (
+            *_as_a_part(judgement, calibration),
+            *_unresolved(judgement),
+            *gaps,
+            *told,
+            *_unresolved_incidents(calibration, criteria),
+            *_counted_elsewhere(store, recording),
+        )
+        unread = () if reading.complete else reading.remarks or ("it was not read whole",)
+        missing = (*gaps, *unread)
+        return Judged(name, measurement, judgement, warnings=warnings, complete=not missing, gaps=missing)
+
+    def _missing(self, measurement: StoredMeasurement) -> tuple[str, ...]:
+        """What the rig lacks beside its vehicle's usual one."""
+        rig = self._store.rig(measurement.rig_id)
+        lacking = self._usual.missing(measurement.recording_id, frozenset(map(rig.topic, rig.sensors)))
+        return (lacking,) if lacking else ()
 
 
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
     return (judge.judge(measurement) for measurement in measurements)
+
+
+def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    if judgement.absent_sensors:
+        absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
+        yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
@@ -254,15 +302,34 @@ def _unresolved_incidents(calibration: Calibration, criteria: Criteria) -> Itera
         yield "too few clean frames for that incident rate: judged as at 0"
 
 
+def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:
+    frames = FrameCount(measurement.measured, measurement.skipped)
+    return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
+
+
 def _gaps(measurement: StoredMeasurement, judgement: StoredJudgement, min_coverage: float) -> Iterator[str]:
-    """What of a recording was not audited."""
+    """Whether too few frames of a recording could be judged."""
     audited = sum(count for kind, count in judgement.counts.items() if kind is not VerdictKind.NOT_AUDITABLE)
-    due = measurement.frames - measurement.skipped.get("edge", 0)
+    due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due:
         yield f"{audited} of {due} frames audited"
-    damaged = sum(topic.damaged for topic in measurement.balance)
-    if measurement.damage or damaged:
-        yield f"damaged: {'; '.join(measurement.damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}"
+
+
+def conflicts_of(store: Store, recording: RecordingRecord) -> tuple[str, ...]:
+    """One sentence on the recordings that have other data at the same stamps; none where there are none."""
+    others = [store.recording(other) for other in recording.conflicts or () if store.has_recording(other)]
+    names = ", ".join(f"{other.name} ({other.recording_id[:12]})" for other in others if other.superseded_by is None)
+    if not names:
+        return ()
+    return (
+        f"conflict with {names}: the same stamps of the same sensors, and other data; one of them was changed, or they "
+        "are of two vehicles (--vehicle); all count",
+    )
+
+
+def _counted_elsewhere(store: Store, recording: RecordingRecord) -> Iterator[str]:
+    if recording.superseded_by is not None:
+        yield f"{store.recording(recording.superseded_by).name} holds every frame of it, and is counted in its place"
 
 
 def recording_name(store: Store, measurement: str) -> str:

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -11,7 +11,7 @@ from pathlib import Path
 from time import perf_counter
 
 from auditor import __version__
-from auditor.errors import RecordingError
+from auditor.errors import RigError
 from auditor.identification.scores import candidates
 from auditor.identification.statistics import windowed_ratios
 from auditor.measurement import (
@@ -39,13 +39,18 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.recordings import (
     FrameStream,
+    Location,
     Origin,
     Recording,
+    RigInForce,
+    RigsInForce,
     Survey,
     find_rigs,
     format_of,
     given_rig,
+    located,
     open_recording,
+    rigs_in_force,
     survey,
     synchronise,
 )
@@ -55,10 +60,13 @@ from auditor.store import (
     MeasurementRecord,
     Picture,
     RecordingRecord,
+    Sighting,
     Store,
     StoredMeasurement,
     measurement_id,
 )
+from auditor.store.files import locked
+from auditor.store.maintenance.removal import remove_measurement
 
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
@@ -71,15 +79,16 @@ class MeasureTask:
     """One recording to be measured into a store.
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day and drive.
+    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it.
     """
 
-    recording: Path
+    recording: Path | Location
     store: Path
     matcher: str = "sgbm"
     network: MatcherOptions = NO_NETWORK
     rig: Path | None = None
     origin: Origin = _UNKNOWN
+    again: bool = False
 
     def __str__(self) -> str:
         return str(self.recording)
@@ -106,7 +115,7 @@ def procedure_by(matcher: Matcher) -> Procedure:
 
 
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
-    """Measure every frame of a recording with each of its rigs; what is finished already is not measured again.
+    """Measure every frame of a recording with each of its rigs; what is finished already only where the task says so.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
@@ -115,26 +124,30 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     store = Store.open(task.store, create=True)
     with open_recording(task.recording) as recording:
         surveyed = survey(recording)
-        rigs = rigs_of(surveyed, task.rig)
+        found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)
-        ids = tuple(measurement_id(recording.recording_id, rig.rig_id, procedure) for rig in rigs)
-        todo = [rig for rig, known in zip(rigs, ids, strict=True) if not store.has_measurement(known)]
-        for rig in todo:
-            store.write_rig(rig)
-            _measure(recording, surveyed, rig, matcher, procedure, store, progress)
+        by_id = {measurement_id(recording.recording_id, one.rig.rig_id, procedure): one for one in found.rigs}
+        todo = [one for known, one in by_id.items() if task.again or not store.has_measurement(known)]
+        for one in todo:
+            store.write_rig(one.rig)
+            _measure(recording, one, found.remarks, matcher, procedure, store, progress)
+        ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
         damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
         calibration_warnings = tuple(
             dict.fromkeys(sentence for m in measurements for sentence in m.calibration_warnings)
         )
-        # A scan may have been killed after its last measurement and before it could keep the recording itself.
-        known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-        record = _recording_record(recording, task, known, measurements, damage)
-        if todo or record != known:
-            store.write_labels(recording.recording_id, recording.labels(), rigs[0])
-            store.write_recording(record)
+        with locked(store.folder):
+            # A scan may have been killed after its last measurement and before it could keep the recording itself.
+            known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+            record = _recording_record(recording, task, known, measurements, damage)
+            if todo:
+                record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
+            if record != known:
+                store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
+                store.write_recording(record)
         return Measured(
-            recording=task.recording,
+            recording=recording.path,
             recording_id=recording.recording_id,
             measurement_ids=ids,
             frames=sum(m.frames for m in measurements),
@@ -144,6 +157,25 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         )
 
 
+def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:
+    """The rigs that a recording is audited with, and when each is in force; that of a rig file always is.
+
+    Raises RigError.
+    """
+    if rig_file is None:
+        return rigs_in_force(recording, surveyed)
+    return RigsInForce((RigInForce(given_rig(rig_file, surveyed), surveyed),))
+
+
+def in_force(recording: Recording, surveyed: Survey, rig: Rig) -> RigInForce:
+    """When one of a recording's own rigs is in force; any other rig always is."""
+    with suppress(RigError):
+        for one in rigs_in_force(recording, surveyed).rigs:
+            if one.rig.rig_id == rig.rig_id:
+                return one
+    return RigInForce(rig, surveyed)
+
+
 def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
     """The rigs that a recording is audited with: its own, or the one of a rig file. Raises RigError."""
     return find_rigs(surveyed) if rig_file is None else (given_rig(rig_file, surveyed),)
@@ -151,32 +183,43 @@ def rigs_of(surveyed: Survey, rig_file: Path | None = None) -> tuple[Rig, ...]:
 
 def _measure(
     recording: Recording,
-    surveyed: Survey,
-    rig: Rig,
+    in_force: RigInForce,
+    remarks: Sequence[str],
     matcher: Matcher,
     procedure: Procedure,
     store: Store,
     progress: Callable[[str, int], None],
 ) -> None:
-    """Measure a recording with one rig; what is kept becomes visible with the last write."""
-    started = perf_counter()
+    """Measure a recording with one rig; what is kept becomes visible with the last write.
+
+    An earlier measurement goes with its judgements before the first table of the new one is put in its place: a store
+    has one, the other or none of the two, and never parts of both. Nothing is kept of a rig that came into force behind
+    the last frame.
+    """
+    started, rig = perf_counter(), in_force.rig
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
     thumbnails, check = PictureBook(), CalibrationCheck()
-    stream = synchronise(recording, rig, surveyed, colour=matcher.colour)
+    stream = synchronise(recording, rig, in_force.survey, colour=matcher.colour, stretches=in_force.stretches)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, progress)
     with (
         store.frames_writer(known, rig) as writer,
         closing(_measure_frames(stream, rig, matcher, writer, thumbnails, check)) as measured,
     ):
+        done = 0
         for done in measured:
             progress(recording.path.name, done)
+        if done == 0 and in_force.stretches[0].from_ns is not None:
+            return
         if writer.measured == 0:
-            raise RecordingError(
+            raise RigError(
                 "no frame with three overlapping sensors could be put together",
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
+        recording.check_unchanged()
+        if store.has_measurement(known):
+            remove_measurement(store, known)
         for number, picture in thumbnails.pages():
             store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         writer.commit(
@@ -189,9 +232,10 @@ def _measure(
                 measured_at=datetime.now(UTC),
                 seconds=perf_counter() - started,
                 damage=tuple(str(piece) for piece in stream.damage),
-                calibration_warnings=check.warnings(),
+                calibration_warnings=(*check.warnings(), *remarks),
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
+                coverage=stream.coverage,
             )
         )
 
@@ -213,22 +257,24 @@ def _measure_frames(
             else:
                 counted, evidence = item
                 ratios = windowed_ratios(pair_checks, counted.cells, counted.shares)
+                unmasked = windowed_ratios(pair_checks, counted.unmasked_cells, counted.unmasked_shares)
                 measurement = replace(
                     counted,
                     fault_features=fault_features.update(evidence),
                     regions=localise(evidence, candidates(pair_checks, ratios)),
                 )
-                writer.add(measurement, ratios)
+                writer.add(measurement, ratios, unmasked)
                 thumbnails.offer(counted, evidence)
                 check.offer(evidence, measurement.fault_features)
             yield done
 
 
-def calibration_warnings_of(recording: Recording, surveyed: Survey, rig: Rig) -> tuple[str, ...]:
-    """What of a rig does not fit the first frames of a recording, one sentence a piece."""
+def calibration_warnings_of(recording: Recording, in_force: RigInForce) -> tuple[str, ...]:
+    """What of a rig does not fit its first frames of a recording, one sentence a piece."""
     use_one_thread()
-    matcher, check = find_matcher("sgbm"), CalibrationCheck()
-    frames = (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
+    matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
+    stream = synchronise(recording, rig, in_force.survey, stretches=in_force.stretches)
+    frames = (frame for frame in stream if isinstance(frame, Frame))
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)
         check.add(evidence, FaultFeatures().update(evidence))
@@ -245,13 +291,17 @@ def _recording_record(
     origin = task.origin.over(Origin.of_metadata(recording.metadata()))
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive))
+    name, path = storable(recording.path.name), storable(str(recording.path.resolve()))
+    sightings = known.sightings if known is not None else ()
+    if (name, path) not in {(one.name, one.path) for one in sightings}:
+        sightings += (Sighting(name, path, datetime.now(UTC)),)
     return RecordingRecord(
         recording_id=recording.recording_id,
-        name=storable(recording.path.name),
-        path=storable(str(recording.path.resolve())),
+        name=sightings[0].name,
+        path=path,
         files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
-        format=format_of(recording.path),
+        format=format_of(located(task.recording).first) or format_of(recording.files[0]),
         clock=recording.clock,
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
@@ -259,6 +309,9 @@ def _recording_record(
         date=origin.date,
         drive=origin.drive and storable(origin.drive),
         damage=damage,
+        sightings=sightings,
+        superseded_by=known.superseded_by if known else None,
+        conflicts=known.conflicts if known else None,
     )
 
 

@@ -29,7 +29,7 @@ MEMORY_MB = 4096
 """Memory that one task may take by default."""
 
 SILENT_S = 600.0
-"""Time that a task without a time limit may take between two frames."""
+"""Time that a task without a time limit may take between two signs of progress."""
 
 SECONDS_A_MB = 0.1
 """Reading at 10 MB/s: what must be read before the first frame comes may be as large as the recording."""
@@ -68,12 +68,12 @@ class Limits:
         if self.seconds is not None and seconds > self.seconds:
             return f"it took longer than {self.seconds:g} s and was ended"
         if self.silent_s is not None and silent_s > self.silent_s:
-            return f"no frame came for {self.silent_s:.0f} s and it was ended"
+            return f"it made no progress for {self.silent_s:.0f} s and was ended"
         return ""
 
 
 def limits_of(size_bytes: int, *, seconds: float | None = None, memory_mb: float = MEMORY_MB) -> Limits:
-    """The budgets of one recording of a size; time is not limited while frames come, unless `seconds` is given."""
+    """The budgets of one recording of a size; without `seconds`, time is not limited while it makes progress."""
     silent_s = SILENT_S + SECONDS_A_MB * size_bytes / 1e6
     return Limits(memory_mb, seconds, None if seconds is not None else silent_s)
 
@@ -115,6 +115,33 @@ def run_all(
             yield _run_here(task, item, on_progress)
     elif items:
         yield from _Run(task, items, min(jobs, len(items)), on_progress, limits or (lambda _: Limits())).outcomes()
+
+
+@dataclass(frozen=True)
+class _Call(Generic[Result]):
+    """A function with its arguments, the first of which names it for people; both must be such as can be pickled."""
+
+    function: Callable[..., Result]
+    arguments: tuple[object, ...]
+
+    def __str__(self) -> str:
+        return str(self.arguments[0])
+
+
+def _call(call: _Call[Result], _: Progress) -> Result:
+    return call.function(*call.arguments)
+
+
+def run_within(limits: Limits, function: Callable[..., Result], *arguments: object) -> Result:
+    """The result of a function of a module, in a process of its own that is killed where it takes more.
+
+    The first argument is the recording or file that errors name. Raises what the function raises of ours, LimitError
+    where it takes more, and AuditorError where its process dies.
+    """
+    [outcome] = run_all(_call, [_Call(function, arguments)], 1, lambda *_: None, lambda _: limits)
+    if outcome.error is not None:
+        raise outcome.error
+    return outcome.result  # type: ignore[return-value]  # None only where the function returns None
 
 
 def _run_here(

@@ -1,5 +1,6 @@
 """READ: the messages of a recording, its rigs, and its frames in order of time."""
 
+from auditor.recordings.location import Location, located
 from auditor.recordings.opening import Found, find_recordings, format_of, open_recording
 from auditor.recordings.origin import Origin, read_path
 from auditor.recordings.recording import Damage, Reader, Recording, Topic
@@ -13,6 +14,8 @@ from auditor.recordings.rigs.discovery import (
     search_rigs,
 )
 from auditor.recordings.rigs.files import read_rig, write_rig
+from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_force
+from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
 from auditor.recordings.synchronisation.survey import Survey, survey
@@ -26,9 +29,12 @@ __all__ = [
     "FoundRigs",
     "FrameStream",
     "Health",
+    "Location",
     "Origin",
     "Reader",
     "Recording",
+    "RigInForce",
+    "RigsInForce",
     "Survey",
     "Topic",
     "check_health",
@@ -39,11 +45,14 @@ __all__ = [
     "find_rigs",
     "format_of",
     "given_rig",
+    "located",
     "open_recording",
+    "outside_topics",
     "read_path",
     "read_rig",
     "rewrite",
     "rig_of_camchain",
+    "rigs_in_force",
     "search_rigs",
     "survey",
     "synchronise",

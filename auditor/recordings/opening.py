@@ -11,8 +11,13 @@ from auditor.errors import RecordingError
 from auditor.recordings.formats.kitti.odometry import KittiOdometryReader
 from auditor.recordings.formats.kitti.raw import KittiReader
 from auditor.recordings.formats.mcap.recording import McapReader
-from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader
+from auditor.recordings.formats.part_names import DB3, file_kind
+from auditor.recordings.formats.rosbag import Ros1Reader, Ros2Reader, open_streams
+from auditor.recordings.location import Location, located
+from auditor.recordings.parts import files_of, grouped
 from auditor.recordings.recording import Reader, Recording
+from auditor.recordings.rigs.discovery import search_rigs
+from auditor.recordings.synchronisation.survey import survey
 
 READERS: tuple[tuple[str, Reader], ...] = (
     ("mcap", McapReader()),
@@ -42,55 +47,94 @@ def format_of(path: Path) -> str | None:
     return next((name for name, reader in readers() if reader.detects(path)), None)
 
 
-def open_recording(path: Path) -> Recording:
+def open_recording(where: Path | Location) -> Recording:
     """Open one recording, as a context manager.
 
-    Raises RecordingError where it is missing, empty, unreadable or of no known kind.
+    A folder that is not itself a recording may hold the files of one. Raises RecordingError where it is missing, empty,
+    unreadable, of no known kind, or more than one.
     """
-    if not path.exists():
-        raise RecordingError("there is no such file or folder", where=path, remedy="check the path")
-    reader = reader_of(path)
-    if reader is None:
-        raise RecordingError("this is not a recording of a known kind", where=path, remedy=f"give {KINDS}")
+    location = located(where)
+    if not location.first.exists():
+        raise RecordingError("there is no such file or folder", where=location.first, remedy="check the path")
     try:
-        if path.is_file() and path.stat().st_size == 0:
-            raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
-        return reader.open(path)
+        if location.streams:
+            return open_streams(location.path, location.streams)
+        path = location.path
+        reader = reader_of(path)
+        if reader is not None:
+            _refuse_empty(path)
+            return reader.open(path)
+        within = _within(path) if path.is_dir() else []
+        if len(within) != 1:
+            what = f"it holds {len(within)} recordings" if within else "this is not a recording of a known kind"
+            raise RecordingError(what, where=path, remedy=f"give {KINDS}")
+        return open_recording(within[0])
     except OSError as error:
-        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
+        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=location.first) from error
+
+
+def _refuse_empty(path: Path) -> None:
+    if path.is_file() and path.stat().st_size == 0:
+        raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
+
+
+def _within(folder: Path) -> list[Location]:
+    return _put_together(list(_search(folder)))
 
 
 @dataclass(frozen=True)
 class Found:
     """The recordings of a command line, each once, in its order, and one error for each path that gave none."""
 
-    recordings: tuple[Path, ...]
+    recordings: tuple[Location, ...]
     errors: tuple[RecordingError, ...]
 
 
 def find_recordings(paths: Sequence[Path]) -> Found:
     """Find the recordings in files and folders; a folder that is not itself a recording is searched in order of names.
 
-    A path without a recording becomes a RecordingError in `errors`; the other paths are still searched.
+    Files that were recorded together are one recording, whether they are given or found. A path without a recording
+    becomes a RecordingError in `errors`; the other paths are still searched.
     """
-    recordings: dict[Path, None] = {}
-    errors: list[RecordingError] = []
+    found: dict[Path, None] = {}
+    errors: dict[Path, RecordingError] = {}
     for path in paths:
         try:
-            recordings.update(dict.fromkeys(_recordings_at(path)))
+            found.update(dict.fromkeys(_recordings_at(path)))
         except RecordingError as error:
-            errors.append(error)
+            errors[path] = error
         except OSError as error:
-            errors.append(RecordingError(f"it cannot be read ({error.strerror or error})", where=path))
-    return Found(tuple(recordings), tuple(errors))
+            errors[path] = RecordingError(f"it cannot be read ({error.strerror or error})", where=path)
+    recordings = []
+    for location in _put_together(list(found)):
+        try:
+            if not location.streams and location.path in paths:
+                _refuse_empty(location.path)
+            recordings.append(location)
+        except RecordingError as error:
+            errors[location.path] = error
+    return Found(tuple(recordings), tuple(errors[path] for path in dict.fromkeys(paths) if path in errors))
+
+
+def _put_together(paths: Sequence[Path]) -> list[Location]:
+    """The recordings that some files and folders are; files that belong together stand at the place of the first."""
+    files = [path for path in paths if file_kind(path) and path.is_file()]
+    together = {file: location for location in grouped(files, _has_rig) for file in files_of(location)}
+    return list(dict.fromkeys(together.get(path) or Location(path) for path in paths))
+
+
+def _has_rig(location: Location) -> bool:
+    try:
+        with open_recording(location) as recording:
+            return bool(search_rigs(survey(recording)).rigs)
+    except RecordingError:
+        return False
 
 
 def _recordings_at(path: Path) -> list[Path]:
     if not path.exists():
         raise RecordingError("there is no such file or folder", where=path, remedy="check the path")
-    if reader_of(path) is not None:
-        if path.is_file() and path.stat().st_size == 0:
-            raise RecordingError("the file is empty", where=path, remedy="record or copy it again")
+    if _is_one(path):
         return [path]
     if not path.is_dir():
         raise RecordingError("this is not a recording of a known kind", where=path, remedy=f"give {KINDS}")
@@ -100,6 +144,19 @@ def _recordings_at(path: Path) -> list[Path]:
     return found
 
 
+def _is_one(path: Path) -> bool:
+    """True for a file or folder that is a recording.
+
+    A folder of .db3 files without metadata.yaml may hold several: it is searched where they do not belong together.
+    """
+    if reader_of(path) is None:
+        return False
+    if not path.is_dir() or (path / "metadata.yaml").exists():
+        return True
+    files = [child for child in sorted(path.iterdir()) if child.is_file() and file_kind(child) == DB3]
+    return len(files) < 2 or len(grouped(files, _has_rig)) == 1
+
+
 def _search(folder: Path) -> Iterator[Path]:
     with os.scandir(folder) as entries:
         # Links are not followed: a link to a folder above would never end.
@@ -107,7 +164,7 @@ def _search(folder: Path) -> Iterator[Path]:
     for child in children:
         if child.name.startswith("."):
             continue
-        if reader_of(child) is not None:
+        if _is_one(child):
             yield child
         elif child.is_dir():
             yield from _search(child)

@@ -1,6 +1,6 @@
-"""Numbers that decide which messages form a frame, and so what is counted of it.
+"""Numbers that decide which messages form a frame and which cameras form a rig, and so what is counted of it.
 
-A changed value needs a new COUNTING_VERSION.
+A changed value of SYNCHRONISING needs a new COUNTING_VERSION. RIG_FINDING needs none: another rig has another id.
 """
 
 from dataclasses import dataclass
@@ -42,12 +42,115 @@ class FrameWindow:
     most_held_groups: int = parameter(100, unit="frames", source=_WORK)
 
 
+@dataclass(frozen=True)
+class DriveParts:
+    """Which files are one recording: parts that follow one another, and files of the same time."""
+
+    most_gap_ns: int = parameter(5 * 10**9, unit="ns between a part's end and the next one's start", source=BY_HAND)
+    most_overlap_ns: int = parameter(10**9, unit="ns by which parts may overlap", source=BY_HAND)
+    most_overlap_share: float = parameter(0.25, unit="share of the shorter of two parts", source=BY_HAND)
+    most_missing: int = parameter(3, unit="parts missing between two", source=BY_HAND)
+    most_lengths: float = parameter(2.0, unit="lengths of a part, for each one that is missing", source=BY_HAND)
+    least_common_share: float = parameter(0.5, unit="share of the shorter of two files side by side", source=BY_HAND)
+    most_streams: int = parameter(8, unit="drives side by side", source=_WORK)
+    looked_at_ns: int = parameter(2 * 10**9, unit="ns at the beginning of a part", source=_WORK)
+    looked_at_bytes: int = parameter(8 * 2**20, unit="bytes at the beginning of a part", source=_WORK)
+
+
+@dataclass(frozen=True)
+class CalibrationChanges:
+    """When a calibration counts as changed within a recording, and how often it may."""
+
+    noise: float = parameter(1e-6, unit="share of the largest number", source=BY_HAND)
+    settling_ns: int = parameter(10**9, unit="ns between two messages of one change", source=BY_HAND)
+    most: int = parameter(8, unit="changes a rig", source=BY_HAND)
+    most_messages: int = parameter(500, unit="messages that change a calibration", source=_WORK)
+    pictures_a_size: int = parameter(3, unit="pictures, one after the other, that show a new size", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class StampAgreement:
+    """When a stamp is taken for the time of capture, and when the time of recording stands in for it."""
+
+    most_periods: int = parameter(
+        3, unit="periods that a stamp's distance to its log time may differ from the usual one", source=BY_HAND
+    )
+    least_ns: int = parameter(
+        200 * 10**6, unit="ns of the same, however short the period: recorders write late under load", source=BY_HAND
+    )
+    most_ns: int = parameter(
+        2 * 10**9, unit="ns of the same up to which a stamp that goes on is kept: recorders stall", source=BY_HAND
+    )
+    remembered: int = parameter(64, unit="messages among which a stamp is repeated", source=BY_HAND)
+    follows: int = parameter(256, unit="messages over which the usual distance follows a drift", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class TimeGaps:
+    """What of a recording's time a sensor does not cover."""
+
+    most_periods: int = parameter(3, unit="periods between used messages that are no gap", source=BY_HAND)
+    edge_periods: float = parameter(1.5, unit="periods at either end of a recording", source=BY_HAND)
+    slowest_pace_ns: int = parameter(
+        250 * 10**6, unit="ns between frames at which a faster sensor still has a surplus", source=BY_HAND
+    )
+
+
+@dataclass(frozen=True)
+class RigLimits:
+    """How many cameras are compared with each other: pairs grow with the square of a rig's cameras, triples faster."""
+
+    most_cameras: int = parameter(
+        9, unit="cameras a rig: 36 pairs, 119 triples with a LiDAR", source=f"Middlebury's nine views; {_WORK}"
+    )
+    most_rigs: int = parameter(24, unit="rigs a recording", source=_WORK)
+    most_candidates: int = parameter(200, unit="calibrated cameras a recording", source=_WORK)
+    most_apart_m: float = parameter(
+        30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
+    )
+
+
+@dataclass(frozen=True)
+class CameraLimits:
+    """Which calibrations are those of a camera at all; the others would overflow."""
+
+    widest_px: int = parameter(65_535, unit="px, width and height", source=BY_HAND)
+    largest: float = parameter(1e9, unit="px or m, any number of K and P", source=BY_HAND)
+    largest_distortion: float = parameter(1e6, unit="any coefficient of a lens model", source=BY_HAND)
+    worst_condition: float = parameter(1e10, unit="condition number of K", source=BY_HAND)
+    tolerance: float = parameter(1e-2, unit="by which R R^T and K's last number may differ from 1", source=BY_HAND)
+
+
 SENSOR_TIMING = SensorTiming()
 FIRST_LOOK = FirstLook()
 FRAME_WINDOW = FrameWindow()
+DRIVE_PARTS = DriveParts()
+CALIBRATION_CHANGES = CalibrationChanges()
+STAMP_AGREEMENT = StampAgreement()
+TIME_GAPS = TimeGaps()
 
-SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW)
-"""All that can change which messages form a frame."""
+
+@dataclass(frozen=True)
+class PictureDepth:
+    """Of how many bits the values of 16-bit pictures are: cameras fill 10 to 14 of them, and write no word about it."""
+
+    bits: tuple[int, ...] = parameter((10, 12, 14, 16), unit="bits of a value", source="sensors that are sold")
+    pictures: int = parameter(10, unit="first pictures a topic, of which the largest value counts", source=BY_HAND)
+
+
+RIG_LIMITS = RigLimits()
+CAMERA_LIMITS = CameraLimits()
+
+PICTURE_DEPTH = PictureDepth()
+
+FINDING_FILES = (DRIVE_PARTS,)
+"""All that can change which files form a recording."""
+
+RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
+"""All that can change which cameras form a rig, and what a rig says of them."""
+
+SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
+"""All that can change which messages form a frame, and what of a recording counts as covered."""
 
 
 def synchronising_digest() -> str:

@@ -1,6 +1,5 @@
-"""A recording as topics and a stream of messages, its content id, and the labels of attacks in it."""
+"""A recording as topics and a stream of messages, and the labels of attacks in it."""
 
-import hashlib
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ CLOCKS: frozenset[str] = frozenset(get_args(Clock))
 EARLIEST_UTC_NS = 946_684_800 * 10**9
 """Stamps before the year 2000 do not count from 1970: they count from the start of a recorder or a drive."""
 
-_BLOCK = 1 << 20
 LABELS_NAME = "auditor-labels.json"
 LABELS_MEDIA_TYPE = "application/json"
 METADATA_NAME = "auditor"
@@ -107,6 +105,12 @@ class Recording(Protocol):
     def metadata(self) -> Mapping[str, str]:
         """The recording's own description by name, such as 'vehicle'."""
 
+    def check_unchanged(self) -> None:
+        """Raise RecordingError where a file is not what it was when the recording was opened.
+
+        `content.Contents` does this for a reader, and lets no byte be read that was not hashed.
+        """
+
     def close(self) -> None:
         """Close the files."""
 
@@ -130,31 +134,6 @@ class Reader(Protocol):
 
     def open(self, path: Path) -> Recording:
         """Open it. Raises RecordingError."""
-
-
-def content_id(path: Path, files: tuple[Path, ...]) -> str:
-    """sha256 (hex) of a file; of a folder, or a file and its journal, of sorted relative paths and the files' hashes.
-
-    Raises RecordingError where a file cannot be read.
-    """
-    if files == (path,):
-        return _file_hash(path)
-    folder = path if path.is_dir() else path.parent
-    whole = hashlib.sha256()
-    for name, file in sorted((file.relative_to(folder).as_posix(), file) for file in files):
-        whole.update(f"{_file_hash(file)}  {name}\n".encode("utf-8", "surrogateescape"))
-    return whole.hexdigest()
-
-
-def _file_hash(path: Path) -> str:
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as stream:
-            while block := stream.read(_BLOCK):
-                digest.update(block)
-    except OSError as error:
-        raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
-    return digest.hexdigest()
 
 
 def labels_to_json(labels: Iterable[AttackLabel]) -> bytes:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import Check, PairCheck
+from auditor.model.checks import COLUMNS, Check, Pair, PairCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import RigKind, Triple
 from auditor.model.verdict import Cause, CauseIn
@@ -22,6 +22,10 @@ from auditor.store.tables import Row, read_rows, write_rows
 
 _AGAIN = "make one with auditor calibrate"
 _NONE = -1
+_UNMASKED = "_unmasked"
+"""What the name of a check ends with whose statistics are those without the LiDAR."""
+
+_BRIGHTNESS = ("level", "saturated_share")
 _MISSING, _FROZEN = "missing", "standing_still"
 """Names of the flags of sensors in a calibration's file; flags that are never set are not kept."""
 
@@ -113,6 +117,7 @@ def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], ND
     The last is a cause, or that the sensor is missing or frozen: these have no j and no k, and no i where they are of
     all cameras: -1.
     """
+    yield from _columns_for_parts(clean)
     for (statistic, triple), errors in clean.errors.items():
         yield (statistic.value, *triple), errors
     for pair_check, ratios in clean.ratios.items():
@@ -124,6 +129,14 @@ def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], ND
             yield (name, sensor, _NONE, _NONE), flags.astype(np.float64)
 
 
+def _columns_for_parts(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
+    """The columns that serve rigs with fewer sensors; those in which nothing was measured are left out."""
+    columns = {(e.check.value + _UNMASKED, e.i, _NONE, e.k): ratios for e, ratios in clean.unmasked.items()}
+    columns |= {(name, i, _NONE, k): values for (name, (i, k)), values in clean.features.items()}
+    columns |= {(name, camera, _NONE, _NONE): values for (name, camera), values in clean.brightness.items()}
+    return ((key, values) for key, values in columns.items() if not np.isnan(values).all())
+
+
 def _digest(column: NDArray[Any]) -> str:
     """Hash of the numbers of a column, in which every NaN is the same."""
     values = np.where(np.isnan(column), np.nan, column) if column.dtype.kind == "f" else column
@@ -132,6 +145,7 @@ def _digest(column: NDArray[Any]) -> str:
 
 def _rows(calibration: Calibration) -> Iterator[Row]:
     for number, clean in enumerate(calibration.clean):
+        for_parts = {key for key, _ in _columns_for_parts(clean)}
         for (statistic, i, j, k), column in sorted(_columns(clean), key=_order):
             yield {
                 "calibration_id": calibration.calibration_id,
@@ -147,6 +161,7 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
                 "part": number,
                 "recording_id": clean.recording_id,
                 "stamps_ns": clean.stamps_ns.tolist(),
+                "for_parts": (statistic, i, j, k) in for_parts,
                 "clean": [None if np.isnan(value) else value for value in column.tolist()],
             }
 
@@ -180,6 +195,9 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
     ratios: dict[PairCheck, NDArray[np.float64]] = {}
     fault_scores: dict[CauseIn, NDArray[np.float64]] = {}
     flags: dict[str, dict[int, NDArray[np.bool_]]] = {_MISSING: {}, _FROZEN: {}}
+    unmasked: dict[PairCheck, NDArray[np.float64]] = {}
+    features: dict[tuple[str, Pair], NDArray[np.float64]] = {}
+    brightness: dict[tuple[str, int], NDArray[np.float64]] = {}
     for row in rows:
         what, i, k, column = row["statistic"], row["i"], row["k"], _column(row)
         if what in set(Statistic):
@@ -188,11 +206,26 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
             fault_scores[Cause(what), i] = column
         elif what in flags:
             flags[what][i] = column > 0
+        elif what in _BRIGHTNESS:
+            brightness[what, i] = column
+        elif what in COLUMNS:
+            features[what, (i, k)] = column
+        elif what.endswith(_UNMASKED):
+            unmasked[PairCheck(Check(what.removesuffix(_UNMASKED)), i, k)] = column
         else:
             ratios[PairCheck(Check(what), i, k)] = column
     stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
     return CleanFrames(
-        rows[0]["recording_id"], stamps_ns, errors, ratios, fault_scores, flags[_MISSING], flags[_FROZEN]
+        rows[0]["recording_id"],
+        stamps_ns,
+        errors,
+        ratios,
+        fault_scores,
+        flags[_MISSING],
+        flags[_FROZEN],
+        unmasked,
+        features,
+        brightness,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from auditor.model.checks import COLUMNS, rig_pair_checks
+from auditor.model.checks import COLUMNS, Check, rig_pair_checks, usual_pair_checks
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.evaluation_tables import CHUNK_FRAMES
@@ -103,24 +103,35 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
     N, S, pairs = len(table), len(rig.sensors), len(matched_pairs(rig))
     known = table.select(_KNOWN_BY.split(", ")).to_pylist()
     by_pair = N, pairs, len(COLUMNS)
+    before = (
+        len(usual_pair_checks(rig)),
+        sum(e.check is Check.PHOTOMETRIC_INCONSISTENCY for e in usual_pair_checks(rig)),
+    )
     return Cases(
         rig,
         tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
-        _floats(table["ratios"]).reshape(N, len(rig_pair_checks(rig))),
+        _padded(table["ratios"], len(rig_pair_checks(rig)), before[0]),
         np.asarray(_values(table["present"]).to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
         np.asarray(_values(table["fingerprint"]).fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(
             N, S
         ),
         _floats(table["level"]).reshape(N, S),
         _floats(table["saturated_share"]).reshape(N, S),
-        _floats(table["fault_features"]).reshape(by_pair),
-        _floats(table["fault_features_after"]).reshape(by_pair),
+        _padded(table["fault_features"], pairs * len(COLUMNS), before[1] * len(COLUMNS)).reshape(by_pair),
+        _padded(table["fault_features_after"], pairs * len(COLUMNS), before[1] * len(COLUMNS)).reshape(by_pair),
     )
 
 
 def _floats(column: pa.ChunkedArray) -> Floats:
     """The values of all lists, NaN where NULL."""
     return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _padded(column: pa.ChunkedArray, width: int, before: int) -> Floats:
+    """(N, width) values of the lists, NaN where NULL; lists of before there was a fallback lack the last of them."""
+    values = _floats(column)
+    stored = before if values.size == len(column) * before else width
+    return np.pad(values.reshape(len(column), stored), ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
 def _values(column: pa.ChunkedArray) -> pa.Array:

@@ -58,7 +58,7 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
                 readable += [name for path in paths for name in (str(path), _literal(path)) if table in _LARGE]
             for view in _in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
-        except (duckdb.IOException, duckdb.InvalidInputException) as error:
+        except duckdb.Error as error:
             raise StoreError(in_one_line(error), where=store.folder if store else "") from error
         connection.execute("SET allowed_paths = ?", [readable])
         connection.execute("SET enable_external_access = false")
@@ -66,7 +66,7 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         yield connection
 
 
-def in_one_line(error: duckdb.Error) -> str:
+def in_one_line(error: Exception) -> str:
     """DuckDB's message and suggestion on one line, without its drawing of the place."""
     text = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
     return " ".join(text.split())

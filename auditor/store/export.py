@@ -45,17 +45,22 @@ def encode(table: pa.Table, form: str) -> bytes:
     Parquet keeps the types of the columns, but for lengths of time, which it does not have; JSON and CSV hold the
     values of `rows_of`, CSV lists and structs as JSON text. Raises QueryError for a type that the form does not have.
     """
+    try:
+        return _encoded(table, form)
+    except pa.ArrowException as error:
+        reason = " ".join(str(error).split())
+        remedy = "cast the column in SQL, or take another --format"
+        raise QueryError(f"the answer cannot be written as {form} ({reason})", where="query", remedy=remedy) from error
+
+
+def _encoded(table: pa.Table, form: str) -> bytes:
     if form == "json":
         return as_json(rows_of(table))
     sink = io.BytesIO()
-    try:
-        if form == "csv":
-            pyarrow.csv.write_csv(_for_csv(table), sink)
-        else:
-            pq.write_table(_for_parquet(table), sink, compression="zstd")
-    except pa.ArrowException as error:
-        remedy = "choose another --format, or CAST the column to VARCHAR in your SQL"
-        raise QueryError(f"a column cannot be written as {form} ({error})", where="--format", remedy=remedy) from error
+    if form == "csv":
+        pyarrow.csv.write_csv(_for_csv(table), sink)
+    else:
+        pq.write_table(_for_parquet(table), sink, compression="zstd")
     return sink.getvalue()
 
 

@@ -16,12 +16,8 @@ UPGRADED = ".upgraded"
 """The folder inside a store that an upgrade writes its files into."""
 
 UPGRADED_FROM = SCHEMA_VERSION - 1
-LOST = "parts of evaluations are kept, but measured anew"
-"""What of a store of the version before does not stay as good as it was."""
 
 _FORMAT = "auditor store"
-OLD_TABLES = {"pair_checks": "elements", "fault_features": "symptoms"}
-"""What tables had another name in the version before."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ def older_version(version: int, folder: Path) -> StoreError:
     return StoreError(
         f"it has schema version {version}, and this auditor reads version {SCHEMA_VERSION}",
         where=folder,
-        remedy=f"auditor store upgrade {shlex.quote(str(folder))} upgrades it: measurements and verdicts stay, {LOST}",
+        remedy=f"auditor store upgrade {shlex.quote(str(folder))} upgrades it: measurements and verdicts stay",
     )
 
 
@@ -90,8 +86,6 @@ def move_upgraded(folder: Path) -> None:
         return
     new = folder / UPGRADED
     try:
-        for name in OLD_TABLES.values():
-            shutil.rmtree(folder / name, ignore_errors=True)
         for name in (*TABLES, "pictures"):
             if (new / name).is_dir():
                 if (folder / name).is_dir():

@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS, Check, Pair, PairCheck, PairFaultFeatures, rig_pair_checks
+from auditor.model.checks import COLUMNS, Check, Pair, PairCheck, PairFaultFeatures, rig_pair_checks, usual_pair_checks
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     MIN_VALID_PX,
@@ -174,13 +174,19 @@ def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
     }
 
 
-def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence[float | None], rig: Rig) -> Row:
+def measured_row(
+    measurement_id: str,
+    measurement: Measurement,
+    ratios: Sequence[float | None],
+    rig: Rig,
+    unmasked: Sequence[float | None] | None = None,
+) -> Row:
     """The row of a measured frame, with its windowed ratio by pair check. Raises StoreError if it does not fit."""
-    M = len(rig_pair_checks(rig))
-    if (len(measurement.counts), len(ratios), set(measurement.presence)) != (len(rig.triples), M, set(rig.sensors)):
+    M, T = len(rig_pair_checks(rig)), len(rig.measured_triples)
+    if (len(measurement.counts), len(ratios), set(measurement.presence)) != (T, M, set(rig.sensors)):
         raise StoreError(
             f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
-            f"{len(rig.triples)} triples, {len(ratios)} ratios for {M} pair checks, "
+            f"{T} triples, {len(ratios)} ratios for {M} pair checks, "
             f"sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
             where=f"measurement {measurement_id}",
         )
@@ -196,6 +202,7 @@ def measured_row(measurement_id: str, measurement: Measurement, ratios: Sequence
         **{name: [getattr(sensor, name) for sensor in coverage] for name in _COVERAGE},
         **{name: [_count(counts, name) for counts in measurement.counts] for name in _COUNTS},
         "ratios": list(ratios),
+        "unmasked_ratios": None if unmasked is None else list(unmasked),
         "fingerprint": [measurement.fingerprints.get(sensor) for sensor in rig.sensors],
     }
 
@@ -204,9 +211,9 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     """The disparity errors of a finished frames file, its skipped ticks left out. Raises StoreError."""
     valid, inconsistent = _PIXELS[statistic]
     table = _measured(path, ["frame", "stamp_ns", "state", valid, inconsistent])
-    F, T, S = len(table), len(rig.triples), len(rig.sensors)
+    F, T, S = len(table), len(rig.measured_triples), len(rig.sensors)
     # NULL becomes NaN, which is never >= MIN_VALID_PX.
-    pixels, flagged = (_floats(table[name], F * T, path).reshape(F, T) for name in (valid, inconsistent))
+    pixels, flagged = (_padded(table[name], T, len(rig.triples), path) for name in (valid, inconsistent))
     E = np.full((F, T), np.nan)
     np.divide(flagged, pixels, out=E, where=pixels >= MIN_VALID_PX)
     return FrameErrors(
@@ -219,13 +226,21 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
 
 def read_ratios(path: Path, rig: Rig) -> FrameRatios:
     """The windowed ratios of a finished frames file, its skipped ticks left out. Raises StoreError."""
-    table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "fingerprint"])
+    table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "unmasked_ratios", "fingerprint"])
     F, M, S = len(table), len(rig_pair_checks(rig)), len(rig.sensors)
+    usual = len(usual_pair_checks(rig))
+    ratios = _padded(table["ratios"], M, usual, path)
+    unmasked = (
+        np.full((F, M), np.nan)
+        if table["unmasked_ratios"].null_count
+        else _padded(table["unmasked_ratios"], M, usual, path)
+    )
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     return FrameRatios(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
-        ratios=_floats(table["ratios"], F * M, path).reshape(F, M),
+        ratios=ratios,
+        unmasked=np.where(np.isnan(unmasked), ratios, unmasked),
         states=_texts(table["state"], F * S, path).reshape(F, S),
         fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
     )
@@ -253,6 +268,14 @@ def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
 def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
     """The values of all lists, NaN where NULL."""
     return np.asarray(_list_values(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
+
+
+def _padded(column: pa.ChunkedArray, width: int, before: int, path: Path) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL; lists of before there was a fallback lack the last of them."""
+    rows = len(column)
+    stored = before if len(column.combine_chunks().flatten()) == rows * before else width
+    values = _floats(column, rows * stored, path).reshape(rows, stored)
+    return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
 def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
@@ -294,13 +317,16 @@ class FramesWriter:
         """How many measured frames were added."""
         return self._measured
 
-    def add(self, frame: Measurement, ratios: Sequence[float | None]) -> None:
+    def add(
+        self, frame: Measurement, ratios: Sequence[float | None], unmasked: Sequence[float | None] | None = None
+    ) -> None:
         """Take a measured frame and all that goes with it; its windowed ratios in the order of `rig_pair_checks(rig)`.
 
-        Raises StoreError where they do not fit the rig.
+        `unmasked` are those that are others without the LiDAR, None elsewhere. Raises StoreError where they do not fit
+        the rig.
         """
         measurement_id = self._measurement_id
-        self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig))
+        self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig, unmasked))
         for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
             self._tables["cells"].add(row)
         for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):

@@ -44,6 +44,10 @@ def run_sql(store: Store, text: str) -> pa.Table:
     It can read the store's finished files and nothing else, and write nothing. Raises QueryError where it is no single
     SELECT, is not allowed, or fails, and StoreError where a file of the store cannot be read.
     """
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise QueryError("it is not UTF-8", where="SQL", remedy="auditor query lists the views") from error
     return _run(store, text, {}, "SQL")
 
 
@@ -58,7 +62,7 @@ def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa
                     remedy="ask one question at a time; nothing can be changed from SQL",
                 )
             return connection.sql(text, params=values).to_arrow_table()
-        except duckdb.Error as error:
+        except (duckdb.Error, pa.ArrowException) as error:  # Arrow's where it cannot hold what DuckDB gives
             raise QueryError(in_one_line(error), where=where, remedy="auditor query lists the views") from error
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
@@ -22,8 +23,22 @@ DIGITS_OF_R = 17
 
 
 @dataclass(frozen=True)
+class Sighting:
+    """A name and path under which a recording's content was read, and when first (UTC); None where that is unknown."""
+
+    name: str
+    path: str
+    seen_at: datetime.datetime | None = None
+
+
+@dataclass(frozen=True)
 class RecordingRecord:
-    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece."""
+    """One recording. `clock` is utc, relative or unknown; `damage` has one sentence a piece.
+
+    `name` is the first it was read under, `path` where it was read last, and `sightings` has all of both, in order.
+    `superseded_by` is the recording that holds every frame of it. `conflicts` are those with other data at the same
+    stamps; None where it was not compared with others yet.
+    """
 
     recording_id: str
     name: str
@@ -38,6 +53,14 @@ class RecordingRecord:
     date: datetime.date | None = None
     drive: str | None = None
     damage: tuple[str, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
+    superseded_by: str | None = None
+    conflicts: tuple[str, ...] | None = None
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Other names that it was read under, each once."""
+        return tuple(dict.fromkeys(one.name for one in self.sightings if one.name != self.name))
 
 
 @dataclass(frozen=True)
@@ -75,6 +98,7 @@ class MeasurementRecord:
     calibration_warnings: tuple[str, ...] = ()
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
+    coverage: tuple[TopicCoverage, ...] | None = None
 
     @property
     def measurement_id(self) -> str:
@@ -84,7 +108,10 @@ class MeasurementRecord:
 
 @dataclass(frozen=True)
 class StoredMeasurement:
-    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason."""
+    """A finished measurement, as the store knows it. `skipped` counts ticks without a frame by reason.
+
+    `coverage` is None where it was measured before that was kept.
+    """
 
     measurement_id: str
     recording_id: str
@@ -101,14 +128,15 @@ class StoredMeasurement:
     versions: Mapping[str, str]
     measured_at: datetime.datetime
     seconds: float
+    coverage: tuple[TopicCoverage, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class FrameErrors:
     """The disparity errors of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `E` is (F, T) float64 in the order of `rig.triples`, NaN where it was not
-    measured; `states` is (F, S) text in the order of `rig.sensors`: present, missing or damaged.
+    `frames` and `stamps_ns` are (F,) int64; `E` is (F, T) float64 in the order of `rig.measured_triples`, NaN where it
+    was not measured; `states` is (F, S) text in the order of `rig.sensors`: present, missing or damaged.
     """
 
     frames: NDArray[np.int64]
@@ -122,13 +150,14 @@ class FrameRatios:
     """The windowed ratios of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_pair_checks(rig)`, NaN
-    where it was not measured; `states` is (F, S) text and `fingerprints` (F, S) int64 in the order of `rig.sensors`,
-    the latter -1 where the sensor was not there.
+    where it was not measured, and `unmasked` (F, M) what they are without the LiDAR; `states` is (F, S) text and
+    `fingerprints` (F, S) int64 in the order of `rig.sensors`, the latter -1 where the sensor was not there.
     """
 
     frames: NDArray[np.int64]
     stamps_ns: NDArray[np.int64]
     ratios: NDArray[np.float64]
+    unmasked: NDArray[np.float64]
     states: NDArray[np.str_]
     fingerprints: NDArray[np.int64]
 
@@ -150,6 +179,8 @@ class JudgingRules:
 class JudgementRecord:
     """One judging of one measurement. `judged_at` is UTC; `recounted` where the statistics came from the stored cells.
 
+    `absent_sensors` are what the calibration's rig has and the measurement's lacks, in words; `calibrated_as` are the
+    numbers of the rig's sensors in the calibration's rig.
     Raises StoreError where r has more decimals than are kept.
     """
 
@@ -159,6 +190,8 @@ class JudgementRecord:
     rules: JudgingRules
     judged_at: datetime.datetime
     recounted: bool = False
+    absent_sensors: tuple[str, ...] = ()
+    calibrated_as: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         r = self.thresholds.r
@@ -196,7 +229,8 @@ class StoredJudgement:
 
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
     belong to an incident. `recounted` is True where its statistics came from the stored cells. `judging_version` is 0
-    and `rules`, the digest of the parameters, None where it was judged before rules had versions.
+    and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
+    what its rig lacks of the calibration's.
     """
 
     judgement_id: str
@@ -213,6 +247,7 @@ class StoredJudgement:
     recounted: bool
     judging_version: int
     rules: str | None
+    absent_sensors: tuple[str, ...] = ()
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from datetime import UTC
 from typing import Any
 
 from auditor.model.calibration import RobustThresholds, Thresholds
 from auditor.model.checks import rig_pair_checks
+from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig
@@ -16,12 +18,45 @@ from auditor.store.records import (
     DIGITS_OF_R,
     JudgementRecord,
     MeasurementRecord,
+    RecordingRecord,
+    Sighting,
     StoredJudgement,
     StoredMeasurement,
     to_utc,
 )
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import Row
+
+_TIME_FIELDS = tuple(field.name for field in fields(TimeCoverage))
+
+
+def recording_row(recording: RecordingRecord) -> Row:
+    """The row of a recording."""
+    sightings = [{**vars(one), "seen_at": one.seen_at and to_utc(one.seen_at)} for one in recording.sightings]
+    return {
+        **vars(recording),
+        "files": list(recording.files),
+        "damage": list(recording.damage),
+        "sightings": sightings,
+        "conflicts": None if recording.conflicts is None else list(recording.conflicts),
+    }
+
+
+def stored_recording(row: Mapping[str, Any]) -> RecordingRecord:
+    """The recording of a row; rows of before sightings were kept have the one of their name and path."""
+    sightings = row["sightings"] or [{"name": row["name"], "path": row["path"], "seen_at": None}]
+    return RecordingRecord(
+        **{
+            **row,
+            "files": tuple(row["files"]),
+            "damage": tuple(row["damage"]),
+            "sightings": tuple(
+                Sighting(one["name"], one["path"], one["seen_at"] and one["seen_at"].replace(tzinfo=UTC))
+                for one in sightings
+            ),
+            "conflicts": None if row["conflicts"] is None else tuple(row["conflicts"]),
+        }
+    )
 
 
 def rig_row(rig: Rig) -> Row:
@@ -39,13 +74,14 @@ def rig_row(rig: Rig) -> Row:
 
 
 def triple_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's triples, in their order."""
-    for position, triple in enumerate(rig.triples, start=1):
+    """The rows of a rig's measured triples, in their order: the fallback is the last."""
+    for position, triple in enumerate(rig.measured_triples, start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
             **triple._asdict(),
             "baseline_m": rig.baseline_m(triple.j, triple.k),
+            "fallback": triple == rig.fallback,
         }
 
 
@@ -71,6 +107,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "settings": measurement.procedure.settings,
         "counting_version": measurement.procedure.counting_version,
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
+        "coverage": None if measurement.coverage is None else [_coverage_fields(one) for one in measurement.coverage],
         "damage": list(measurement.damage),
         "calibration_warnings": list(measurement.calibration_warnings),
         "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),
@@ -80,6 +117,18 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "seconds": measurement.seconds,
         "schema_version": SCHEMA_VERSION,
     }
+
+
+def _coverage_fields(topic: TopicCoverage) -> Row:
+    time = vars(topic.time) if topic.time else dict.fromkeys(_TIME_FIELDS)
+    return {**{name: value for name, value in vars(topic).items() if name != "time"}, **time}
+
+
+def _coverage_of(row: Mapping[str, Any]) -> TopicCoverage:
+    topic = {name: value for name, value in row.items() if name not in _TIME_FIELDS}
+    times = {name: row[name] for name in _TIME_FIELDS}
+    time = None if times["held_ns"] is None else TimeCoverage(**times)
+    return TopicCoverage(**{**topic, "state": TopicState(topic["state"]), "time": time})
 
 
 def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
@@ -100,6 +149,7 @@ def stored_measurement(row: Mapping[str, Any]) -> StoredMeasurement:
         versions=row["versions"],
         measured_at=row["measured_at"].replace(tzinfo=UTC),
         seconds=row["seconds"],
+        coverage=None if row["coverage"] is None else tuple(_coverage_of(one) for one in row["coverage"]),
     )
 
 
@@ -116,6 +166,8 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
+        "absent_sensors": list(judgement.absent_sensors),
+        "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
         "judging_version": judgement.rules.judging_version,
         "auditor_version": judgement.rules.auditor_version,
         "rules": judgement.rules.digest,
@@ -129,8 +181,8 @@ def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> R
     if isinstance(thresholds, Thresholds):
         return {
             "statistic": thresholds.statistic.value,
-            "theta": [thresholds.theta.get(triple) for triple in rig.triples],
-            "samples": [thresholds.samples.get(triple) for triple in rig.triples],
+            "theta": [thresholds.theta.get(triple) for triple in rig.measured_triples],
+            "samples": [thresholds.samples.get(triple) for triple in rig.measured_triples],
         }
     scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
     return {
@@ -157,6 +209,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         recounted=bool(row["recounted"]),
         judging_version=row["judging_version"],
         rules=row["rules"],
+        absent_sensors=tuple(row["absent_sensors"] or ()),
     )
 
 

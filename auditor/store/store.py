@@ -42,9 +42,11 @@ from auditor.store.records import (
 from auditor.store.rows import (
     judgement_row,
     pair_check_rows,
+    recording_row,
     rig_row,
     stored_judgement,
     stored_measurement,
+    stored_recording,
     triple_rows,
     verdict_row,
 )
@@ -110,22 +112,19 @@ class Store:
 
     def write_recording(self, recording: RecordingRecord) -> None:
         """Keep what is known of a recording."""
-        row = {**vars(recording), "files": list(recording.files), "damage": list(recording.damage)}
-        write_rows("recordings", self.path("recordings", recording.recording_id), [row])
+        write_rows("recordings", self.path("recordings", recording.recording_id), [recording_row(recording)])
 
     def recordings(self) -> list[RecordingRecord]:
         """All recordings, by id."""
-        return [
-            RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
-            for row in self._rows("recordings")
-        ]
+        return [stored_recording(row) for row in self._rows("recordings")]
 
     def recordings_called(self, wanted: str) -> list[RecordingRecord]:
-        """Those of this name, or whose ids begin so."""
+        """Those that were read under this name, or whose ids begin so."""
         return [
             known
             for known in self.recordings()
-            if wanted and (storable(wanted) == known.name or known.recording_id.startswith(wanted))
+            if wanted
+            and (storable(wanted) in (known.name, *known.other_names) or known.recording_id.startswith(wanted))
         ]
 
     def has_recording(self, recording_id: str) -> bool:
@@ -134,8 +133,7 @@ class Store:
 
     def recording(self, recording_id: str) -> RecordingRecord:
         """The recording of an id."""
-        row = self._row("recordings", recording_id)
-        return RecordingRecord(**{**row, "files": tuple(row["files"]), "damage": tuple(row["damage"])})
+        return stored_recording(self._row("recordings", recording_id))
 
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig, its triples and its pair checks."""
@@ -221,6 +219,10 @@ class Store:
         if measurement_id not in self._measurements:
             self._measurements[measurement_id] = stored_measurement(self._row("measurements", measurement_id))
         return self._measurements[measurement_id]
+
+    def forget(self, measurement_id: str) -> None:
+        """Read a measurement anew when it is asked for next: it was removed, and may be measured again."""
+        self._measurements.pop(measurement_id, None)
 
     def load_errors(self, measurement_id: str, statistic: Statistic) -> FrameErrors:
         """The disparity errors of a finished measurement."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import overload
+from typing import ClassVar, overload
 from zipfile import BadZipFile
 
 import numpy as np
@@ -22,8 +22,8 @@ from auditor.measurement.disparity.stereo import seen_by_both
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.model.frames import Frame
 from auditor.model.rig import Camera, Rig
-from auditor.pipeline.measure import rigs_of
-from auditor.recordings import open_recording, survey, synchronise
+from auditor.pipeline.measure import rigs_through
+from auditor.recordings import Location, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 Pair = tuple[int, int]
@@ -48,7 +48,7 @@ class Samples:
 class Recorded:
     """A clean recording with a LiDAR, with its own rig or that of a rig.toml; of several rigs the first is taken."""
 
-    path: Path
+    path: Path | Location
     rig: Path | None = None
 
     def __str__(self) -> str:
@@ -65,14 +65,15 @@ class Recorded:
                     remedy="train on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
-            rig = rigs_of(surveyed, self.rig)[0]
+            first = rigs_through(recording, surveyed, self.rig).rigs[0]
+            rig = first.rig
             if rig.lidar is None:
                 raise RecordingError(
                     "it has no LiDAR to give disparities", where=self.path, remedy="train on --synthetic scenes"
                 )
             numbered = (
                 (frame.number, sample)
-                for frame in synchronise(recording, rig, surveyed, colour=False)
+                for frame in synchronise(recording, rig, first.survey, stretches=first.stretches)
                 if isinstance(frame, Frame) and (sample := lidar_sample(frame, rig)) is not None
             )
             yield Samples(recording.recording_id, "recordings", numbered)
@@ -84,6 +85,7 @@ class Street:
 
     seed: int
     frames: int
+    path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"

@@ -68,3 +68,8 @@ CREATE MACRO names_of(numbers, sensors) AS
 -- The bytes of a grid as numbers, row by row.
 CREATE MACRO counts_of(grid) AS
     list_transform(regexp_extract_all(hex(grid), '..'), lambda byte: CAST('0x' || byte AS UTINYINT));
+
+-- The number of a sensor in the rig of a calibration: `calibrated_as` follows the sensors of a rig, S_0 first where it
+-- has a LiDAR; NULL where they have the same numbers.
+CREATE MACRO number_there(sensor, lidar, calibrated_as) AS
+    coalesce(calibrated_as[sensor + CASE WHEN lidar THEN 1 ELSE 0 END], sensor);

@@ -154,17 +154,17 @@ SELECT
     threshold_of.r,
     states_of(
         list_transform(
-            error.E,
+            error.E[:len(system.triples)],
             lambda x, p: CASE
                 WHEN list_has_all(
                     system.system, [system.triples[p]['i'], system.triples[p]['j'], system.triples[p]['k']]
                 ) THEN x
             END
         ),
-        theta
+        theta[:len(system.triples)]
     ) AS e,
-    list_min(samples) AS samples,
-    len(list_filter(samples, lambda N: NOT resolvable_with(N, threshold_of.r))) = 0 AS resolvable
+    list_min(samples[:len(system.triples)]) AS samples,
+    len(list_filter(samples[:len(system.triples)], lambda N: NOT resolvable_with(N, threshold_of.r))) = 0 AS resolvable
 FROM error
 JOIN system USING (rig_id)
 JOIN threshold_of USING (setup, recording_id, block)

@@ -9,6 +9,8 @@
 -- column damaged: Messages that could not be decoded whole.
 -- column skipped: Messages left out, by reason.
 -- column adds_up: TRUE where no message is unaccounted for.
+-- column state: Of a topic of camera pictures or LiDAR points: read, unreadable or left out of the rig; else NULL.
+-- column reason: Why it is unreadable or left out.
 SELECT
     measurement_id,
     recording_id,
@@ -20,5 +22,7 @@ SELECT
     topic.unused,
     topic.damaged,
     topic.skipped,
-    topic.read = topic.used + topic.unused + topic.damaged + coalesce(list_sum(map_values(topic.skipped)), 0) AS adds_up
-FROM (SELECT measurement_id, recording_id, unnest(balance) AS topic FROM stored_measurements)
+    topic.read = topic.used + topic.unused + topic.damaged + coalesce(list_sum(map_values(topic.skipped)), 0) AS adds_up,
+    [entry.state for entry in coverage if entry.topic = topic.topic][1] AS state,
+    [nullif(entry.reason, '') for entry in coverage if entry.topic = topic.topic][1] AS reason
+FROM (SELECT measurement_id, recording_id, coverage, unnest(balance) AS topic FROM stored_measurements ANTI JOIN superseded USING (recording_id))

@@ -19,5 +19,5 @@ SELECT
     list_sort(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS samples,
     len(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS N
 FROM stored_calibrations
-WHERE recording_id IS NOT NULL AND statistic NOT IN ('missing', 'standing_still')
+WHERE recording_id IS NOT NULL AND statistic NOT IN ('missing', 'standing_still') AND NOT coalesce(for_parts, FALSE)
 GROUP BY calibration_id, statistic, i, j, k

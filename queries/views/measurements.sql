@@ -11,5 +11,6 @@ SELECT
     recording.clock,
     rig.kind
 FROM stored_measurements AS measurement
+ANTI JOIN superseded USING (recording_id)
 LEFT JOIN stored_recordings AS recording USING (recording_id)
 LEFT JOIN rigs AS rig USING (rig_id)

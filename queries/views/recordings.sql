@@ -24,6 +24,7 @@ following AS (
             PARTITION BY vehicle, drive, clock, rigs ORDER BY from_ns, to_ns, recording_id
         ) BETWEEN -1_000_000_000 AND 10_000_000_000 AND clock <> 'relative' AS follows
     FROM stored_recordings AS recording
+    ANTI JOIN superseded USING (recording_id)
     LEFT JOIN measured USING (recording_id)
 ),
 numbered AS (

@@ -1,2 +1,2 @@
--- One row a triple of a rig, in the order of e.
-SELECT * FROM stored_triples
+-- One row a measured triple of a rig, in the order of the lists of `frames`; that of e without the fallback.
+SELECT * REPLACE (coalesce(fallback, FALSE) AS fallback) FROM stored_triples

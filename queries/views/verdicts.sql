@@ -13,3 +13,4 @@ FROM stored_verdicts AS verdict
 JOIN judgements AS judgement ON judgement.judgement_id = verdict.judgement_id AND judgement.current
 JOIN stored_measurements AS measurement ON measurement.measurement_id = verdict.measurement_id
 LEFT JOIN stored_recordings AS recording USING (recording_id)
+WHERE measurement.recording_id NOT IN (SELECT recording_id FROM superseded)

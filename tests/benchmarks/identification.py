@@ -43,7 +43,7 @@ def attacked(frame: Frame, rig: Rig, sensor: int, strength: str, rng: np.random.
 def disparity_errors(frame: Frame, rig: Rig) -> Errors:
     """The gated E of every triple."""
     counts = measure(frame, rig, MATCHER)[0].counts
-    return {t: c.disparity_error(Statistic.GATED) if c else None for t, c in zip(rig.triples, counts, strict=True)}
+    return {t: c.disparity_error(Statistic.GATED) if c else None for t, c in zip(rig.triples, counts, strict=False)}
 
 
 def named(E: Errors, theta: dict[Triple, float], rig: Rig) -> tuple[int, ...]:

@@ -10,9 +10,9 @@ from auditor.cli import run
 from auditor.identification.parameters import JUDGING
 from auditor.measurement.parameters import MEASURING, WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import SYNCHRONISING
+from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING
 
-EVERY = list_parameters(*SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
+EVERY = list_parameters(*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING)
 
 
 def printed(capfd: pytest.CaptureFixture[str], *options: str) -> str:
@@ -29,7 +29,7 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
     assert by_name["verdicts", "fault_scale", "largest_r"]["value"] == '"0.01"'
-    assert {"frames", "counts", "warnings", "verdicts"} == {row["changes"] for row in rows}
+    assert {"recordings", "rigs", "frames", "counts", "warnings", "verdicts"} == {row["changes"] for row in rows}
 
 
 def test_csv_has_the_same_rows(capfd: pytest.CaptureFixture[str]) -> None:

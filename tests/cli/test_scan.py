@@ -7,16 +7,19 @@ import pytest
 
 from auditor.cli import run
 from auditor.store import Store
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import START_NS, write_drive
+
+MINUTE_NS = 60 * 10**9
 
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two clean drives and one whose S_2 and S_0 are attacked in turn, in the three formats."""
     folder = tmp_path_factory.mktemp("fleet")
+    attacked = {2: range(5, 12), 0: range(20, 26)}
     write_drive(folder / "clean.mcap", seed=1, count=30)
-    write_drive(folder / "quiet.bag", seed=1, count=30)
-    write_drive(folder / "attacked.db3", seed=1, count=30, attacked={2: range(5, 12), 0: range(20, 26)})
+    write_drive(folder / "quiet.bag", seed=1, count=30, start_ns=START_NS + MINUTE_NS)
+    write_drive(folder / "attacked.db3", seed=1, count=30, start_ns=START_NS + 2 * MINUTE_NS, attacked=attacked)
     return folder
 
 
@@ -183,7 +186,8 @@ def test_three_sensors_detect_but_name_none(method: str, tmp_path: Path, capfd: 
         store = tmp_path / name
         how = {"positions_m": positions, "lidar": lidar, "count": 12}
         clean = write_drive(tmp_path / f"{name}_clean.mcap", **how)
-        attacked = write_drive(tmp_path / f"{name}_attacked.mcap", attacked={sensor: range(4, 8)}, **how)
+        how |= {"start_ns": START_NS + MINUTE_NS, "attacked": {sensor: range(4, 8)}}
+        attacked = write_drive(tmp_path / f"{name}_attacked.mcap", **how)
         run(["calibrate", str(clean), "--store", str(store)])
         scan = ["scan", str(clean), str(attacked), "-r", "0", "--store", str(store), "--jobs", "1", "--method", method]
         assert run(scan) == 1

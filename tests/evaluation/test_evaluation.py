@@ -113,7 +113,7 @@ def test_a_matcher_of_many_pairs_gets_those_of_all_cases_at_once_and_none_twice(
 def test_a_triple_that_was_not_requested_or_lacks_a_sensor_has_no_counts():
     attacked_frame = AttackedFrame(plane_frame(RIG, without=frozenset({2})), RIG, find_matcher("sgbm"))
     assert attacked_frame.sensors == (0, 1, 3, 4)
-    counts = dict(zip(RIG.triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
+    counts = dict(zip(RIG.measured_triples, attacked_frame.counts({}, [Triple(0, 1, 4), Triple(0, 2, 4)]), strict=True))
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
 
 
@@ -270,7 +270,7 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
 @pytest.fixture
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
-    monkeypatch.setattr(AttackedFrame, "counts", lambda attacked_frame, *_: [None] * len(attacked_frame.rig.triples))
+    monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
     monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
     none = CaseFeatures([], [], [], [], [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
@@ -320,13 +320,14 @@ def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
 
 def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, monkeypatch):
     path = write_drive(tmp_path / "drive.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
-    find = sources.rigs_of
+    find = sources.rigs_through
 
     def with_and_without_lidar(*arguments):
-        (rig,) = find(*arguments)
-        return rig, replace(rig, lidar=None)
+        found = find(*arguments)
+        (one,) = found.rigs
+        return replace(found, rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
 
-    monkeypatch.setattr(sources, "rigs_of", with_and_without_lidar)
+    monkeypatch.setattr(sources, "rigs_through", with_and_without_lidar)
     task = EvaluateTask(Recorded(path), tmp_path / "audit", attack_every=2)
     first = evaluate_source(task, lambda what, done: None)
     assert first.frames == 4

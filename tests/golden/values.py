@@ -83,7 +83,7 @@ def _figures(before: Frame, frame: Frame, rig: Rig) -> dict[str, Table]:
                 counts.gated_inconsistent_px,
                 counts.out_of_range_px,
             ]
-            for triple, counts in zip(rig.triples, measured.counts, strict=True)
+            for triple, counts in zip(rig.measured_triples, measured.counts, strict=True)
             if counts is not None
         },
         "statistics": {

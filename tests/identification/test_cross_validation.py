@@ -19,7 +19,7 @@ from auditor.identification.naming import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import Check, pair_checks_of
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, triples_of
+from auditor.model.rig import RigKind, Triple, triples_of
 from auditor.model.verdict import Cause
 
 PAIRS = ((1, 3), (2, 3))
@@ -172,3 +172,15 @@ def test_wilsons_interval():
     assert wilson(3, 8) == pytest.approx((0.136844, 0.694257), abs=1e-6)
     assert wilson(0, 10) == pytest.approx((0, 0.277533), abs=1e-6)
     assert wilson(0, 0) == (0, 1)
+
+
+def test_the_fallback_of_a_left_out_recording_counts_where_no_other_triple_was_measured():
+    fallback = Triple(0, 1, 2)
+    high = {(Statistic.GATED, fallback): np.full(20, 0.3)}
+    easy, left_out = recording("easy"), recording("high")
+    easy = replace(easy, errors={**easy.errors, (Statistic.GATED, fallback): np.full(20, 0.1)})
+    measured = calibration(easy, replace(left_out, errors={**left_out.errors, **high}))
+    assert counts(leave_one_out_paper(measured, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("high", 20, 0, 0)]
+    lost = {key: np.where(np.arange(20) < 15, E, np.nan) for key, E in left_out.errors.items()}
+    in_five = calibration(easy, replace(left_out, errors={**high, **lost}))
+    assert counts(leave_one_out_paper(in_five, Statistic.GATED, R)) == [("easy", 20, 0, 0), ("high", 20, 5, 1)]

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from math import comb
 
 import numpy as np
@@ -7,7 +8,7 @@ from auditor.identification.algorithm2 import allowed_attack_sets
 from auditor.identification.attack_sets import attack_set_costs
 from auditor.identification.naming import System, name_attacked
 from auditor.model.checks import Check, PairCheck, pair_checks_of
-from auditor.model.rig import triples_of
+from auditor.model.rig import Triple, triples_of
 from auditor.model.verdict import VerdictKind
 
 PAIRS = ((1, 3), (2, 3))
@@ -113,7 +114,7 @@ def test_a_lidar_that_no_camera_pair_can_check_is_remarked_whatever_else_is_foun
     assert "no camera pair can check the LiDAR here" in quiet.reason
     assert "no camera pair can check the LiDAR here" in one({X13: np.nan, X23: np.nan, U13: 3.0}).reason
     assert one({X13: np.nan}).reason == ""
-    assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == ""
+    assert one({X13: np.nan, X23: np.nan}, missing=frozenset({0})).reason == "judged without S_0"
 
 
 def test_a_reference_is_in_several_pairs_and_its_source_cameras_are_not():
@@ -177,3 +178,62 @@ def test_of_five_sensors_the_smaller_of_two_attacks_is_named_where_nothing_else_
 def test_a_frame_is_a_finding_where_any_attack_explains_it_better_than_none():
     z = np.array([[0.25 if pair_check == U23 else -1.0 for pair_check in SYSTEM.pair_checks]])
     assert name_attacked(z, SYSTEM, [NONE])[0].attacked == (2,)
+
+
+X12, U12 = PairCheck(Check.LIDAR_CONFLICT, 1, 2), PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2)
+DROPOUT_2 = PairCheck(Check.POINT_DROPOUT, 0, 2)
+WITH_FALLBACK = System(
+    (*SYSTEM.pair_checks, *pair_checks_of(0, [(1, 2)], [(1, 2)], [2])), SYSTEM.triples, SYSTEM.sensors, Triple(0, 1, 2)
+)
+NARROW = replace(WITH_FALLBACK, pair_checks=tuple(e for e in WITH_FALLBACK.pair_checks if e != X12))
+NO_S_3 = frozenset({3})
+
+
+@pytest.mark.parametrize(
+    ("system", "missing", "reason"),
+    [
+        (SYSTEM, {3}, "S_3 missing: S_1 and S_2 lie too close together to check the LiDAR"),
+        (NARROW, {3}, "S_3 missing: S_1 and S_2 lie too close together to check the LiDAR"),
+        (SYSTEM, {0, 3}, "S_0 and S_3 missing: three sensors have to be compared, and only S_1 and S_2 were there"),
+        (SYSTEM, {0, 1, 2, 3}, "and only none were there"),
+    ],
+)
+def test_no_frame_is_clean_in_which_no_three_sensors_were_compared(system, missing, reason):
+    verdict = one({}, system=system, missing=frozenset(missing))
+    assert (verdict.kind, verdict.e) == (VerdictKind.NOT_AUDITABLE, "---")
+    assert verdict.out_of_system == tuple(sorted(missing))
+    assert reason in verdict.reason
+
+
+def test_what_is_there_and_could_not_be_compared_is_no_clean_frame_either():
+    verdict = one(dict.fromkeys((X13, X23, U13, U23, U12, X12), np.nan), system=WITH_FALLBACK)
+    assert verdict.kind is VerdictKind.NOT_AUDITABLE
+    assert "too little of what any three of S_0, S_1, S_2 and S_3 see could be compared" in verdict.reason
+
+
+def test_a_check_that_fires_is_a_finding_also_where_no_three_sensors_were_compared():
+    verdict = one({L12: 1.0}, missing=NO_S_3)
+    assert (verdict.kind, verdict.evidence[0].check_name) == (VerdictKind.UNIDENTIFIED, "brightness_difference")
+
+
+@pytest.mark.parametrize(("fired", "kind", "state"), [((), "clean", "0"), ((X12,), "unidentified", "1")])
+def test_without_any_other_reference_a_frame_is_judged_by_the_fallback(fired, kind, state):
+    verdict = one(dict.fromkeys(fired, 2.0), system=WITH_FALLBACK, missing=NO_S_3)
+    assert (verdict.kind, verdict.e, verdict.named) == (kind, "---" + state, None)
+    assert "judged without S_3; only S_0, S_1 and S_2 were compared" in verdict.reason
+
+
+def test_the_fallback_is_no_part_of_e_where_another_triple_was_measured_and_its_checks_count_in_every_frame():
+    verdict = one({U12: 2.0, U13: 2.0}, system=WITH_FALLBACK)
+    assert (verdict.attacked, verdict.e) == ((1,), "101")
+    assert (verdict.e, verdict.named) == (one({U13: 2.0}).e, one({U13: 2.0}).named)
+    assert one({U12: 2.0}, system=WITH_FALLBACK).e == "000"
+    assert one({X12: 2.0}, system=WITH_FALLBACK).kind is not VerdictKind.CLEAN
+    assert WITH_FALLBACK.in_several_pairs == {1, 2, 3}
+
+
+def test_the_lidar_s_own_checks_in_the_fallback_s_view_count_where_no_other_reference_camera_is_there():
+    assert one({DROPOUT_2: 2.0}, system=WITH_FALLBACK).kind is VerdictKind.CLEAN
+    assert one({DROPOUT_2: 2.0}, system=WITH_FALLBACK, missing=frozenset({1})).kind is VerdictKind.CLEAN
+    lost = one({DROPOUT_2: 2.0}, system=WITH_FALLBACK, missing=NO_S_3)
+    assert (lost.kind, lost.evidence[0].check_name) == (VerdictKind.UNIDENTIFIED, "point_dropout")

@@ -258,3 +258,18 @@ def test_three_sensors_that_measured_nothing_are_not_too_few():
     triples = triples_of(3, lidar=False)
     assert "three overlapping sensors" not in judge("-", triples, (1, 2, 3)).reason
     assert "the rig has 2" in judge("", (), (1, 2)).reason
+
+
+def test_the_fallback_counts_only_where_no_other_disparity_error_was_measured():
+    nan = np.nan
+    errors = np.array([[0.1, 0.1, 0.1, 0.9], [nan, nan, 0.1, 0.9], [nan, nan, nan, 0.9], [nan] * 3 + [0.1], [nan] * 4])
+    fallback = Triple(0, 1, 2)
+    missing = [frozenset(), frozenset({0}), *[frozenset({3})] * 3]
+    verdicts = judge_frames(errors, thresholds_for((*N3, fallback)), N3, FOUR, missing, fallback)
+    assert [v.e for v in verdicts] == ["000", "--0", "---1", "---0", "---"]
+    kinds = ["clean", "clean", "unidentified", "clean", "not_auditable"]
+    assert [v.kind for v in verdicts] == kinds
+    assert verdicts[2].reason == "an attack on one of 3 sensors cannot be attributed; judged without S_3"
+    assert (verdicts[3].out_of_system, verdicts[3].gap) == ((3,), pytest.approx(0.1))
+    assert [(e.i, e.j, e.k) for e in verdicts[2].evidence] == [fallback]
+    assert judge_frames(errors[:2, :3], thresholds_for(N3), N3, FOUR, missing[:2]) == verdicts[:2]

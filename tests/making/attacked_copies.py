@@ -104,7 +104,7 @@ def _copies(
 ) -> Iterator[list[_Case]]:
     """The cases in the fewest possible copies: each frame, or each interval, is attacked once in a copy."""
     for experiment in experiments:
-        if not experiment.attacks or set(experiment.triples(rig)) != set(rig.triples):
+        if not experiment.attacks or set(experiment.triples(rig)) != set(rig.measured_triples):
             continue
         by_number: dict[tuple[int, int], list[_Case]] = defaultdict(list)
         for at, frame in enumerate(frames):

@@ -59,6 +59,7 @@ def add_recording(
     damage=(),
     vehicle="car 7",
     regions=(),
+    coverage=None,
 ):
     """Keep one recording. `attacks` are (sensors, first, last); `missing` are (sensor, frame)."""
     rig = rig or make_rig()
@@ -72,7 +73,14 @@ def add_recording(
     if labelled:
         store.write_labels(recording_id, _labels(rig, attacks), rig)
     record = MeasurementRecord(
-        recording_id, rig.rig_id, PROCEDURE, _balance(rig, frames), {"auditor": "0.1.0", "cv2": "5.0.0"}, WHEN, 1.5
+        recording_id,
+        rig.rig_id,
+        PROCEDURE,
+        _balance(rig, frames),
+        {"auditor": "0.1.0", "cv2": "5.0.0"},
+        WHEN,
+        1.5,
+        coverage=coverage,
     )
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in range(frames):

@@ -40,9 +40,12 @@ def make_rig(n=3, *, lidar=True, name="cam", focal_px=700.0):
 def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_ns=None):
     """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that.
 
+    Errors that end before the fallback leave it unmeasured.
+
     `ratios` are those of the rig's first pair checks; sensors there have fingerprints of their own in each frame.
     """
-    errors = [10] * len(rig.triples) if errors is None else errors
+    errors = [10] * len(rig.triples) if errors is None else list(errors)
+    errors += [None] * (len(rig.measured_triples) - len(errors)) if len(errors) == len(rig.triples) else []
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
     counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
     coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}

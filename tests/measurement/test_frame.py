@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.model.checks import Check, PairCheck
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
@@ -16,19 +19,23 @@ def errors(frame: Frame, positions: tuple[float, ...] = (0.6, 0.3, 0.0)) -> dict
     measurement, _ = measure(frame, rig, MATCHER)
     return {
         tuple(t): c.disparity_error(Statistic.GATED) if c else None
-        for t, c in zip(rig.triples, measurement.counts, strict=True)
+        for t, c in zip(rig.measured_triples, measurement.counts, strict=True)
     }
 
 
 def test_a_clean_plane_has_no_disparity_error_in_any_triple() -> None:
     E = errors(plane_frame(plane_rig()))
-    assert list(E) == [(0, 1, 3), (0, 2, 3), (1, 2, 3)]
+    assert list(E) == [(0, 1, 3), (0, 2, 3), (1, 2, 3), (0, 1, 2)]
     assert all(value is not None and value < 0.03 for value in E.values())
 
 
 @pytest.mark.parametrize(
     ("attacked", "above"),
-    [(1, {(0, 1, 3), (1, 2, 3)}), (2, {(0, 2, 3), (1, 2, 3)}), (3, {(0, 1, 3), (0, 2, 3), (1, 2, 3)})],
+    [
+        (1, {(0, 1, 3), (1, 2, 3), (0, 1, 2)}),
+        (2, {(0, 2, 3), (1, 2, 3), (0, 1, 2)}),
+        (3, {(0, 1, 3), (0, 2, 3), (1, 2, 3)}),
+    ],
 )
 def test_a_blinded_camera_raises_exactly_the_triples_that_hold_it(
     attacked: int, above: set[tuple[int, int, int]]
@@ -97,3 +104,29 @@ def test_full_and_half_resolution_agree_on_a_clean_scene() -> None:
     rig = plane_rig()
     counts = measure(plane_frame(rig), rig, SgbmMatcher(step=1))[0].counts
     assert all(c is not None and c.gated_valid_px > 1000 and c.disparity_error(Statistic.GATED) < 0.03 for c in counts)
+
+
+def test_without_the_leftmost_of_three_cameras_the_other_two_are_compared_with_the_lidar() -> None:
+    rig = plane_rig()
+    measurement, _ = measure(plane_frame(rig, without=frozenset({3})), rig, MATCHER)
+    assert [counts is not None for counts in measurement.counts] == [False, False, False, True]
+    pair = PairCheck(Check.LIDAR_CONFLICT, 1, 2), PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2)
+    assert set(measurement.cells) == set(pair)
+    assert {e for e in measurement.shares if e.check is Check.POINT_DROPOUT} == {PairCheck(Check.POINT_DROPOUT, 0, 2)}
+
+
+def test_what_the_lidar_s_range_masks_change_is_measured_without_them_too() -> None:
+    rig = plane_rig()
+    frame = plane_frame(rig)
+    assert frame.cloud is not None
+    assert not measure(frame, rig, MATCHER)[0].unmasked_cells
+    near = frame.cloud.xyz_m[: len(frame.cloud.xyz_m) // 2]
+    near *= np.float32(1.3 / 9.0)
+    masked, alone = measure(frame, rig, MATCHER)[0], measure(replace(frame, cloud=None), rig, MATCHER)[0]
+    pair = PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3)
+    assert masked.cells[pair].valid.sum() < alone.cells[pair].valid.sum()
+    assert np.array_equal(masked.unmasked_cells[pair].valid, alone.cells[pair].valid)
+    light = PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 3)
+    assert masked.unmasked_shares[light] == alone.shares[light]
+    assert not alone.unmasked_cells
+    assert not alone.unmasked_shares

@@ -12,8 +12,9 @@ import pytest
 
 from auditor.cli import run
 from auditor.store.schema import TABLES
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import START_NS, write_drive
 
+MINUTE_NS = 60 * 10**9
 KILLS = 6
 
 
@@ -23,8 +24,8 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     folder = tmp_path_factory.mktemp("night")
     drives = [
         write_drive(folder / "one.mcap", count=16, seed=1),
-        write_drive(folder / "two.mcap", count=16, seed=1, attacked={1: range(4, 12)}),
-        write_drive(folder / "three.bag", count=16, seed=1),
+        write_drive(folder / "two.mcap", count=16, seed=1, start_ns=START_NS + MINUTE_NS, attacked={1: range(4, 12)}),
+        write_drive(folder / "three.bag", count=16, seed=1, start_ns=START_NS + 2 * MINUTE_NS),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
     for table in set(TABLES) - {"calibrations"}:

@@ -95,7 +95,7 @@ def greedy(item: str, progress: Progress) -> str:
     [
         ("hungry", Limits(memory_mb=500), "more than 500 MB of memory"),
         ("endless", Limits(seconds=0.5), "longer than 0.5 s"),
-        ("silent", Limits(silent_s=0.5), "no frame came for"),
+        ("silent", Limits(silent_s=0.5), "made no progress for"),
     ],
 )
 def test_a_task_over_its_budget_is_one_error_and_the_others_go_on(item: str, limits: Limits, says: str) -> None:

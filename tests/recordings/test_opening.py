@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from auditor.errors import RecordingError
-from auditor.recordings import find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
+from auditor.recordings import Location, find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
 from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(2)
@@ -24,7 +24,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def names(paths: tuple[Path, ...]) -> list[str]:
+def names(paths: tuple[Location, ...]) -> list[str]:
     return [path.name for path in paths]
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import StoreError
+from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.measurement import Region, Solid, Statistic
 from auditor.model.verdict import Cause, VerdictKind
 from auditor.reporting.incident.loading import load_page
@@ -233,6 +234,21 @@ def test_the_mass_balance_and_a_balance_that_fails_are_shown(store, tmp_path):
     broken = replace(recording.balance[0], read=1)
     page = replace(page, recordings=(replace(recording, balance=(broken, *recording.balance[1:])),))
     assert "does not add up" in Page(render(page)).words
+
+
+def test_what_was_not_read_is_told_beside_the_coverage(store, tmp_path):
+    time = TimeCoverage(10**10, 10**9, early_ns=9 * 10**9)
+    known = ("sensor_msgs/msg/Image", "camera")
+    camera = TopicCoverage("/c", *known, TopicState.READ, 1, "right", 100, 75, {"stamp repeated": 25}, time)
+    livox = ("/livox", "livox_ros_driver2/msg/CustomMsg", "LiDAR", TopicState.UNREADABLE, None, "livox", 7)
+    unread = TopicCoverage(*livox, reason="it cannot be decoded", remedy="convert <it>")
+    left_out = TopicCoverage("/side", *known, TopicState.LEFT_OUT, None, "side", 9, reason="no camera info")
+    add_recording(store, coverage=(camera, unread, left_out))
+    words = page_of(store, tmp_path).words
+    assert "coverage 75 % of messages, 10 % of time: right 25 stamps repeated; ends 9.0 s early" in words
+    assert "1 sensor cannot be read: /livox (LiDAR): it cannot be decoded; convert <it>" in words
+    assert "/livox LiDAR unreadable 7 it cannot be decoded; convert <it>" in words
+    assert "/side camera left out 9 no camera info" in words
 
 
 def test_provenance_names_everything_that_decided_the_verdicts(store, tmp_path):

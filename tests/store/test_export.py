@@ -100,5 +100,5 @@ def test_texts_of_csv_are_safe_for_a_spreadsheet_and_numbers_stay_numbers(tmp_pa
 
 
 def test_a_type_that_a_form_does_not_have_is_refused_with_a_way_out(tmp_path):
-    with pytest.raises(QueryError, match=r"cannot be written as parquet .*CAST the column"):
+    with pytest.raises(QueryError, match=r"cannot be written as parquet .*cast the column"):
         encode(answer(tmp_path, "union_value(a := 1)"), "parquet")

@@ -39,7 +39,7 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     ]
     seen = store.load_fault_features(add_measurement(store, rig, frames))
     assert seen.frames.tolist() == [1, 3]
-    assert (seen.pairs, seen.cameras) == (((1, 3), (2, 3)), (1, 2, 3))
+    assert (seen.pairs, seen.cameras) == (((1, 3), (2, 3), (1, 2)), (1, 2, 3))
     assert tuple(seen.columns) == COLUMNS
     values = np.stack([seen.columns[name] for name in COLUMNS], axis=2)
     assert np.array_equal(values[0, 0], SEEN.values, equal_nan=True)

@@ -45,7 +45,7 @@ def judged(tmp_path):
     known = add_measurement(store, RIG, [make_measurement(RIG, f, ratios=row) for f, row in enumerate(given)])
     scales_of = {pair_check: Scale(0.35, 0.1, 100) for pair_check in ELEMENTS[:-1]}  # the last has no clean samples
     loaded = store.load_ratios(known)
-    system = System(ELEMENTS, RIG.triples, RIG.sensors)
+    system = System(ELEMENTS, RIG.triples, RIG.sensors, RIG.fallback)
     scales = [scales_of.get(pair_check) for pair_check in ELEMENTS]
     thresholds = RobustThresholds("c" * 32, Decimal("0.01"), scales_of, {}, resolvable=True, incidents_per_hour=2.0)
     present = loaded.states == "present"
@@ -78,7 +78,7 @@ def test_findings_are_the_frames_that_the_half_second_confirms(judged):
 def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(judged):
     store, *_ = judged
     (row,) = [row for row in run_query(store, "incidents").to_pylist() if row["attacked"] == [1]]
-    assert row["evidence"].startswith("S_1 and S_3 do not see the same in ")
+    assert "S_1 and S_3 do not see the same in 10 frames (+3.00)" in row["evidence"]
     assert "worse by" in row["alternatives"]
     assert row["causes"] is None
     facts = {(row["about"], row["fact"]): row["value"] for row in run_query(store, "frame", {"frame": 15}).to_pylist()}

@@ -2,7 +2,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from auditor.errors import QueryError
+from auditor.errors import QueryError, StoreError
+from auditor.store.export import encode
 from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import TABLES
 from auditor.store.sql_files import views
@@ -111,7 +112,7 @@ def test_a_store_may_lie_in_a_folder_of_any_name(tmp_path, name):
     store, rig = new_store(tmp_path / name), make_rig(3)
     add_measurement(store, rig, [make_measurement(rig, 0)])
     assert run_query(store, "summary").num_rows == 1
-    assert run_sql(store, "SELECT count(*) AS n FROM errors").to_pylist() == [{"n": 3}]
+    assert run_sql(store, "SELECT count(*) AS n FROM errors").to_pylist() == [{"n": 4}]
 
 
 def test_a_pattern_in_a_folders_name_reads_no_neighbour(tmp_path):
@@ -166,3 +167,39 @@ def test_frames_of_older_versions_are_read_beside_new_ones(tmp_path, old):
 def test_no_table_is_left_without_a_view_that_reads_it():
     texts = " ".join(view.sql for view in views().values())
     assert all(f"stored_{table}" in texts for table in TABLES)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "SELECT CAST('a' AS INTEGER)",
+        "SELECT 10000000000000000000000::INTEGER",
+        "SELECT repeat('a', 10000000000)",
+        "SELECT error('x')",
+        "SELECT " + "(" * 3000 + "1" + ")" * 3000,
+        "SELECT strftime(DATE '2020-01-01', '%Q')",
+        "SELECT regexp_matches('a', '(')",
+        "SELECT chr(-1)",
+        "SELECT $x",
+        "SELECT '\udcff'",
+    ],
+)
+def test_an_error_of_any_class_is_one_line(store, text):
+    with pytest.raises(QueryError) as caught:
+        run_sql(store, text)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_file_of_the_store_that_is_not_what_it_was_is_one_line(store):
+    [path] = store.finished_paths("verdicts")
+    pq.write_table(pa.table({"judgement_id": [{"a": 1}], "frame": ["x"]}), path)
+    with pytest.raises((QueryError, StoreError)) as caught:
+        run_sql(store, "FROM verdicts")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("value", ["INTERVAL 99999999 MONTH", "'\\xff'::BLOB", "'1'::BIGNUM"])
+def test_an_answer_that_csv_cannot_hold_is_refused_in_one_line(store, value):
+    with pytest.raises(QueryError, match="cannot be written as csv") as caught:
+        encode(run_sql(store, f"SELECT {value} AS x"), "csv")
+    assert len(str(caught.value).splitlines()) == 1

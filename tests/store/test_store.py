@@ -14,17 +14,18 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import StoreError
-from auditor.model.checks import rig_pair_checks
+from auditor.identification.paper import judge_frames
+from auditor.model.checks import rig_pair_checks, usual_pair_checks
 from auditor.model.frames import Presence, SensorState, TopicBalance
 from auditor.model.measurement import Cells, Counts, Coverage, Measurement, Statistic
 from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
 from auditor.store import files
 from auditor.store.pictures import Picture
 from auditor.store.queries import run_query, run_sql
-from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord
+from auditor.store.records import JudgementRecord, MeasurementRecord, RecordingRecord, Sighting
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
-from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES
+from auditor.store.tables import BATCH_ROWS, ROW_GROUP_BATCHES, read_rows, write_rows
 from tests.making.stores import (
     NOON,
     PERIOD_NS,
@@ -110,10 +111,15 @@ def test_a_recording_comes_back(tmp_path):
         date=date(2026, 1, 2),
         drive="d",
         damage=("chunk 3 is cut",),
+        sightings=(Sighting("x\0<b>.mcap", "/logs/y", NOON), Sighting("z", "/logs/x", NOON)),
+        superseded_by="b" * 64,
+        conflicts=("c" * 64,),
     )
     store.write_recording(recording)
-    store.write_recording(RecordingRecord("b" * 64, "y", "/y"))
-    assert store.recordings() == [recording, RecordingRecord("b" * 64, "y", "/y")]
+    other = RecordingRecord("b" * 64, "y", "/y", sightings=(Sighting("y", "/y"),), conflicts=())
+    store.write_recording(other)
+    assert store.recordings() == [recording, other]
+    assert recording.other_names == ("z",)
     assert store.recording("a" * 64) == recording
 
 
@@ -122,14 +128,19 @@ def test_a_rig_comes_back_exactly_with_its_triples_in_order(tmp_path, lidar):
     store, rig = new_store(tmp_path), make_rig(4, lidar=lidar)
     store.write_rig(rig)
     assert store.rig(rig.rig_id).to_dict() == rig.to_dict()
-    rows = run_sql(store, "SELECT i, j, k, baseline_m FROM triples ORDER BY position").to_pylist()
-    assert [(row["i"], row["j"], row["k"]) for row in rows] == list(rig.triples)
-    assert [row["baseline_m"] for row in rows] == [rig.baseline_m(triple.j, triple.k) for triple in rig.triples]
+    rows = run_sql(store, "SELECT i, j, k, baseline_m, fallback FROM triples ORDER BY position").to_pylist()
+    triples = rig.measured_triples
+    assert [(row["i"], row["j"], row["k"]) for row in rows] == list(triples)
+    assert [row["baseline_m"] for row in rows] == [rig.baseline_m(triple.j, triple.k) for triple in triples]
+    assert [row["fallback"] for row in rows] == [triple == rig.fallback for triple in triples]
+    assert any(row["fallback"] for row in rows) == lidar
+    of_e = run_sql(store, "SELECT i, j, k FROM paper_triples ORDER BY position").to_pylist()
+    assert [(row["i"], row["j"], row["k"]) for row in of_e] == list(rig.triples)
 
 
 def test_frames_come_back_as_disparity_errors_in_double_precision(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    counts = (Counts(300, 7, 299, 11, 0), Counts(199, 0, 200, 3, 0), None)
+    counts = (Counts(300, 7, 299, 11, 0), Counts(199, 0, 200, 3, 0), None, Counts(400, 9, 300, 5, 0))
     presence = {s: Presence(SensorState.DAMAGED if s == 2 else SensorState.PRESENT, 5) for s in rig.sensors}
     frame = Measurement(3, 17, presence, counts, {1: Coverage(saturated_share=0.1)})
     measurement_id = add_measurement(store, rig, [skip(2), frame])
@@ -203,7 +214,7 @@ def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
-    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 3)
+    assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 4)
     assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_pair_checks(rig)))
     assert store.measurement(measurement_id).frames == 0
 
@@ -468,3 +479,35 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     assert list(killed.rglob("*.part")) == []
     for table in ("frames", "cells", "verdicts", "triples", "pair_checks", "rigs"):
         assert digests(killed / "audit" / table) == digests(tmp_path / "undisturbed" / "audit" / table)
+
+
+def test_lists_of_before_there_was_a_fallback_are_read_with_nothing_measured_for_it(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    known = add_measurement(store, rig, [make_measurement(rig, f, [10, 20, 30, 40]) for f in range(3)])
+    path, T, M = store.path("frames", known), len(rig.triples), len(usual_pair_checks(rig))
+    rows = list(read_rows("frames", path))
+    for row in rows:
+        row |= {name: row[name][:T] for name in row if name.endswith("_px")}
+        row |= {"ratios": [0.5] * M, "unmasked_ratios": None}
+    write_rows("frames", path, rows)
+    errors, ratios = store.load_errors(known, Statistic.GATED), store.load_ratios(known)
+    np.testing.assert_array_equal(errors.E, [[0.01, 0.02, 0.03, np.nan]] * 3)
+    assert (ratios.ratios[:, :M] == 0.5).all()
+    assert np.isnan(ratios.ratios[:, M:]).all()
+    assert np.array_equal(ratios.unmasked, ratios.ratios, equal_nan=True)
+    [last] = run_sql(store, "SELECT E_gated, fallback FROM errors WHERE frame = 0 AND position = 4").to_pylist()
+    assert last == {"E_gated": None, "fallback": True}
+
+
+def test_the_fallback_has_a_state_in_sql_where_a_frame_was_judged_by_it(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    rows = [[10, 20, 30, 900], [None, None, None, 900], [None, None, 10, 900], [None, None, None, 10]]
+    known = add_measurement(store, rig, [make_measurement(rig, f, row) for f, row in enumerate(rows)])
+    thresholds = replace(make_thresholds(rig), theta=dict.fromkeys(rig.measured_triples, 0.1))
+    errors = store.load_errors(known, Statistic.GATED)
+    found = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, [frozenset()] * 4, rig.fallback)
+    record = JudgementRecord(known, "paper", thresholds, RULES, NOON)
+    store.write_judgement(record, [(f, f * PERIOD_NS, verdict) for f, verdict in enumerate(found)])
+    sql = "SELECT frame, string_agg(e, '' ORDER BY position) AS e FROM errors GROUP BY frame ORDER BY frame"
+    states = [row["e"] for row in run_sql(store, sql).to_pylist()]
+    assert states == [verdict.e for verdict in found] == ["000", "---1", "--0", "---0"]

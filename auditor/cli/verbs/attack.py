@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,9 @@ from auditor.cli.output import answer
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
-    from auditor.lab.attacks.schedule import Attacker
+    from auditor.lab.attacks.schedule import Attacker, AttackPlan
     from auditor.model.verdict import AttackLabel
+    from auditor.pipeline.many import LimitsOf
 
 _SECOND_NS = 10**9
 _KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
@@ -56,6 +58,7 @@ _EITHER = ("delayed", "frozen")
 @click.option("--from", "from_s", type=float, help="Seconds after the recording's start when the attack begins.")
 @click.option("--to", "to_s", type=float, help="Seconds after the recording's start when it ends.")
 @options.rig_option
+@options.budget_options
 def command(
     source: Path,
     target: Path,
@@ -68,6 +71,7 @@ def command(
     from_s: float | None,
     to_s: float | None,
     rig: Path | None,
+    limits: "LimitsOf",
     *,
     moving: bool,
 ) -> None:
@@ -81,39 +85,69 @@ def command(
 
     The ground truth travels inside the copy and comes into the store with it.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick
-    from auditor.lab.attacks.schedule import Attacker, AttackPlan  # noqa: PLC0415
+    from auditor.pipeline.workers import run_within  # noqa: PLC0415 - keeps --help quick
+    from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
+
+    _check_span(from_s, to_s)
+    wanted = _Wanted(sensors, kind, size, pattern, strength, seed, moving, from_s, to_s)
+    with no_remains(target):
+        run_within(limits(source), _attack, source, target, rig, wanted)
+    answer(target)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The options that say what is done to which sensors, and when."""
+
+    sensors: tuple[int, ...]
+    kind: str | None
+    size: float | None
+    pattern: Path | None
+    strength: str
+    seed: int
+    moving: bool
+    from_s: float | None
+    to_s: float | None
+
+
+def _attack(source: Path, target: Path, rig: Path | None, wanted: _Wanted) -> None:
+    """Write the compromised copy."""
+    from auditor.lab.attacks.schedule import Attacker  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.measure import rigs_of  # noqa: PLC0415
     from auditor.recordings import open_recording, rewrite, survey  # noqa: PLC0415
 
-    _check_span(from_s, to_s)
     with open_recording(source) as recording:
         surveyed = survey(recording)
         known = rigs_of(surveyed, rig)[0]
-        start_ns = min(sample.stamp_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
-        attackers = [
-            Attacker(
-                AttackPlan(
-                    sensor,
-                    strength,
-                    seed,
-                    moving,
-                    _at(start_ns, from_s),
-                    _at(start_ns, to_s),
-                    kind,
-                    size,
-                    read_patterns([pattern])[0] if pattern else None,
-                ),
-                known,
-            )
-            for sensor in dict.fromkeys(sensors)
-        ]
+        start_ns = min(sample.time_ns for sensor in known.sensors for sample in surveyed.samples(known.topic(sensor)))
+        attackers = [Attacker(plan, known) for plan in _plans(wanted, start_ns)]
         changes = {
             known.topic(attacker.plan.sensor): attacker.change_image if attacker.plan.sensor else attacker.change_cloud
             for attacker in attackers
         }
-        rewrite(recording, target, changes, _labels(attackers, start_ns))
-    answer(target)
+        depths = {camera.topic: camera.depth_bits for camera in known.cameras if camera.depth_bits is not None}
+        rewrite(recording, target, changes, _labels(attackers, start_ns), depths)
+
+
+def _plans(wanted: _Wanted, start_ns: int) -> "Iterator[AttackPlan]":
+    """One plan a sensor."""
+    from auditor.evaluation.experiments import read_patterns  # noqa: PLC0415 - keeps --help quick
+    from auditor.lab.attacks.schedule import AttackPlan  # noqa: PLC0415
+
+    pattern = read_patterns([wanted.pattern])[0] if wanted.pattern else None
+    begin_ns, end_ns = _at(start_ns, wanted.from_s), _at(start_ns, wanted.to_s)
+    for sensor in dict.fromkeys(wanted.sensors):
+        yield AttackPlan(
+            sensor,
+            wanted.strength,
+            wanted.seed,
+            wanted.moving,
+            begin_ns,
+            end_ns,
+            wanted.kind,
+            wanted.size,
+            pattern,
+        )
 
 
 def _at(start_ns: int, seconds: float | None) -> int | None:

@@ -1,5 +1,6 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
+from collections.abc import Collection
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
@@ -8,12 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.exit_codes import Exit
+from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
     from auditor.pipeline.many import MeasureSettings
+    from auditor.pipeline.measure import Measured
     from auditor.store import Store
 
 
@@ -71,7 +73,6 @@ def command(
     others: the frames that then exceed a threshold show how often other roads will.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
-    from auditor.cli.exit_codes import Tally  # noqa: PLC0415
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
     from auditor.pipeline.judge import system_of  # noqa: PLC0415
@@ -84,10 +85,13 @@ def command(
     stores = [path for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if path not in stores]
     opened = [Store.open(path) for path in stores]
+    measured: list[Measured] = []
     given: list[tuple[Store, str]] = []
     if recordings:
         measured = show_measuring(find_batch(recordings, store, measuring), tally)
         given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
+    if Store.is_at(store):
+        _tell_relations(Store.open(store), {one.recording_id for one in measured}, tally)
     clean = choose_clean(given, opened)
     for reason in clean.left_out:
         say(reason)
@@ -106,6 +110,19 @@ def command(
         show_paper(calibration, kept, r, form)
     show_left_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean.chosen))
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
+
+
+def _tell_relations(store: "Store", recording_ids: Collection[str], tally: Tally) -> None:
+    """Say which recordings count no longer, and which of those given are in conflict with others."""
+    from auditor.pipeline.many import conflicts_of  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
+
+    for superseded in relate(store):
+        say(str(superseded))
+    for recording in map(store.recording, sorted(recording_ids)):
+        for conflict in conflicts_of(store, recording):
+            say(f"{recording.name}: {conflict}")
+            tally.incomplete = True
 
 
 def _name(store: "Store", measurement: str) -> tuple[str, str]:

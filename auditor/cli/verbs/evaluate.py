@@ -14,11 +14,12 @@ from auditor.errors import SettingError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from auditor.evaluation import Evaluated, Source
+    from auditor.evaluation import Evaluated, Source, Task
     from auditor.measurement.disparity.matchers import MatcherOptions
+    from auditor.pipeline.many import LimitsOf
     from auditor.pipeline.workers import Progress
 
-SomeTask = TypeVar("SomeTask")
+SomeTask = TypeVar("SomeTask", bound="Task")
 
 _STREET_FRAMES = 50
 _FIRST_STREET = 1000
@@ -61,6 +62,7 @@ _FIRST_STREET = 1000
 @options.store_option
 @options.matcher_options
 @options.rig_option
+@options.budget_options
 @options.jobs_option
 @format_option
 def command(
@@ -76,6 +78,7 @@ def command(
     matcher: str,
     network: "MatcherOptions",
     rig: Path | None,
+    limits: "LimitsOf",
     jobs: int,
     form: str,
 ) -> int:
@@ -118,10 +121,10 @@ def command(
     how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
     tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
     measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
-    done = _evaluate_all(evaluate_source, measured, jobs)
+    done = _evaluate_all(evaluate_source, measured, jobs, limits)
     if detectors:
         found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
-        done &= _evaluate_all(evaluate_objects, found_by, jobs)
+        done &= _evaluate_all(evaluate_objects, found_by, jobs, limits)
     kept = Store.open(store)
     if kept.ids("evaluations"):
         if old := judge_cases(kept):
@@ -134,14 +137,14 @@ def command(
 
 
 def _evaluate_all(
-    evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]", jobs: int
+    evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]", jobs: int, limits: "LimitsOf"
 ) -> bool:
     """Measure all; False where something could not be."""
     from auditor.pipeline.workers import run_all  # noqa: PLC0415
 
     done = True
     with progress(len(tasks), "evaluating") as (advanced, finished):
-        for outcome in run_all(evaluate, tasks, jobs, advanced):
+        for outcome in run_all(evaluate, tasks, jobs, advanced, lambda task: limits(task.source.path)):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
                 done = False

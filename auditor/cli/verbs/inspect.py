@@ -10,13 +10,19 @@ import click
 from auditor.cli import options
 
 if TYPE_CHECKING:
+    from auditor.model.coverage import TopicCoverage
     from auditor.model.rig import Camera, Rig
-    from auditor.recordings import Health, Recording
+    from auditor.pipeline.many import LimitsOf
+    from auditor.pipeline.reading import Reading
+    from auditor.recordings import Health, Location, Recording
+
+_MOST_TOPICS_SHOWN = 200
 
 
 @click.command("inspect", short_help="Topics, health, rigs and what they identify.")
 @options.recordings_argument
 @options.rig_option
+@options.budget_options
 @click.option("--write-rig", type=click.Path(path_type=Path), help="Write the rig to this rig.toml, to be corrected.")
 @click.option(
     "--format",
@@ -26,10 +32,13 @@ if TYPE_CHECKING:
     show_default=True,
     help="How it is printed.",
 )
-def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | None, form: str) -> int:
+def command(
+    recordings: tuple[Path, ...], rig: Path | None, limits: "LimitsOf", write_rig: Path | None, form: str
+) -> int:
     """Read recordings through and show their topics, their health, the rigs in them and what these can identify.
 
-    Where the messages of each sensor went adds up: read = used + unused + damaged + skipped.
+    Where the messages of each sensor went adds up: read = used + unused + damaged + skipped. The exit code is that of
+    a scan that finds nothing: 3 where not everything can be audited.
 
     \b
     auditor inspect night.mcap
@@ -39,7 +48,8 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.cli.output_files import check_new  # noqa: PLC0415
-    from auditor.errors import AuditorError, SettingError  # noqa: PLC0415
+    from auditor.errors import AuditorError, LimitError, SettingError  # noqa: PLC0415
+    from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings import find_recordings  # noqa: PLC0415
 
     if write_rig:
@@ -56,15 +66,19 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
         say(f"auditor: {error}")
         tally.failed = True
     descriptions = []
-    for path in found.recordings:
+    for where in found.recordings:
         try:
-            description = _describe(path, rig, write_rig)
+            description = run_within(limits(where), _describe, where, rig, write_rig)
+        except LimitError as error:
+            say(f"auditor: {error}")
+            tally.incomplete = True
+            continue
         except AuditorError as error:
             say(f"auditor: {error}")
             tally.failed = True
             continue
         tally.audited |= bool(description["rigs"])
-        tally.incomplete |= bool(description["damage"]) or not description["rigs"] or _has_damaged(description)
+        tally.incomplete |= not description["complete"]
         descriptions.append(description)
         if form == "table":
             _show(description)
@@ -73,62 +87,97 @@ def command(recordings: tuple[Path, ...], rig: Path | None, write_rig: Path | No
     return tally.exit_code()
 
 
-def _describe(path: Path, shown: Path | None, written: Path | None) -> dict[str, Any]:
+def _describe(where: "Location", shown: Path | None, written: Path | None) -> dict[str, Any]:
     from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
+    from auditor.model.coverage import unread_line  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
-    from auditor.pipeline.measure import calibration_warnings_of, rigs_of  # noqa: PLC0415
-    from auditor.recordings import check_health, open_recording, search_rigs, survey, synchronise, write_rig  # noqa: PLC0415
+    from auditor.pipeline.measure import calibration_warnings_of, rigs_through  # noqa: PLC0415
+    from auditor.recordings import (  # noqa: PLC0415
+        RigsInForce,
+        check_health,
+        open_recording,
+        outside_topics,
+        search_rigs,
+        survey,
+        synchronise,
+        write_rig,
+    )
 
-    with open_recording(path) as recording:
+    with open_recording(where) as recording:
         surveyed = survey(recording)
-        rigs: tuple[Rig, ...] = ()
+        found = RigsInForce(())
         missing = ""
         try:
-            rigs = rigs_of(surveyed, shown)
+            found = rigs_through(recording, surveyed, shown)
         except RigError as error:
             if shown:
                 raise
             missing = error.what
+        rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
             say(f"the rig is in {written}")
-        calibration_warnings = [calibration_warnings_of(recording, surveyed, rig) for rig in rigs]
-        described = [
-            {**_rig(rig, check_health(synchronise(recording, rig, surveyed), rig)), "calibration_warnings": list(unfit)}
-            for rig, unfit in zip(rigs, calibration_warnings, strict=True)
+        calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
+        health = [
+            check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
+            for one in found.rigs
         ]
         if not rigs:
             for _ in recording.messages(()):  # reads everything, so that counts and damage are complete
                 pass
+        damage = [str(piece) for piece in recording.damage]
+        readings = [_reading(one, damage) for one in health]
+        coverage = health[0].coverage if health else outside_topics(recording, surveyed)
         return {
-            "recording": storable(str(path)),
+            "recording": storable(str(where)),
             "recording_id": recording.recording_id,
             "clock": recording.clock,
             "metadata": dict(recording.metadata()),
             "labels": len(recording.labels()),
-            "topics": list(_topics(recording, rigs)),
-            "damage": [str(piece) for piece in recording.damage],
-            "problems": list(surveyed.problems),
-            "rigs": described,
+            "topics": list(_topics(recording, rigs, coverage)),
+            "damage": damage,
+            "problems": [*found.remarks, *surveyed.problems],
+            "rigs": [
+                {**_rig(rig, one), "calibration_warnings": list(unfit), "reading": list(reading.remarks)}
+                for rig, one, unfit, reading in zip(rigs, health, calibration_warnings, readings, strict=True)
+            ],
+            "unreadable": unread_line(coverage),
             "left_out": list(search_rigs(surveyed).reasons) if rigs and not shown else [],
             "missing": missing,
+            "complete": bool(rigs) and all(reading.complete for reading in readings),
         }
 
 
-def _has_damaged(description: dict[str, Any]) -> bool:
-    return any(sensor["damaged"] for rig in description["rigs"] for sensor in rig["sensors"])
+def _reading(health: "Health", damage: list[str]) -> "Reading":
+    from auditor.pipeline.reading import FrameCount, judge_reading  # noqa: PLC0415
+
+    balance = [sensor.balance for sensor in health.sensors.values()]
+    return judge_reading(FrameCount(health.frames, health.skipped), health.coverage, balance, damage)
 
 
-def _topics(recording: "Recording", rigs: "tuple[Rig, ...]") -> Iterator[dict[str, Any]]:
+def _topics(
+    recording: "Recording", rigs: "tuple[Rig, ...]", coverage: "tuple[TopicCoverage, ...]"
+) -> Iterator[dict[str, Any]]:
+    """Every topic, with its sensor; those of cameras and LiDARs with their state and, where not read, why."""
     sensors = {rig.topic(sensor): f"S_{sensor}" for rig in rigs for sensor in rig.sensors}
+    covered = {one.topic: one for one in coverage}
+    counts = recording.counts
     for topic in recording.topics():
         yield {
             "topic": topic.name,
             "schema": topic.schema,
-            "messages": recording.counts.get(topic.name, 0),
+            "messages": counts.get(topic.name, 0),
             "sensor": sensors.get(topic.name),
+            "state": _state(sensors.get(topic.name), covered.get(topic.name)),
+            "why": covered[topic.name].reason if topic.name in covered and topic.name not in sensors else "",
         }
+
+
+def _state(sensor: str | None, covered: "TopicCoverage | None") -> str | None:
+    if covered is None or (sensor is not None and covered.sensor is None):
+        return "read" if sensor else None
+    return covered.state.value
 
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
@@ -185,6 +234,7 @@ def _size(camera: "Camera") -> str:
 def _sensor_health(health: "Health", sensor: int) -> dict[str, Any]:
     one = health.sensors[sensor]
     balance = one.balance
+    covered = next(topic for topic in health.coverage if topic.sensor == sensor)
     return {
         "read": balance.read,
         "used": balance.used,
@@ -195,6 +245,9 @@ def _sensor_health(health: "Health", sensor: int) -> dict[str, Any]:
         "from_s": None if one.first_ns is None or health.first_ns is None else (one.first_ns - health.first_ns) / 1e9,
         "to_s": None if one.last_ns is None or health.first_ns is None else (one.last_ns - health.first_ns) / 1e9,
         "offset_ms": one.offset_ns / 1e6,
+        "messages_share": covered.messages_share,
+        "time_share": covered.time_share,
+        "against": dict(covered.against),
     }
 
 
@@ -207,7 +260,10 @@ def _show(description: dict[str, Any]) -> None:
         click.echo(shown(f"  {name}: {value}"))
     if description["labels"]:
         click.echo(shown(f"  carries ground truth of {description['labels']} attacks"))
-    print_rows(description["topics"], ("topic", "schema", "messages", "sensor"))
+    topics = sorted(description["topics"], key=lambda topic: topic["sensor"] is None)[:_MOST_TOPICS_SHOWN]
+    print_rows(sorted(topics, key=lambda topic: topic["topic"]), ("topic", "schema", "messages", "sensor", "state"))
+    if more := len(description["topics"]) - len(topics):
+        click.echo(shown(f"  and {more} more topics: --format json lists all"))
     for rig in description["rigs"]:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
@@ -227,12 +283,28 @@ def _show(description: dict[str, Any]) -> None:
             title="Messages, presence, and offset to the leftmost camera",
         )
         click.echo(shown(f"  {_frames(rig)}") + "\n")
-    for reason in description["left_out"]:
-        click.echo(shown(f"  left out: {reason}"))
-    for remark in (*description["problems"], *(f"damaged: {piece}" for piece in description["damage"])):
+        for remark in rig["reading"]:
+            click.echo(shown(f"  {remark}"))
+    for remark in _remarks(description):
         click.echo(shown(f"  {remark}"))
+
+
+def _remarks(description: dict[str, Any]) -> Iterator[str]:
+    """What is to be said of the whole recording, one line a piece."""
+    left_out = [topic for topic in description["topics"] if topic["state"] == "left out"]
+    texts = [
+        topic["why"] if topic["topic"] in topic["why"] else f"{topic['topic']}: {topic['why']}" for topic in left_out
+    ]
+    told = {topic["why"] for topic in left_out}
+    for text in (*texts, *(reason for reason in description["left_out"] if reason not in told)):
+        yield f"left out: {text}"
+    if description["unreadable"] and not description["rigs"]:
+        yield description["unreadable"]
+    yield from description["problems"]
+    for piece in description["damage"]:
+        yield f"damaged: {piece}"
     if description["missing"]:
-        click.echo(shown(f"  {description['missing']}"))
+        yield description["missing"]
 
 
 def _frames(rig: dict[str, Any]) -> str:

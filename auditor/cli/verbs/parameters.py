@@ -13,10 +13,11 @@ from auditor.cli.output import emit, format_option, print_rows
 @click.command("parameters", short_help="List the numbers that decide what is found.")
 @format_option
 def command(form: str) -> None:
-    """List every number that can change a frame, a count, a warning or a verdict, with its unit and its source.
+    """List every number that decides what is found, with its unit and its source.
 
-    What changes frames or counts is bound to the counting version, what changes verdicts to the judging version. A
-    number that can change both is listed twice. Values are written as JSON.
+    Such a number can change which files form a recording, a rig, a frame, a count, a warning or a verdict. What changes
+    frames or counts is bound to the counting version, what changes verdicts to the judging version. A number that can
+    change both is listed twice. Values are written as JSON.
 
     \b
     auditor parameters
@@ -36,9 +37,16 @@ def _rows() -> Iterator[dict[str, object]]:
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
     from auditor.measurement.parameters import MEASURING, WARNING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
-    from auditor.recordings.parameters import SYNCHRONISING  # noqa: PLC0415
+    from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
 
-    parts = (("frames", SYNCHRONISING), ("counts", MEASURING), ("warnings", WARNING), ("verdicts", JUDGING))
+    parts = (
+        ("recordings", FINDING_FILES),
+        ("rigs", RIG_FINDING),
+        ("frames", SYNCHRONISING),
+        ("counts", MEASURING),
+        ("warnings", WARNING),
+        ("verdicts", JUDGING),
+    )
     for changes, groups in parts:
         for one in list_parameters(*groups):
             yield {"changes": changes, **asdict(one), "value": json.dumps(one.value, default=str)}

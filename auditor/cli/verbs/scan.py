@@ -35,7 +35,8 @@ def command(
     auditor scan fleet_logs/ -r 0 --store night/audit
 
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
-    these. What the store has measured already is not measured again.
+    these. The parts of a split drive, given or found together, are one recording. What the store has measured already
+    is not measured again, but with --measure-again.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
@@ -43,11 +44,15 @@ def command(
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import find_batch, judge_all  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
 
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     tally, judged = Tally(), list[str]()
     measured = show_measuring(find_batch(recordings, store, measuring), tally)
     kept = Store.open(store) if measured else None
+    if kept is not None:
+        for superseded in relate(kept):
+            say(str(superseded))
     if kept is not None and not measure_only:
         ids = [known for one in measured for known in one.measurement_ids]
         judged = show_judging(judge_all(kept, ids, settings), kept, tally)

@@ -1,24 +1,110 @@
 """`auditor store`: what is done to a store itself."""
 
+import sys
 from pathlib import Path
 
 import click
 
 from auditor.cli import options
-from auditor.cli.output import say
+from auditor.cli.exit_codes import Exit
+from auditor.cli.output import emit, format_option, say, shown
+
+_store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
 
 
-@click.group("store", short_help="Upgrade a store of the version before.")
+@click.group("store", short_help="List, remove, check and upgrade what a store holds.")
 def command() -> None:
     """What is done to a store itself.
 
     \b
+    auditor store list
+    auditor store remove old_drive.mcap
+    auditor store check
     auditor store upgrade
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
 
+@command.command("list", short_help="The recordings of a store.")
+@_store_argument
+@format_option
+def list_recordings(store: Path, form: str) -> None:
+    """List the recordings of a store: names, origin, frames, verdicts, and what they have to do with each other.
+
+    \b
+    auditor store list
+    auditor store list night/audit --format json
+
+    A recording that another holds every frame of stays in the store, and counts no longer. A conflict is another
+    recording with other data at the same stamps of the same sensors.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
+
+    emit(run_query(Store.open(store), "contents", {}), form)
+
+
+@command.command("remove", short_help="Remove recordings from a store.")
+@click.argument("recordings", nargs=-1, required=True, metavar="NAME|ID...")
+@options.store_option
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
+    """Remove recordings from a store: measurements, judgements, pictures, labels and parts of evaluations.
+
+    \b
+    auditor store remove old_drive.mcap
+    auditor store remove 4be19a40 77c0ffee --store night/audit --yes
+
+    The recordings' own files are not touched. Calibrations stay, also those that were made of them.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
+    from auditor.store.maintenance.removal import find_removable, remove_recordings  # noqa: PLC0415
+
+    kept = Store.open(store)
+    found = find_removable(kept, recordings)
+    names = ", ".join(f"{one.name} ({one.recording_id[:12]})" for one in found)
+    if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
+        say("nothing was removed; --yes removes without asking")
+        return Exit.FAILED
+    removed = remove_recordings(kept, [one.recording_id for one in found])
+    say(
+        f"{store}: removed {names}: {removed.measurements} measurements, {removed.judgements} judgements, "
+        f"{removed.parts} parts of evaluations"
+    )
+    for calibration in removed.calibrations:
+        say(f"calibration {calibration} was made of what is removed; it stays")
+    for superseded in relate(kept):
+        say(str(superseded))
+    return Exit.CLEAN
+
+
+@command.command("check", short_help="Check that a store is whole.")
+@_store_argument
+def check(store: Path) -> Exit:
+    """Check that every finished file of a store is there, readable and of this version, and that nothing else is.
+
+    \b
+    auditor store check
+    auditor store check night/audit
+
+    One line for each problem, and exit code 3 where there are any.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.maintenance.check import check as check_store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    problems = 0
+    for problem in check_store(kept):
+        click.echo(shown(problem))
+        problems += 1
+    if problems:
+        say(f"{store}: {problems} problem{'s' if problems > 1 else ''}")
+        return Exit.INCOMPLETE
+    say(f"{store}: whole; {len(kept.ids('recordings'))} recordings, {len(kept.ids('measurements'))} measurements")
+    return Exit.CLEAN
+
+
 @command.command("upgrade", short_help="Upgrade a store of the version before.")
-@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@_store_argument
 def upgrade(store: Path) -> None:
     """Upgrade a store of the schema version before, in its place.
 
@@ -26,13 +112,12 @@ def upgrade(store: Path) -> None:
     auditor store upgrade
     auditor store upgrade night/audit
 
-    Measurements stay valid and get new ids. Judgements keep their verdicts, with judging version 0. Parts of
-    evaluations are kept, but measured anew by auditor evaluate. An upgrade that is killed leaves the old store or the
-    new one. It needs as much room again as the store takes, and no other command may use the store meanwhile.
+    Measurements, judgements and evaluations stay, with their ids. An upgrade that is killed leaves the old store or
+    the new one. It needs as much room again as the store takes, and no other command may use the store meanwhile.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store.marker import LOST, UPGRADED_FROM  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.maintenance.upgrade import upgrade as upgrade_store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.marker import UPGRADED_FROM  # noqa: PLC0415
     from auditor.store.schema import SCHEMA_VERSION  # noqa: PLC0415
-    from auditor.store.upgrade import upgrade as upgrade_store  # noqa: PLC0415
 
     done = upgrade_store(store)
     if done is None:
@@ -40,5 +125,5 @@ def upgrade(store: Path) -> None:
         return
     say(
         f"{store}: upgraded from schema version {UPGRADED_FROM} to {SCHEMA_VERSION}: {done.measurements} measurements, "
-        f"{done.judgements} judgements (of judging version 0), {done.parts} parts of evaluations; {LOST}"
+        f"{done.judgements} judgements, {done.parts} parts of evaluations"
     )

@@ -15,6 +15,8 @@ from auditor.cli.output import answer, print_rows, progress, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.pipeline.many import LimitsOf
+    from auditor.recordings import Location
     from auditor.training import Made, Point, SampleSource, SampleTask
 
 _FIRST_STREET = 5000  # far from those of an evaluation, which must not be trained on
@@ -75,6 +77,7 @@ _COLUMNS = ("step", "loss", "samples", "mean_px", "over_3px", "sgbm_over_3px")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random draws.")
 @click.option("--device", default="cpu", show_default=True, help="Where it is trained: cpu, cuda or cuda:1.")
 @options.rig_option
+@options.budget_options
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
@@ -89,6 +92,7 @@ def command(
     out: Path,
     frames: int,
     rig: Path | None,
+    limits: "LimitsOf",
     jobs: int,
     *,
     full_resolution: bool,
@@ -125,14 +129,14 @@ def command(
         raise error
     samples = out / "samples"
 
-    def tasks(paths: Sequence[Path], first_street: int, streets: int) -> "list[SampleTask]":
+    def tasks(paths: "Sequence[Location]", first_street: int, streets: int) -> "list[SampleTask]":
         sources: list[SampleSource] = [Recorded(path, rig) for path in paths]
         sources += [Street(first_street + number, _STREET_SAMPLES) for number in range(streets)]
         return [SampleTask(source, samples, frames) for source in sources]
 
     left_out_streets = -(-synthetic // _LEFT_OUT_SHARE) if synthetic else 0
     for_training = tasks(found[0].recordings, _FIRST_STREET, synthetic or 0)
-    made = _make([*for_training, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs)
+    made = _make([*for_training, *tasks(found[1].recordings, _FIRST_LEFT_OUT, left_out_streets)], jobs, limits)
     training_samples = training_set(made[: len(for_training)], made[len(for_training) :])
     validated = ", ".join(f"{len(files)} of {kind}" for kind, files in training_samples.validation.items())
     say(f"{len(training_samples.training)} samples to train on; validated on {validated}")
@@ -149,14 +153,14 @@ def command(
     return Exit.CLEAN
 
 
-def _make(tasks: "list[SampleTask]", jobs: int) -> "list[Made]":
+def _make(tasks: "list[SampleTask]", jobs: int, limits: "LimitsOf") -> "list[Made]":
     """The samples of every source, in the order of the tasks; the first that cannot be made is an error."""
     from auditor.pipeline.workers import run_all  # noqa: PLC0415 - keeps --help quick
     from auditor.training import make_samples  # noqa: PLC0415
 
     made = {}
     with progress(len(tasks), "making samples") as (advanced, finished):
-        for outcome in run_all(make_samples, tasks, jobs, advanced):
+        for outcome in run_all(make_samples, tasks, jobs, advanced, lambda task: limits(task.source.path)):
             if outcome.error is not None:
                 raise outcome.error
             if outcome.result is not None:

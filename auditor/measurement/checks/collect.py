@@ -1,6 +1,6 @@
 """All checks of one frame, pair by pair."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -24,14 +24,32 @@ from auditor.model.rig import LIDAR, Rig
 
 
 @dataclass(frozen=True, eq=False)
+class Unmasked:
+    """The results of the checks by camera pair that the LiDAR's range masks changed, as they are without the LiDAR."""
+
+    photometric_inconsistencies: Mapping[Pair, Cells]
+    brightness_differences: Mapping[Pair, BrightnessDifference]
+
+    @property
+    def cells(self) -> dict[PairCheck, Cells]:
+        """The counts on the grid."""
+        return _of_check(Check.PHOTOMETRIC_INCONSISTENCY, self.photometric_inconsistencies)
+
+    @property
+    def shares(self) -> dict[PairCheck, float]:
+        """The statistics of the others."""
+        return _brightness_shares(self.brightness_differences)
+
+
+@dataclass(frozen=True, eq=False)
 class FrameChecks:
     """The results of the five checks, the first three by camera pair (i, k), the others by reference camera.
 
     `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `photometric_inconsistencies`: counts of
     pixels where the two cameras do not see the same. `brightness_differences`: light or darkness that one of them alone
     sees. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many
-    points are isolated. `verified_conflicts` and `consistencies` hold the first two pixel by pixel, for localising:
-    they are not stored.
+    points are isolated. `unmasked` are the second and third without the LiDAR. `verified_conflicts` and `consistencies`
+    hold the first two pixel by pixel, for localising: they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
@@ -39,24 +57,21 @@ class FrameChecks:
     brightness_differences: Mapping[Pair, BrightnessDifference]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
+    unmasked: Unmasked
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
     consistencies: Mapping[Pair, PairConsistency]
 
     @property
     def cells(self) -> dict[PairCheck, Cells]:
         """The counts of the checks that are counted on the grid."""
-        return {PairCheck(Check.LIDAR_CONFLICT, *pair): cells for pair, cells in self.lidar_conflicts.items()} | {
-            PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair): cells
-            for pair, cells in self.photometric_inconsistencies.items()
-        }
+        return _of_check(Check.LIDAR_CONFLICT, self.lidar_conflicts) | _of_check(
+            Check.PHOTOMETRIC_INCONSISTENCY, self.photometric_inconsistencies
+        )
 
     @property
     def shares(self) -> dict[PairCheck, float]:
-        """The statistics of the other checks; a pair cannot tell light in one camera from darkness in the other."""
-        brightness = {
-            PairCheck(Check.BRIGHTNESS_DIFFERENCE, *pair): max(s.brighter_i, s.brighter_k)
-            for pair, s in self.brightness_differences.items()
-        }
+        """The statistics of the other checks."""
+        brightness = _brightness_shares(self.brightness_differences)
         dropout = {PairCheck(Check.POINT_DROPOUT, LIDAR, k): share for k, share in self.point_dropout.items()}
         isolated_points = {
             PairCheck(Check.ISOLATED_POINTS, LIDAR, k): isolated_ratio(found)
@@ -64,6 +79,18 @@ class FrameChecks:
         }
         known = {pair_check: share for pair_check, share in isolated_points.items() if share is not None}
         return brightness | dropout | known
+
+
+def _of_check(check: Check, of_pairs: Mapping[Pair, Cells]) -> dict[PairCheck, Cells]:
+    return {PairCheck(check, *pair): cells for pair, cells in of_pairs.items()}
+
+
+def _brightness_shares(of_pairs: Mapping[Pair, BrightnessDifference]) -> dict[PairCheck, float]:
+    """The statistic of each pair, which cannot tell light in one camera from darkness in the other."""
+    return {
+        PairCheck(Check.BRIGHTNESS_DIFFERENCE, *pair): max(found.brighter_i, found.brighter_k)
+        for pair, found in of_pairs.items()
+    }
 
 
 def collect_checks(
@@ -91,6 +118,7 @@ def collect_checks(
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
+    coarse_near = _coarse_range_masks(half_res, views, isolated_masks, rig)
     return FrameChecks(
         lidar_conflicts={
             (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
@@ -99,27 +127,36 @@ def collect_checks(
         photometric_inconsistencies={
             pair: cells_of_consistency(map_, near.get(pair)) for pair, map_ in consistencies.items()
         },
-        brightness_differences=_brightness_differences(half_res, views, isolated_masks, rig),
+        brightness_differences=_brightness_differences(half_res, combinations(sorted(half_res), 2), coarse_near),
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
+        unmasked=Unmasked(
+            {pair: cells_of_consistency(consistencies[pair]) for pair, mask in near.items() if mask.any()},
+            _brightness_differences(half_res, [pair for pair, mask in coarse_near.items() if mask.any()], {}),
+        ),
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
     )
 
 
-def _brightness_differences(
+def _coarse_range_masks(
     half_res: Mapping[int, Image], views: Mapping[int, LidarView], isolated_masks: Mapping[int, Mask], rig: Rig
-) -> dict[Pair, BrightnessDifference]:
-    """The light and darkness that one of two cameras alone sees, for all pairs."""
-    grids = {camera: coarse(half) for camera, half in half_res.items()}
-    pairs = list(combinations(sorted(grids), 2))
-    near = {
+) -> dict[Pair, Mask]:
+    """The range mask of each pair of cameras present in whose reference view the LiDAR is, on the coarse grid."""
+    return {
         (i, k): coarse_mask(
             out_of_range(views[k], isolated_masks[k], i, range_mask(rig.camera(k).width_px), half_res[k].shape)
         )
-        for i, k in pairs
+        for i, k in combinations(sorted(half_res), 2)
         if k in views
     }
+
+
+def _brightness_differences(
+    half_res: Mapping[int, Image], pairs: Iterable[Pair], near: Mapping[Pair, Mask]
+) -> dict[Pair, BrightnessDifference]:
+    """The light and darkness that one of two cameras alone sees."""
+    grids = {camera: coarse(half) for camera, half in half_res.items()}
     return {(i, k): compare_brightness(grids[i], grids[k], near.get((i, k))) for i, k in pairs}

@@ -16,6 +16,7 @@ from auditor.recordings.decoding.interface import (
     CameraInfoDecoder,
     CloudDecoder,
     Decoder,
+    DeepImageDecoder,
     FollowingDecoder,
     Header,
     ImageDecoder,
@@ -32,6 +33,7 @@ __all__ = [
     "Decoder",
     "DecoderFactory",
     "Decoders",
+    "DeepImageDecoder",
     "FollowingDecoder",
     "Header",
     "ImageDecoder",
@@ -87,6 +89,11 @@ class Decoders:
             encodings, factory = decoder_table().get(schema, (frozenset(), None))
             self._made[key] = factory(self.types) if factory and encoding in encodings else None
         return self._made[key]
+
+    def in_any_encoding(self, schema: str) -> Decoder | None:
+        """A decoder of a schema, whatever the encoding of its messages, or None where there is none."""
+        _, factory = decoder_table().get(schema, (frozenset(), None))
+        return factory(self.types) if factory else None
 
     def image(self, schema: str, encoding: str) -> ImageDecoder | None:
         """The decoder, if it decodes images; else None."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
+from auditor.recordings.decoding.depths import Depths
 from auditor.recordings.decoding.foxglove_layouts import (
     CAMERA_CALIBRATION,
     COMPRESSED_IMAGE,
@@ -20,14 +20,17 @@ from auditor.recordings.decoding.foxglove_layouts import (
     RAW_IMAGE,
     decode_json,
 )
-from auditor.recordings.decoding.geometry import ABSURD, checked_matrix
-from auditor.recordings.decoding.images import raw_pixels
+from auditor.recordings.decoding.geometry import checked_matrix, checked_transforms, motion_of, transform_of
+from auditor.recordings.decoding.images import largest_raw_value, raw_pixels
 from auditor.recordings.decoding.interface import CameraInfo, Decoder, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, inspect_picture
+from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
 from auditor.recordings.decoding.protobuf import check_schema, decode_protobuf
 from auditor.recordings.decoding.ros import RosTypes
 
 _MAX_STAMP_NS = 2**63 - 1
+
+_NO_ROTATION = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+_NO_TRANSLATION = {"x": 0.0, "y": 0.0, "z": 0.0}
 
 _ROS_DATATYPES = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}
 """foxglove.PackedElementField's numeric types as sensor_msgs/PointField's."""
@@ -61,10 +64,13 @@ class FoxgloveMessages:
 
 
 def stamp_ns(values: dict[str, Any]) -> int:
-    """Nanoseconds since 1970 of a message's timestamp; 0 where it has none. Raises DecodingError."""
+    """Nanoseconds since 1970 of a message's timestamp, which may be negative; 0 where it has none.
+
+    Raises DecodingError.
+    """
     stamp = values["timestamp"]
     time_ns = stamp["seconds"] * 10**9 + stamp["nanos"] if stamp else 0
-    if not 0 <= time_ns <= _MAX_STAMP_NS:
+    if abs(time_ns) > _MAX_STAMP_NS:
         raise DecodingError("its timestamp is out of range")
     return int(time_ns)
 
@@ -89,7 +95,13 @@ class _RawImage(NamedTuple):
     is_bigendian: bool = False
 
 
-class FoxgloveRawImageDecoder(_Decoder):
+class _DeepDecoder(_Decoder, Depths):
+    def __init__(self, types: RosTypes) -> None:
+        _Decoder.__init__(self, types)
+        Depths.__init__(self)
+
+
+class FoxgloveRawImageDecoder(_DeepDecoder):
     """foxglove.RawImage; its encodings are ROS's."""
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -101,13 +113,20 @@ class FoxgloveRawImageDecoder(_Decoder):
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
+        bits = self.bits(message.topic)
+        return raw_pixels(self._image(message), message.topic, colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_raw_value(self._image(message), message.topic)
+
+    def _image(self, message: Message) -> _RawImage:
         values = self._messages.decode(message)
         data = np.frombuffer(values["data"], np.uint8)
-        image = _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
-        return raw_pixels(image, message.topic, colour=colour, size_px=size_px)
+        return _RawImage(values["width"], values["height"], values["encoding"], values["step"], data)
 
 
-class FoxgloveCompressedImageDecoder(_Decoder):
+class FoxgloveCompressedImageDecoder(_DeepDecoder):
     """foxglove.CompressedImage with a PNG or JPEG inside."""
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -118,7 +137,12 @@ class FoxgloveCompressedImageDecoder(_Decoder):
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
-        return decode_picture(self._picture(message), colour=colour, size_px=size_px)
+        bits = self.bits(message.topic)
+        return decode_picture(self._picture(message), colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_picture_value(self._picture(message))
 
     def _picture(self, message: Message) -> memoryview:
         data: memoryview = self._messages.decode(message)["data"]
@@ -161,7 +185,13 @@ class FoxglovePointCloudDecoder(_Decoder):
         if data.size % max(stride, 1):
             raise DecodingError(f"the cloud is cut: {data.size} bytes are not whole points", where=message.topic)
         xyz_m = finite(xyz_of(points_of(cloud)))
-        frame_SE3_points = _motion(values["pose"] or {}, "orientation", "position", message.topic)
+        pose = values["pose"] or {}
+        try:
+            frame_SE3_points = motion_of(
+                _vector(pose, "orientation", _NO_ROTATION), _vector(pose, "position", _NO_TRANSLATION)
+            )
+        except ValueError as error:
+            raise DecodingError(str(error), where=message.topic) from error
         if np.array_equal(frame_SE3_points, np.eye(4)):
             return xyz_m
         with np.errstate(over="ignore", invalid="ignore"):
@@ -194,31 +224,25 @@ class FoxgloveTransformsDecoder:
         self._messages = FoxgloveMessages(types)
 
     def transforms(self, message: Message) -> tuple[Transform, ...]:
-        """All of the message. Raises DecodingError where a rotation matrix or quaternion is ill-formed."""
+        """All of the message. Raises DecodingError where not one of them is a motion."""
         values = self._messages.decode(message)
         entries = values["transforms"] if message.schema == FRAME_TRANSFORMS else [values]
-        return tuple(
-            Transform(
-                entry["parent_frame_id"].lstrip("/"),
-                entry["child_frame_id"].lstrip("/"),
-                _motion(entry, "rotation", "translation", message.topic),
+        made = [
+            transform_of(
+                entry["parent_frame_id"],
+                entry["child_frame_id"],
+                _vector(entry, "rotation", _NO_ROTATION),
+                _vector(entry, "translation", _NO_TRANSLATION),
             )
             for entry in entries
-        )
+        ]
+        return checked_transforms(made, message.topic)
 
 
-def _motion(values: dict[str, Any], rotation: str, translation: str, topic: str) -> Matrix:
-    """The (4, 4) motion of a rotation and a translation, either of which may be absent: no rotation, no translation."""
-    turn = values.get(rotation) or {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-    move = values.get(translation) or {"x": 0.0, "y": 0.0, "z": 0.0}
-    numbers = (*turn.values(), *move.values())
-    if not all(abs(number) < ABSURD for number in numbers):
-        raise DecodingError("a transform is absurdly large or not finite", where=topic)
-    try:
-        matrix = motion(rotation_from_quaternion(**turn), np.array([move["x"], move["y"], move["z"]]))
-    except ValueError as error:
-        raise DecodingError(str(error), where=topic) from error
-    return matrix
+def _vector(values: dict[str, Any], name: str, absent: dict[str, float]) -> tuple[float, ...]:
+    """The numbers of a rotation or translation, in the order of `absent`, which stands for one that is not there."""
+    found = values.get(name) or absent
+    return tuple(found[axis] for axis in absent)
 
 
 DECODERS: dict[str, Callable[[RosTypes], Decoder]] = {

@@ -1,17 +1,18 @@
 """sensor_msgs/CameraInfo and tf2_msgs/TFMessage."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
-from auditor.recordings.decoding.interface import CameraInfo, Header, Transform
+from auditor.recordings.decoding.interface import CameraInfo, Header, Region, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
+from auditor.recordings.parameters import CAMERA_LIMITS
 
-ABSURD = 1e9
+ABSURD = CAMERA_LIMITS.largest
 """An upper limit of focal lengths in pixels and distances in metres; map coordinates reach 1e7."""
 
 
@@ -42,7 +43,13 @@ class RosCameraInfoDecoder:
             rotation=checked_matrix(r, 3, message.topic),
             projection=checked_matrix(p, 4, message.topic),
             distortion_model=str(getattr(info, "distortion_model", "")),
+            region=_region(getattr(info, "roi", None)),
+            binning=(int(getattr(info, "binning_x", 1)), int(getattr(info, "binning_y", 1))),
         )
+
+
+def _region(roi: Any) -> Region:  # noqa: ANN401  # the class is generated
+    return Region() if roi is None else Region(roi.x_offset, roi.y_offset, roi.width, roi.height)
 
 
 def checked_matrix(values: Sequence[float] | Matrix, columns: int, topic: str) -> Matrix:
@@ -62,19 +69,41 @@ class RosTransformsDecoder:
         self._types = types
 
     def transforms(self, message: Message) -> tuple[Transform, ...]:
-        """All of the message. Raises DecodingError where a rotation is ill-formed."""
-        transforms = []
-        for stamped in self._types.decode(message).transforms:
-            rotation, translation = stamped.transform.rotation, stamped.transform.translation
-            try:
-                matrix = motion(
-                    rotation_from_quaternion(rotation.x, rotation.y, rotation.z, rotation.w),
-                    np.array([translation.x, translation.y, translation.z]),
-                )
-            except ValueError as error:
-                raise DecodingError(str(error), where=message.topic) from error
-            if not np.all(np.abs(matrix) < ABSURD):
-                raise DecodingError("a transform is absurdly large or not finite", where=message.topic)
-            parent, child = stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/")
-            transforms.append(Transform(parent, child, matrix))
-        return tuple(transforms)
+        """All of the message. Raises DecodingError where not one of them is a motion."""
+        made = [
+            transform_of(
+                stamped.header.frame_id,
+                stamped.child_frame_id,
+                _numbers(stamped.transform.rotation, "xyzw"),
+                _numbers(stamped.transform.translation, "xyz"),
+            )
+            for stamped in self._types.decode(message).transforms
+        ]
+        return checked_transforms(made, message.topic)
+
+
+def _numbers(vector: object, names: str) -> tuple[float, ...]:
+    return tuple(float(getattr(vector, name)) for name in names)
+
+
+def transform_of(parent: str, child: str, quaternion: Sequence[float], translation_m: Sequence[float]) -> Transform:
+    """A transform of a quaternion (x, y, z, w) and a translation; one with a problem where they are no motion."""
+    parent, child = parent.lstrip("/"), child.lstrip("/")
+    try:
+        return Transform(parent, child, motion_of(quaternion, translation_m))
+    except ValueError as error:
+        return Transform(parent, child, np.eye(4), problem=str(error))
+
+
+def motion_of(quaternion: Sequence[float], translation_m: Sequence[float]) -> Matrix:
+    """The (4, 4) motion of a quaternion (x, y, z, w) and a translation. Raises ValueError where they are none."""
+    if not all(abs(number) < ABSURD for number in (*quaternion, *translation_m)):
+        raise ValueError("a transform is absurdly large or not finite")
+    return motion(rotation_from_quaternion(*quaternion), np.array(translation_m, dtype=np.float64))
+
+
+def checked_transforms(transforms: Sequence[Transform], topic: str) -> tuple[Transform, ...]:
+    """Transforms of one message. Raises DecodingError where each has a problem: then the message is damaged."""
+    if transforms and all(transform.problem for transform in transforms):
+        raise DecodingError(transforms[0].problem, where=topic)
+    return tuple(transforms)

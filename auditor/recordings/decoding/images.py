@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
+from auditor.recordings.decoding.depths import Depths, Values, upper_8_bits
 from auditor.recordings.decoding.interface import Header, SizePx
-from auditor.recordings.decoding.pictures import check_size, decode_picture, inspect_picture
+from auditor.recordings.decoding.pictures import check_size, decode_picture, inspect_picture, largest_picture_value
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.decoding.video import Videos, is_h264
 
@@ -68,15 +69,16 @@ ENCODINGS = {
     "nv12": Encoding(1, "COLOR_YUV2GRAY_NV12", "COLOR_YUV2BGR_NV12", planar=True),
     "nv21": Encoding(1, "COLOR_YUV2GRAY_NV21", "COLOR_YUV2BGR_NV21", planar=True),
 }
-"""Encodings of sensor_msgs/image_encodings.hpp that are supported; 16-bit values keep their upper 8 bits."""
+"""Encodings of sensor_msgs/image_encodings.hpp that are supported; of 16-bit values see `depths`."""
 
 
-class RawImageDecoder:
+class RawImageDecoder(Depths):
     """sensor_msgs/Image."""
 
     kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
+        super().__init__()
         self._types = types
 
     def header(self, message: Message) -> Header:
@@ -90,7 +92,12 @@ class RawImageDecoder:
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder. The array is a view of the message where nothing had to be converted."""
-        return raw_pixels(self._types.decode(message), message.topic, colour=colour, size_px=size_px)
+        bits = self.bits(message.topic)
+        return raw_pixels(self._types.decode(message), message.topic, colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_raw_value(self._types.decode(message), message.topic)
 
 
 def raw_pixels(
@@ -99,20 +106,36 @@ def raw_pixels(
     *,
     colour: bool,
     size_px: SizePx | None,
+    bits: int,
 ) -> NDArray[np.uint8]:
-    """Pixels of anything with the fields of sensor_msgs/Image. See interface.ImageDecoder."""
+    """Pixels of anything with the fields of sensor_msgs/Image; `bits` are those of 16-bit values.
+
+    See interface.ImageDecoder.
+    """
     check_size((image.width, image.height), size_px)
+    encoding = _encoding_of(image, topic)
+    return _convert(upper_8_bits(_rows(image, encoding), bits), encoding, colour=colour)
+
+
+def largest_raw_value(image: Any, topic: str) -> int | None:  # noqa: ANN401  # the class is generated
+    """The largest value of 16 bits of anything with the fields of sensor_msgs/Image; None where there are 8."""
+    check_size((image.width, image.height), None)
+    encoding = _encoding_of(image, topic)
+    return int(_rows(image, encoding).max()) if encoding.bytes_a_value > 1 else None
+
+
+def _encoding_of(image: Any, topic: str) -> Encoding:  # noqa: ANN401  # the class is generated
     name = image.encoding
     if name == "passthrough":
         name = _PASSTHROUGH.get(image.step // image.width, name)
     encoding = ENCODINGS.get(name)
     if encoding is None:
         raise DecodingError(f"the image encoding {image.encoding[:40]!r} is not supported", where=topic)
-    return _convert(_rows(image, encoding), encoding, colour=colour)
+    return encoding
 
 
-def _rows(image: Any, encoding: Encoding) -> NDArray[np.uint8]:  # noqa: ANN401  # the class is generated
-    """The values as (rows, width) or (rows, width, channels) uint8."""
+def _rows(image: Any, encoding: Encoding) -> Values:  # noqa: ANN401  # the class is generated
+    """The values as (rows, width) or (rows, width, channels), uint8 or uint16."""
     if encoding.planar and image.height % 2:
         raise DecodingError("a planar image needs an even height")
     rows = image.height * 3 // 2 if encoding.planar else image.height
@@ -122,12 +145,11 @@ def _rows(image: Any, encoding: Encoding) -> NDArray[np.uint8]:  # noqa: ANN401 
             f"the image declares {rows} rows of {image.step} bytes for {image.width} px, "
             f"and holds {len(image.data)} bytes"
         )
-    values = image.data.reshape(rows, image.step)[:, :row_bytes]
-    if encoding.bytes_a_value == 2:
-        high = 0 if image.is_bigendian else 1
-        values = values[:, high::2]
+    values = np.ascontiguousarray(image.data.reshape(rows, image.step)[:, :row_bytes])
     shape = (rows, image.width, encoding.channels) if encoding.channels > 1 else (rows, image.width)
-    result: NDArray[np.uint8] = np.ascontiguousarray(values).reshape(shape)
+    if encoding.bytes_a_value > 1:
+        values = values.view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
+    result: Values = values.reshape(shape)
     return result
 
 
@@ -141,7 +163,7 @@ def _convert(values: NDArray[np.uint8], encoding: Encoding, *, colour: bool) -> 
         raise DecodingError(f"the image cannot be converted ({error.err})") from error
 
 
-class CompressedImageDecoder:
+class CompressedImageDecoder(Depths):
     """sensor_msgs/CompressedImage with PNG, JPEG or H.264 inside, recognised by its first bytes: `format` is free text.
 
     All messages of a topic have the form of its first one.
@@ -150,6 +172,7 @@ class CompressedImageDecoder:
     kind: ClassVar[Literal["image"]] = "image"
 
     def __init__(self, types: RosTypes) -> None:
+        super().__init__()
         self._types = types
         self._videos = Videos(lambda message: bytes(self.picture(message)))
         self._is_video: dict[str, bool] = {}
@@ -174,7 +197,12 @@ class CompressedImageDecoder:
         """See interface.ImageDecoder."""
         if self._of_video(message):
             return self._videos.pixels(message, colour=colour, size_px=size_px)
-        return decode_picture(self.picture(message), colour=colour, size_px=size_px)
+        bits = self.bits(message.topic)
+        return decode_picture(self.picture(message), colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return None if self._of_video(message) else largest_picture_value(self.picture(message))
 
     def picture(self, message: Message) -> memoryview:
         """The PNG or JPEG file inside the message."""

@@ -21,12 +21,23 @@ class Header:
     frame_id: str
 
 
+@dataclass(frozen=True)
+class Region:
+    """The part of the sensor that pictures show, in pixels of the whole sensor; of no size: all of it."""
+
+    left_px: int = 0
+    top_px: int = 0
+    width_px: int = 0
+    height_px: int = 0
+
+
 @dataclass(frozen=True, eq=False)
 class CameraInfo:
     """The camera calibration that a recording carries (sensor_msgs/CameraInfo).
 
     `intrinsics` K and `rotation` R are (3, 3), `projection` P is (3, 4), `distortion` D has any length and is of the
-    `distortion_model`, which may be empty.
+    `distortion_model`, which may be empty. Pictures show the `region`, and one pixel of theirs is `binning` (across,
+    down) pixels of the sensor; 0 is 1.
     """
 
     header: Header
@@ -37,15 +48,18 @@ class CameraInfo:
     rotation: Matrix
     projection: Matrix
     distortion_model: str = ""
+    region: Region = Region()
+    binning: tuple[int, int] = (1, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """Where the child frame lies: `parent_SE3_child` is (4, 4)."""
+    """Where the child frame lies: `parent_SE3_child` is (4, 4). With a `problem` its numbers are no motion."""
 
     parent: str
     child: str
     parent_SE3_child: Matrix
+    problem: str = ""
 
 
 class ImageDecoder(Protocol):
@@ -69,6 +83,17 @@ class FollowingDecoder(Protocol):
 
     def follow(self, message: Message) -> None:
         """Note a message, in the order of the recording."""
+
+
+@runtime_checkable
+class DeepImageDecoder(Protocol):
+    """An image decoder whose pictures may have values of more than 8 bits, and which has to be told of how many."""
+
+    def largest_value(self, message: Message) -> int | None:
+        """The largest value of a picture of more than 8 bits a value; None for any other."""
+
+    def use_depth(self, topic: str, bits: int) -> None:
+        """Take the values of a topic's pictures as of so many bits, from here on: the full scale becomes 255."""
 
 
 class CloudDecoder(Protocol):

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
 from auditor.recordings.decoding.clouds import finite
+from auditor.recordings.decoding.depths import Depths
 from auditor.recordings.decoding.interface import CameraInfo, Header, SizePx, Transform
-from auditor.recordings.decoding.pictures import decode_picture, inspect_picture
+from auditor.recordings.decoding.pictures import decode_picture, inspect_picture, largest_picture_value
 
 PICTURE = "kitti/Picture"
 SCAN = "kitti/Scan"
@@ -28,7 +29,7 @@ def camera_frame(topic: str) -> str:
     return topic.split("/")[2]
 
 
-class KittiPictureDecoder:
+class KittiPictureDecoder(Depths):
     """PNG files; they carry no stamp; the reader takes it from timestamps.txt."""
 
     kind: ClassVar[Literal["image"]] = "image"
@@ -43,7 +44,12 @@ class KittiPictureDecoder:
 
     def pixels(self, message: Message, *, colour: bool, size_px: SizePx | None = None) -> NDArray[np.uint8]:
         """See interface.ImageDecoder."""
-        return decode_picture(memoryview(message.data), colour=colour, size_px=size_px)
+        bits = self.bits(message.topic)
+        return decode_picture(memoryview(message.data), colour=colour, size_px=size_px, bits=bits)
+
+    def largest_value(self, message: Message) -> int | None:
+        """See interface.DeepImageDecoder."""
+        return largest_picture_value(memoryview(message.data))
 
 
 def scan_points(message: Message) -> NDArray[np.float32]:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import DecodingError
+from auditor.model.rig import MOST_BITS
+from auditor.recordings.decoding.depths import Values, upper_8_bits
 from auditor.recordings.decoding.interface import SizePx
 
 MAX_PIXELS = 25 * 10**6
@@ -28,11 +30,12 @@ _JPEG_END_SEARCH_BYTES = 1024
 
 
 class Picture(NamedTuple):
-    """Size and colour as the header of a picture file declares them."""
+    """Size and colour as the header of a picture file declares them; `deep` are values of 16 bits."""
 
     form: str
     size_px: SizePx
     grey: bool
+    deep: bool = False
 
 
 def inspect_picture(data: memoryview) -> Picture:
@@ -44,28 +47,49 @@ def inspect_picture(data: memoryview) -> Picture:
     raise DecodingError("the compressed image is neither PNG nor JPEG")
 
 
-def decode_picture(data: memoryview, *, colour: bool, size_px: SizePx | None) -> NDArray[np.uint8]:
-    """Pixels of a whole PNG or JPEG file. Raises DecodingError where it is cut, damaged, or of another size."""
+def decode_picture(
+    data: memoryview, *, colour: bool, size_px: SizePx | None, bits: int = MOST_BITS
+) -> NDArray[np.uint8]:
+    """Pixels of a whole PNG or JPEG file; `bits` are those of 16-bit values.
+
+    Raises DecodingError where it is cut, damaged, or of another size.
+    """
     picture = inspect_picture(data)
     check_size(picture.size_px, size_px)
+    # The grey of a PNG is computed as for all other lossless forms; a JPEG holds a grey image of its own.
+    in_colour = not picture.grey and (colour or picture.form == "png")
+    pixels: cv2.typing.MatLike = upper_8_bits(_decode(data, picture, in_colour=in_colour), bits)
+    if in_colour and not colour:
+        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+    return np.asarray(pixels, dtype=np.uint8)
+
+
+def largest_picture_value(data: memoryview) -> int | None:
+    """The largest value of a PNG of 16 bits; None of any other file. Raises DecodingError as `decode_picture`."""
+    picture = inspect_picture(data)
+    if not picture.deep:
+        return None
+    check_size(picture.size_px, None)
+    return int(_decode(data, picture, in_colour=not picture.grey).max())
+
+
+def _decode(data: memoryview, picture: Picture, *, in_colour: bool) -> Values:
+    """All values, (H, W) or (H, W, 3) BGR."""
     if picture.form == "png":
         _check_png_chunks(data)
     elif data[-_JPEG_END_SEARCH_BYTES:].tobytes().rfind(b"\xff\xd9") < 0:
         # Inside the image data 0xFF is always followed by 0: this pair can only be the end.
         raise DecodingError("the JPEG is cut: it has no end")
-    # The grey of a PNG is computed as for all other lossless forms; a JPEG holds a grey image of its own.
-    in_colour = not picture.grey and (colour or picture.form == "png")
     flag = cv2.IMREAD_COLOR if in_colour else cv2.IMREAD_GRAYSCALE
+    depth = cv2.IMREAD_ANYDEPTH if picture.deep else 0
     try:
         # A rotation by the camera's orientation mark would not agree with its projection matrix.
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flag | cv2.IMREAD_IGNORE_ORIENTATION)
+        values = cv2.imdecode(np.frombuffer(data, np.uint8), flag | depth | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error as error:
         raise DecodingError(f"the image cannot be decoded ({error.err})") from error
-    if pixels is None or pixels.shape[1::-1] != picture.size_px:
+    if values is None or values.shape[1::-1] != picture.size_px:
         raise DecodingError("the image cannot be decoded whole")
-    if in_colour and not colour:
-        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
-    return np.asarray(pixels, dtype=np.uint8)
+    return np.asarray(values, dtype=np.uint16 if picture.deep else np.uint8)
 
 
 def encode_picture(pixels: NDArray[np.uint8], form: str) -> bytes:
@@ -89,8 +113,8 @@ def check_size(found: SizePx, expected: SizePx | None) -> None:
 def _inspect_png(data: memoryview) -> Picture:
     if len(data) < 33 or bytes(data[12:16]) != b"IHDR":
         raise DecodingError("the PNG is cut in its header")
-    width, height, _, colour_type = struct.unpack_from(">IIBB", data, 16)
-    return Picture("png", (width, height), grey=colour_type in _PNG_GREY)
+    width, height, bits, colour_type = struct.unpack_from(">IIBB", data, 16)
+    return Picture("png", (width, height), grey=colour_type in _PNG_GREY, deep=bits == MOST_BITS)
 
 
 def _check_png_chunks(data: memoryview) -> None:

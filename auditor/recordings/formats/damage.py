@@ -7,24 +7,30 @@ _ZEROS = bytes(512)
 
 
 class DamageLog:
-    """Collects Damage; beyond MAX_ENTRIES it only counts. `file` names the file being read, where there are several."""
+    """Collects Damage; beyond MAX_ENTRIES it only counts. `of` gives the log of one of several files."""
 
-    def __init__(self) -> None:
-        self.file = ""
+    def __init__(self, file: str = "", whole: "DamageLog | None" = None) -> None:
+        self._file = file
+        self._whole = whole or self
         self._entries: list[Damage] = []
         self._more = 0
+        self.count = 0
+        """The number of damaged parts noted through this log."""
+
+    def of(self, file: str) -> "DamageLog":
+        """The log of one file: what is added to it belongs to this log, with the name of the file."""
+        return DamageLog(file, self)
 
     def add(self, what: str, offset: int | None = None) -> None:
         """Note one damaged part."""
+        self.count += 1
+        self._whole._keep(Damage(what, offset, self._file))
+
+    def _keep(self, damage: Damage) -> None:
         if len(self._entries) < MAX_ENTRIES:
-            self._entries.append(Damage(what, offset, self.file))
+            self._entries.append(damage)
         else:
             self._more += 1
-
-    @property
-    def count(self) -> int:
-        """The number of damaged parts noted."""
-        return len(self._entries) + self._more
 
     @property
     def entries(self) -> tuple[Damage, ...]:

@@ -1,19 +1,29 @@
-"""The base of MCAP and ROS recordings: one file or several, read forward one after the other."""
+"""The base of MCAP and ROS recordings: one file or several, each read forward.
+
+The parts of a split file are one stream: they are read one after the other. Files that were recorded at the same time
+are several streams: they are read side by side, in the order of their log times.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
+from heapq import merge
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, cast
 
+from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import Contents
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.topics import Channels, Names, total_counts
+from auditor.recordings.formats.part_names import missing_parts
+from auditor.recordings.formats.topics import Channels, Names, Span, total_counts
 from auditor.recordings.formats.unpacking import Source, source_of
-from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic, content_id
+from auditor.recordings.recording import CLOCKS, EARLIEST_UTC_NS, Clock, Damage, Definition, Topic
 
+NO_JOURNALS: Mapping[Path, Path] = {}
 _PEEK_BYTES = 32 * 2**20
 _RECORD_BYTES = 64  # added to the size of each message: empty ones take work, too
 
@@ -28,18 +38,38 @@ class FileRead(Protocol):
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order."""
 
+    def span_ns(self) -> Span | None:
+        """The first and last log time of the file; None where it has no messages."""
+
+
+Streams = tuple[tuple[Path, ...], ...]
+"""The files of a recording: those of one stream follow one another, streams run side by side."""
+
 
 class FilesRecording(ABC):
     """Every read begins at the start; only unpacked content is held between reads. See recording.Recording.
 
-    `files` are read one after the other, `journals` beside them; both are the recording's content.
+    `journals` belong to some of the files; both are the recording's content. A file that cannot be read is damage;
+    where none can be read, `_refuse_unreadable` raises.
     """
 
-    def __init__(self, path: Path, files: tuple[Path, ...], journals: tuple[Path, ...] = ()) -> None:
+    def __init__(self, path: Path, streams: Streams, journals: Mapping[Path, Path] = NO_JOURNALS) -> None:
         self.path = path
-        self.files = (*files, *journals)
-        self._sources = tuple(source_of(file) for file in files)
+        self.files = (*chain.from_iterable(streams), *journals.values())
+        self._contents = Contents()
+        # Files given together have the id of the folder that holds them.
+        named = path if path in self.files else self.files[0].parent
+        self.recording_id = self._contents.recording_id(named, self.files)
+        of = self._contents.of
+        self._streams = tuple(
+            tuple(source_of(of(file), of(journals[file]) if file in journals else None) for file in stream)
+            for stream in streams
+        )
+        self._sources = tuple(chain.from_iterable(self._streams))
+        self._missing = tuple(chain.from_iterable(missing_parts(stream) for stream in streams))
+        self._unreadable: dict[Source, str] = {}
         self._names = Names()
+        self._topics: tuple[Topic, ...] = ()
         self._damage = DamageLog()
         self._reads: Sequence[FileRead] = ()
 
@@ -56,10 +86,9 @@ class FilesRecording(ABC):
         for source in self._sources:
             source.close()
 
-    @cached_property
-    def recording_id(self) -> str:
-        """sha256 (hex) of the content."""
-        return content_id(self.path, self.files)
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was opened."""
+        self._contents.check_unchanged()
 
     @cached_property
     def clock(self) -> Clock:
@@ -84,7 +113,9 @@ class FilesRecording(ABC):
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of an index or summary, those at the beginning, and those found while reading."""
-        return tuple(topic for _, topic in sorted(self._names.topics.items()))
+        if len(self._topics) != len(self._names.topics):  # topics are only ever added
+            self._topics = tuple(topic for _, topic in sorted(self._names.topics.items()))
+        return self._topics
 
     def definition(self, schema: str) -> Definition | None:
         """The first definition found under that name."""
@@ -96,11 +127,39 @@ class FilesRecording(ABC):
         self._reads, stream = self._read(topics, self._damage)
         return stream
 
-    def _begin(self, source: Source, damage: DamageLog) -> None:
-        """Name the file of the damage noted from here on, and note what could not be unpacked of it."""
-        damage.file = source.name if len(self._sources) > 1 else ""
-        if source.problem:
-            damage.add(source.problem)
+    def _refuse_unreadable(self, remedy: str) -> None:
+        """Raise RecordingError where not one of the files can be read."""
+        if len(self._unreadable) == len(self._sources):
+            self.close()
+            source, what = next(iter(self._unreadable.items()))
+            where = self.files[0].with_name(source.name) if len(self._sources) == 1 else self.path
+            raise RecordingError(what, where=where, remedy=remedy)
+
+    def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[Sequence[FileRead], Iterator[Message]]:
+        """A new read of every file, and the messages of all."""
+        logs = {source: damage.of(source.name if len(self._sources) > 1 else "") for source in self._sources}
+        reads = {
+            source: self._file_read(source, topics, logs[source])
+            for source in self._sources
+            if source not in self._unreadable
+        }
+        for missing in self._missing:
+            damage.add(missing)
+        streams = [self._in_turn(stream, reads, logs) for stream in self._streams]
+        # Each stream holds one chunk of its file in memory.
+        messages = merge(*streams, key=lambda message: message.log_time_ns) if len(streams) > 1 else streams[0]
+        return list(reads.values()), messages
+
+    def _in_turn(
+        self, stream: Sequence[Source], reads: Mapping[Source, FileRead], logs: Mapping[Source, DamageLog]
+    ) -> Iterator[Message]:
+        for source in stream:
+            if source.problem:
+                logs[source].add(source.problem)
+            if source in reads:
+                yield from reads[source].messages()
+            else:
+                logs[source].add(f"it cannot be read ({self._unreadable[source]})")
 
     def _learn_from_beginning(self) -> None:
         """Learn topics where there is no index."""
@@ -119,5 +178,5 @@ class FilesRecording(ABC):
         """The recording's own description by name."""
 
     @abstractmethod
-    def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[Sequence[FileRead], Iterator[Message]]:
-        """A new read of every file, and the messages of all."""
+    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
+        """A new read of one file."""

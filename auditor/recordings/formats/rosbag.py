@@ -1,16 +1,18 @@
 """ROS 1 .bag files, and ROS 2 recordings (.db3 files and rosbag2 folders)."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from auditor.errors import RecordingError
-from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import ChangedError
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import FilesRecording
+from auditor.recordings.formats.files import NO_JOURNALS, FilesRecording, Streams
 from auditor.recordings.formats.mcap.recording import McapRecording
+from auditor.recordings.formats.part_names import BAG, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
 from auditor.recordings.formats.unpacking import Source, kind_of
@@ -32,7 +34,7 @@ class Ros1Reader:
 
     def open(self, path: Path) -> "RosbagRecording":
         """Open it. Raises RecordingError."""
-        return RosbagRecording(path, (path,), BagRead)
+        return RosbagRecording(path, ((path,),), BagRead)
 
 
 class Ros2Reader:
@@ -48,9 +50,17 @@ class Ros2Reader:
         """Open it; the files of a folder are in the order of their names. Raises RecordingError."""
         files = _storage_files(path) if path.is_dir() else (path,)
         if kind_of(files[0]) == ".mcap":
-            return McapRecording(path, files)
+            return McapRecording(path, (files,))
         # The files are opened one by one: metadata.yaml may be missing, or name files that are missing.
-        return RosbagRecording(path, files, Db3Read)
+        return RosbagRecording(path, (files,), Db3Read)
+
+
+def open_streams(path: Path, streams: Streams) -> Recording:
+    """Open files of one kind as one recording. Raises RecordingError where none of them can be read."""
+    kind = file_kind(streams[0][0])
+    if kind == MCAP:
+        return McapRecording(path, streams)
+    return RosbagRecording(path, streams, BagRead if kind == BAG else Db3Read)
 
 
 def _files(folder: Path, suffix: str) -> tuple[Path, ...]:
@@ -63,41 +73,31 @@ def _storage_files(folder: Path) -> tuple[Path, ...]:
     return _files(folder, ".db3") or _files(folder, ".mcap")
 
 
-def _journals(files: tuple[Path, ...]) -> tuple[Path, ...]:
-    return tuple(journal for journal in map(journal_of, files) if journal is not None)
+def _journals(files: Iterable[Path]) -> Mapping[Path, Path]:
+    """The write-ahead logs by the files that they belong to."""
+    return {file: journal for file in files if (journal := journal_of(file)) is not None}
 
 
 class RosbagRecording(FilesRecording):
-    """The files of one ROS recording, read one after the other."""
+    """The files of one ROS recording."""
 
-    def __init__(self, path: Path, files: tuple[Path, ...], kind: type[BagRead] | type[Db3Read]) -> None:
-        super().__init__(path, files, _journals(files) if kind is Db3Read else ())
+    def __init__(self, path: Path, streams: Streams, kind: type[BagRead] | type[Db3Read]) -> None:
+        super().__init__(path, streams, _journals(chain.from_iterable(streams)) if kind is Db3Read else NO_JOURNALS)
         self._kind = kind
-        self._unreadable: dict[Source, str] = {}
         for source in self._sources:
             try:
-                kind(source.path, None, self._names, DamageLog()).learn_topics()
+                kind(source, None, self._names, DamageLog()).learn_topics()
+            except ChangedError:
+                self.close()
+                raise
             except RecordingError as error:
                 self._unreadable[source] = source.problem or error.what
-        if len(self._unreadable) == len(files):
-            what = next(iter(self._unreadable.values()))
-            self.close()
-            raise RecordingError(what, where=path, remedy="repair it with its recorder's own tools")
+        self._refuse_unreadable("repair it with its recorder's own tools")
         if not self._names.topics:
             self._learn_from_beginning()
 
-    def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
-        readable = [source for source in self._sources if source not in self._unreadable]
-        reads: list[FileRead] = [self._kind(source.path, topics, self._names, damage) for source in readable]
-        return reads, self._one_by_one(dict(zip(readable, reads, strict=True)), damage)
-
-    def _one_by_one(self, reads: Mapping[Source, FileRead], damage: DamageLog) -> Iterator[Message]:
-        for source in self._sources:
-            self._begin(source, damage)
-            if source in reads:
-                yield from reads[source].messages()
-            else:
-                damage.add(f"it cannot be read ({self._unreadable[source]})")
+    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
+        return self._kind(source, topics, self._names, damage)
 
     def labels(self) -> tuple[AttackLabel, ...]:
         """Ground truth from the topic /auditor/metadata. Raises RecordingError where it is ill-formed."""

@@ -11,27 +11,27 @@ compares every size with the bytes that are there. rosbags still decodes the mes
 import struct
 from bisect import bisect_right
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from itertools import islice
-from pathlib import Path
 from typing import IO, NamedTuple
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog, is_trusted
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
-from auditor.recordings.formats.topics import Channels, Names
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
+from auditor.recordings.formats.topics import Channels, Names, Span, span_over
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack, unpack_beginning
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
 MAGIC = b"#ROSBAG V2.0\n"
 _UINT32 = struct.Struct("<I")
 _TIME = struct.Struct("<II")
+_INDEX_ENTRY = struct.Struct("<III")
 _MAX_HEADER_BYTES = 2**20
 _MAX_FIELDS = 64
 Fields = dict[bytes, bytes]
 _MAX_INDEX_RECORDS = 1_000_000
-_BUFFER_BYTES = 1 << 18
 
 
 class Op:
@@ -98,11 +98,11 @@ def number(fields: Fields, name: bytes) -> int:
     return int.from_bytes(value, "little")
 
 
-def time_ns(fields: Fields) -> int:
-    """The time of a message. Raises NoRecordError."""
-    value = fields.get(b"time", b"")
+def time_ns(fields: Fields, name: bytes = b"time") -> int:
+    """The time of a message or chunk. Raises NoRecordError."""
+    value = fields.get(name, b"")
     if len(value) != _TIME.size:
-        raise NoRecordError("a message without its time")
+        raise NoRecordError(f"a header without its {name.decode()}")
     seconds, nanoseconds = _TIME.unpack(value)
     return int(seconds * 10**9 + nanoseconds)
 
@@ -139,24 +139,40 @@ class BagRead:
 
     encoding = "ros1"
 
-    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._path = path
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
         self._chunk_offsets: list[int] = []
+        self._chunk_times_ns: list[int] = []
         self._index_offset: int | None = None
         self.channels = Channels(wanted, names, damage)
 
     def learn_topics(self) -> None:
         """Learn topics from the index. Raises RecordingError where the file is not a bag, or is encrypted."""
-        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
-            self._learn_index(file, self._path.stat().st_size)
+        with self._source.open() as file:
+            self._learn_index(file, self._source.size)
+
+    def span_ns(self) -> Span | None:
+        """The first and last time: by the index where there is one, else by what stands behind each chunk.
+
+        Raises RecordingError where the file is not a bag.
+        """
+        with self._source.open() as file:
+            size = self._source.size
+            self._learn_index(file, size)
+            if not self._chunk_times_ns:
+                file.seek(0)
+                stream = ForwardStream(file, size)
+                stream.read(len(MAGIC))
+                return span_over(_times(stream))
+        return span_over(self._chunk_times_ns)
 
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order. Raises RecordingError where the file is not a bag."""
-        with self._path.open("rb", buffering=_BUFFER_BYTES) as file:
-            size = self._path.stat().st_size
+        with self._source.open() as file:
+            size = self._source.size
             self._learn_index(file, size)
             file.seek(0)
             stream = ForwardStream(file, size)
@@ -285,13 +301,15 @@ class BagRead:
 
     def _learn_index(self, file: IO[bytes], size: int) -> None:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError("this is not a ROS 1 bag of version 2.0, or its beginning is cut", where=self._path)
+            raise RecordingError(
+                "this is not a ROS 1 bag of version 2.0, or its beginning is cut", where=self._source.path
+            )
         stream = ForwardStream(file, size)
         stream.offset = len(MAGIC)
         try:
             head = read_head(stream)
             if head.fields.get(b"encryptor"):
-                raise RecordingError("the bag is encrypted", where=self._path, remedy="decrypt it first")
+                raise RecordingError("the bag is encrypted", where=self._source.path, remedy="decrypt it first")
             self._index_offset = number(head.fields, b"index_pos")
             if not len(MAGIC) < self._index_offset < size:
                 return
@@ -301,6 +319,8 @@ class BagRead:
                     self._learn(fields, memoryview(content), spare=True)
                 elif op == Op.CHUNK_INFO:
                     self._chunk_offsets.append(number(fields, b"chunk_pos"))
+                    with suppress(NoRecordError):
+                        self._chunk_times_ns += (time_ns(fields, b"start_time"), time_ns(fields, b"end_time"))
         except (CutError, NoRecordError):
             pass  # the walk over the data notes the damage
         self._chunk_offsets.sort()
@@ -312,6 +332,21 @@ def _index_records(stream: ForwardStream) -> Iterator[tuple[int, Fields, bytes]]
         if head.length > MAX_BYTES:
             raise NoRecordError("an index record that is too long")
         yield head.op, head.fields, stream.read(head.length)
+
+
+def _times(stream: ForwardStream) -> Iterator[int]:
+    """The times of the messages of a bag without an index, as far as it is whole; chunks are not unpacked."""
+    with suppress(CutError, NoRecordError):
+        while stream.offset < stream.size:
+            head = read_head(stream)
+            end = stream.offset + head.length
+            if head.op == Op.MESSAGE:
+                yield time_ns(head.fields)
+            elif head.op == Op.INDEX and head.length <= MAX_BYTES:
+                data = stream.read(head.length)
+                whole = len(data) - len(data) % _INDEX_ENTRY.size
+                yield from (sec * 10**9 + nsec for sec, nsec, _ in _INDEX_ENTRY.iter_unpack(data[:whole]))
+            stream.skip_to(end)
 
 
 def _size(head: Head) -> int:

@@ -1,6 +1,6 @@
 """The topics, definitions and channels that one read of one file finds, in every format."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.recording import Definition, Topic
@@ -9,6 +9,18 @@ MAX_TOPICS = 10_000
 MAX_NAME = 4096
 MAX_DEFINITION_BYTES = 64 * 2**20
 MAX_CHANNELS = 100_000
+
+Span = tuple[int, int]
+"""The first and last log time of a file, in nanoseconds."""
+
+
+def span_over(times_ns: Iterable[int]) -> Span | None:
+    """The first and the last of some times; None where there are none."""
+    first = last = None
+    for time_ns in times_ns:
+        first = time_ns if first is None else min(first, time_ns)
+        last = time_ns if last is None else max(last, time_ns)
+    return None if first is None or last is None else (first, last)
 
 
 class Names:
@@ -20,15 +32,16 @@ class Names:
         self._definition_bytes = 0
 
     def add_topic(self, topic: Topic, damage: DamageLog) -> bool:
-        """Add a topic; False, noting the damage, where its name is too long or there are too many topics."""
+        """Add a topic that there is room for; False, noting the damage, where its name is too long."""
         if len(topic.name) > MAX_NAME or len(topic.schema) > MAX_NAME:
             damage.add(f"a topic whose name or type has more than {MAX_NAME} characters is left out")
             return False
-        if topic.name not in self.topics and len(self.topics) >= MAX_TOPICS:
-            damage.add(f"more than {MAX_TOPICS} topics: {topic.name[:80]!r} is left out")
-            return False
         self.topics.setdefault(topic.name, topic)
         return True
+
+    def has_room_for(self, topic: Topic) -> bool:
+        """False where the topic is new and there are MAX_TOPICS already."""
+        return topic.name in self.topics or len(self.topics) < MAX_TOPICS
 
     def add_definition(self, schema: str, definition: Definition, damage: DamageLog, offset: int | None = None) -> None:
         """Add a definition, noting the damage where it differs from an earlier one, or where there are too many."""
@@ -64,12 +77,17 @@ class Channels:
         self._known: dict[int, Channel] = {}
         self._spare: dict[int, Channel] = {}
         self._unknown: dict[int, int] = {}
+        self._left_out: set[int] = set()
         self.total = 0
 
     def learn(self, number: int, topic: Topic, *, spare: bool = False) -> None:
         """Add a channel; the first of a number counts. Channels of an index are spare: those of the data come first."""
         where = self._spare if spare else self._known
-        if number not in where and len(where) < MAX_CHANNELS and self._names.add_topic(topic, self._damage):
+        if number in where or number in self._left_out or len(where) + len(self._left_out) >= MAX_CHANNELS:
+            return
+        if not self._names.has_room_for(topic):
+            self._left_out.add(number)
+        elif self._names.add_topic(topic, self._damage):
             where[number] = Channel(topic, wanted=self._wanted is None or topic.name in self._wanted)
 
     def count_message(self, number: int) -> Channel | None:
@@ -86,7 +104,12 @@ class Channels:
         return channel
 
     def note_unknown(self) -> None:
-        """Note the messages of channels that the file does not define."""
+        """Note the messages of channels that the file does not define, and topics beyond MAX_TOPICS in one line."""
+        if self._left_out:
+            lost = sum(self._unknown.pop(number, 0) for number in self._left_out)
+            self._damage.add(
+                f"it has more than {MAX_TOPICS} topics: {len(self._left_out)} are left out, and their {lost} messages"
+            )
         for number, count in self._unknown.items():
             self._damage.add(f"{count} messages belong to no channel ({number})")
 

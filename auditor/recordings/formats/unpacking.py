@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from io import SEEK_END
 from pathlib import Path
 from shutil import disk_usage
-from typing import IO
+from typing import IO, Protocol
 
 import lz4.frame
 import zstandard
 
 from auditor.errors import RecordingError
+from auditor.recordings.content import ChangedError
 
 MAX_BYTES = 64 * 2**20
 """No record, chunk or unpacked chunk may be larger: a scan may use 300 MB of memory, and real chunks have 1 to 10."""
@@ -20,6 +21,7 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _FREE_BYTES = 32 * 2**20
 _MAX_RATIO = 100
 _STEP_BYTES = 1 << 20
+_BUFFER_BYTES = 1 << 18
 _ZSTD_HEAD_BYTES = 18
 
 PACKED = ".zstd"
@@ -154,14 +156,42 @@ def _stream_unpacker(compression: bytes) -> bz2.BZ2Decompressor:
     return lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
 
 
-@dataclass(frozen=True)
-class Source:
-    """One file of a recording: its name, the path of its unpacked content, and why a part could not be unpacked."""
+class Content(Protocol):
+    """The bytes of one file, see content.FileContent."""
 
-    name: str
+    @property
+    def path(self) -> Path:
+        """Where the file lies."""
+
+    @property
+    def size(self) -> int:
+        """Its length in bytes."""
+
+    def open(self) -> IO[bytes]:
+        """The file for reading. Raises OSError."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One file of a recording, unpacked: its name, its path and size, and why a part could not be unpacked.
+
+    `content` has the bytes of the file, `_unpacked` those of a file that was packed, which nobody else can write to.
+    `journal` is the write-ahead log beside it.
+    """
+
     path: Path
+    name: str
+    size: int
+    content: Content
     problem: str = ""
+    journal: Content | None = None
     _unpacked: IO[bytes] | None = None
+
+    def open(self) -> IO[bytes]:
+        """The unpacked file for reading. Raises ChangedError where it changed since it was opened, and OSError."""
+        if self._unpacked is None:
+            return self.content.open()
+        return Path(f"/proc/self/fd/{self._unpacked.fileno()}").open("rb", buffering=_BUFFER_BYTES)
 
     def close(self) -> None:
         """Free the space of the unpacked content."""
@@ -169,16 +199,21 @@ class Source:
             self._unpacked.close()
 
 
-def source_of(file: Path) -> Source:
+def source_of(content: Content, journal: Content | None = None) -> Source:
     """A file, unpacked where it is packed. Raises RecordingError where there is too little space for it."""
+    file = content.path
     if file.suffix.lower() != PACKED:
-        return Source(file.name, file)
+        return Source(file, file.name, content.size, content, journal=journal)
     # The file has no name in any folder: nothing of it stays if this process is killed.
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the recording
     try:
-        with file.open("rb") as packed:
+        with content.open() as packed:
             problem = unpack_file(packed, unpacked, disk_usage(tempfile.gettempdir()).free // 2)
         unpacked.flush()
+        size = unpacked.tell()
+    except ChangedError:
+        unpacked.close()
+        raise
     except OSError as error:
         unpacked.close()
         raise RecordingError(
@@ -186,7 +221,7 @@ def source_of(file: Path) -> Source:
             where=file,
             remedy="free disk space, or unpack it",
         ) from error
-    return Source(file.stem, Path(f"/proc/self/fd/{unpacked.fileno()}"), problem, unpacked)
+    return Source(file, file.stem, size, content, problem, _unpacked=unpacked)
 
 
 def kind_of(path: Path) -> str:

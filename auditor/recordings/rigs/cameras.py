@@ -1,7 +1,7 @@
 """The cameras of a recording: image topics, each with its calibration, before they are placed in a rig."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,9 @@ from auditor.errors import RigError
 from auditor.model.geometry import Matrix, camera_centre
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.recordings.decoding import CameraInfo
+from auditor.recordings.parameters import RIG_LIMITS
+from auditor.recordings.rigs.bounding import first_ones
+from auditor.recordings.rigs.calibrations import check_camera, check_size, of_pictures
 from auditor.recordings.synchronisation.survey import ImageTopic, Survey
 
 _KNOWN_RECTIFIED = "/kitti/camera_"
@@ -24,6 +27,7 @@ class View:
     info: CameraInfo
     rectified: bool
     lens: Lens
+    info_topic: str = ""
 
     @property
     def name(self) -> str:
@@ -66,8 +70,9 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
     `reasons` gets a sentence for each image topic that is left out.
     """
     best: dict[str, View] = {}
+    infos_by_frame = _infos_by_frame(survey)
     for image in sorted(survey.images, key=_preference):
-        found = _camera_info_of(image, survey)
+        found = _camera_info_of(image, survey, infos_by_frame)
         if found is None:
             reasons.append(f"{image.topic.name} has no camera info")
             continue
@@ -77,12 +82,10 @@ def find_views(survey: Survey, reasons: list[str]) -> list[View]:
         except RigError as error:
             reasons.append(f"{image.topic.name}: {error.what}")
             continue
-        K = view.K
-        if not (K[0, 0] > 0 and K[1, 1] > 0 and min(abs(np.linalg.det(m)) for m in (K, view.projection[:, :3])) > 1e-9):
-            reasons.append(f"{image.topic.name} is uncalibrated (its camera info has no focal length)")
-            continue
-        best.setdefault(topic, view)
-    return sorted(best.values(), key=lambda view: view.image.topic.name)
+        best.setdefault(topic, replace(view, info_topic=topic))
+    views = sorted(best.values(), key=lambda view: view.image.topic.name)
+    names = (view.name for view in views)
+    return first_ones(views, RIG_LIMITS.most_candidates, "cameras are calibrated", names, reasons)
 
 
 def sensor_name(topic: str) -> str:
@@ -94,9 +97,15 @@ def sensor_name(topic: str) -> str:
 
 
 def _view(image: ImageTopic, info: CameraInfo) -> View:
+    """The view of an image topic. Raises RigError where its calibration is not that of a camera."""
+    check_size(image.size_px)
+    info = of_pictures(info, image.size_px)
     if _is_rectified(image, info):
-        return View(image, info, rectified=True, lens=NO_LENS)
-    return View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion))
+        view = View(image, info, rectified=True, lens=NO_LENS)
+    else:
+        view = View(image, info, rectified=False, lens=Lens(info.distortion_model, info.distortion))
+    check_camera((view.K, view.projection[:, :3]), view.rotation, view.lens.coefficients)
+    return view
 
 
 def _preference(image: ImageTopic) -> tuple[bool, bool, int, str]:
@@ -104,13 +113,23 @@ def _preference(image: ImageTopic) -> tuple[bool, bool, int, str]:
     return "rect" not in name, "compressed" in name.lower(), len(name), name
 
 
-def _camera_info_of(image: ImageTopic, survey: Survey) -> tuple[str, CameraInfo] | None:
+def _infos_by_frame(survey: Survey) -> dict[str, list[str]]:
+    """The topics of camera infos by the coordinate frame of their pictures."""
+    topics: dict[str, list[str]] = {}
+    for topic, info in survey.camera_infos.items():
+        topics.setdefault(info.header.frame_id, []).append(topic)
+    return topics
+
+
+def _camera_info_of(
+    image: ImageTopic, survey: Survey, infos_by_frame: Mapping[str, Sequence[str]]
+) -> tuple[str, CameraInfo] | None:
     for namespace in _namespaces(image.topic.name):
         topic = f"{namespace}/camera_info"
         if topic in survey.camera_infos:
             return topic, survey.camera_infos[topic]
-    same_frame = [item for item in survey.camera_infos.items() if item[1].header.frame_id == image.frame_id != ""]
-    return same_frame[0] if len(same_frame) == 1 else None
+    same_frame = infos_by_frame.get(image.frame_id, ()) if image.frame_id else ()
+    return (same_frame[0], survey.camera_infos[same_frame[0]]) if len(same_frame) == 1 else None
 
 
 def _namespaces(topic: str) -> Iterator[str]:

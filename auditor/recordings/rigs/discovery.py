@@ -11,8 +11,10 @@ from auditor.errors import RigError
 from auditor.model.common_view import common_view
 from auditor.model.geometry import Matrix, motion
 from auditor.model.rig import Camera, Lidar, Rig
+from auditor.recordings.parameters import RIG_LIMITS
+from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.cameras import View, find_views, sensor_name
-from auditor.recordings.rigs.extrinsics import aligned
+from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import read_camchain, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M, Placed, grouped, grouped_alike, place
@@ -34,7 +36,8 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images:
-        raise RigError("no triple possible: there are no camera images", remedy="give a recording with two cameras")
+        missing = "; ".join(["there are no camera images that can be read", *_unreadable(survey)])
+        raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras")
     found = search_rigs(survey)
     if not found.rigs:
         raise RigError(
@@ -57,7 +60,10 @@ def search_rigs(survey: Survey) -> FoundRigs:
     rigs: list[Rig] = []
     for group in grouped(find_views(survey, reasons), frames):
         rigs.extend(_rigs_of(group, survey.clouds, frames, reasons))
-    return FoundRigs(tuple(sorted(rigs, key=lambda rig: -len(rig.sensors))), tuple(dict.fromkeys(reasons)))
+    rigs.sort(key=lambda rig: -len(rig.sensors))
+    names = (f"the one of {names_of([camera.name for camera in rig.cameras])}" for rig in rigs)
+    rigs = first_ones(rigs, RIG_LIMITS.most_rigs, "rigs are possible", names, reasons)
+    return FoundRigs(tuple(rigs), tuple(dict.fromkeys(reasons)))
 
 
 def _rigs_of(
@@ -87,7 +93,7 @@ def _rectified_rig(
     if placed is None:
         return None
     order = _collinear(placed, reasons, beside)
-    cameras = [_rectified_camera(placed, index) for index in order]
+    cameras = overlapping_most([_rectified_camera(placed, index) for index in order], reasons)
     return _rig(cameras, _lidar(placed, clouds, frames, reasons), reasons)
 
 
@@ -99,8 +105,9 @@ def _mixed_rigs(
     if placed is None:
         return
     lidar = _lidar(placed, clouds, frames, reasons)
-    cameras = [_turned_camera(placed, index) for index in range(len(views))]
     why: list[str] = []
+    cameras = apart([_turned_camera(placed, index) for index in range(len(placed.views))], why)
+    cameras = overlapping_most(cameras, reasons)
     covered: set[str] = set()
     for through in (None, *cameras):
         if through is not None and (through.topic in covered or not covered):
@@ -126,9 +133,16 @@ def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[str]) -> 
 
 def given_rig(path: Path, survey: Survey) -> Rig:
     """The rig of a file: a rig.toml, or Kalibr's camchain.yaml. Raises RigError where it does not fit the recording."""
-    rig = rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path)
+    rig = _with_depths(rig_of_camchain(path, survey) if _is_camchain(path) else read_rig(path), survey)
     check_rig(rig, survey)
     return rig
+
+
+def _with_depths(rig: Rig, survey: Survey) -> Rig:
+    """The rig with the depths that the recording shows, where the file does not say them."""
+    shown = {image.topic.name: image.depth_bits for image in survey.images}
+    cameras = (replace(camera, depth_bits=camera.depth_bits or shown.get(camera.topic)) for camera in rig.cameras)
+    return replace(rig, cameras=tuple(cameras))
 
 
 def check_rig_file(path: Path) -> None:
@@ -150,6 +164,7 @@ def rig_of_camchain(path: Path, survey: Survey) -> Rig:
     """
     reasons: list[str] = []
     cameras = read_camchain(path)
+    _check_count(len(cameras))
     lidar = _lidar_beside(cameras, survey)
     aside, turn = aligned(cameras, reasons)
     rig = _rig(aside, _turned(lidar, turn), reasons)
@@ -177,6 +192,7 @@ def _turned(lidar: Lidar | None, turn: Matrix) -> Lidar | None:
 
 def check_rig(rig: Rig, survey: Survey) -> None:
     """Raises RigError where a rig names topics that are not there, images of another size, or has no common view."""
+    _check_count(rig.n)
     there = {topic.name for topic in survey.topics}
     missing = [rig.topic(sensor) for sensor in rig.sensors if rig.topic(sensor) not in there]
     if missing:
@@ -201,6 +217,15 @@ def check_rig(rig: Rig, survey: Survey) -> None:
     if not rig.shares_view:
         for pair in rig.pairs:
             common_view(rig.pair(*pair), widest=True)
+
+
+def _check_count(cameras: int) -> None:
+    if cameras > RIG_LIMITS.most_cameras:
+        raise RigError(
+            f"the rig has {cameras} cameras, and at most {RIG_LIMITS.most_cameras} are compared",
+            where="rig",
+            remedy="leave out those that overlap the others least",
+        )
 
 
 def _times(size_px: tuple[int, int]) -> str:
@@ -248,7 +273,8 @@ def _turned_camera(placed: Placed, index: int) -> Camera:
 
 def _camera(view: View, projection: Matrix, *, rectified: bool) -> Camera:
     width_px, height_px = view.image.size_px
-    return Camera(0, view.name, view.image.topic.name, width_px, height_px, projection, rectified, view.lens)
+    name, topic, depth_bits = view.name, view.image.topic.name, view.image.depth_bits
+    return Camera(0, name, topic, width_px, height_px, projection, rectified, view.lens, depth_bits=depth_bits)
 
 
 def _lidar(placed: Placed, clouds: Sequence[CloudTopic], frames: FrameTree, reasons: list[str]) -> Lidar | None:
@@ -269,4 +295,13 @@ def _summary(survey: Survey, reasons: Sequence[str]) -> Iterator[str]:
         yield "there is no camera info for any of the images"
     if not survey.clouds:
         yield "there is no LiDAR"
+    if survey.other_parts:
+        yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
+    yield from _unreadable(survey)
     yield from reasons[:12]
+
+
+def _unreadable(survey: Survey) -> Iterator[str]:
+    """What is there and cannot be read, as far as the recording's beginning shows."""
+    for one in survey.unreadable[:12]:
+        yield f"{one.topic.name} ({one.kind}): {one.reason}; {one.remedy}"

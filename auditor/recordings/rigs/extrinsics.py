@@ -26,10 +26,10 @@ def aligned(
 
     `through` names a camera that is kept: others are left out in its place. Of cameras on one line x is the line.
     """
-    apart = _apart(cameras, reasons)
-    if through is not None and through not in apart:
-        return apart[:1], np.eye(3)
-    kept = apart
+    standing = apart(cameras, reasons)
+    if through is not None and through not in standing:
+        return standing[:1], np.eye(3)
+    kept = standing
     while len(kept) > 1:
         turn = _turn(kept)
         if turn is None:
@@ -40,16 +40,19 @@ def aligned(
         if odd is None:
             return list(rig.cameras), turn
         kept = [camera for camera in kept if camera.topic != odd.topic]
-    return apart[:1], np.eye(3)
+    return standing[:1], np.eye(3)
 
 
-def _apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
+def apart(cameras: Sequence[Camera], reasons: list[str]) -> list[Camera]:
+    """The cameras less those at the place of another; `reasons` gets a sentence for each of these."""
     kept: list[Camera] = []
+    centres_m = np.empty((len(cameras), 3))
     for camera in cameras:
-        there = [other for other in kept if np.linalg.norm(camera.centre_m - other.centre_m) < MIN_BASELINE_M]
-        if there:
-            reasons.append(f"{camera.name} lies where {there[0].name} lies")
+        near = np.linalg.norm(centres_m[: len(kept)] - camera.centre_m, axis=1) < MIN_BASELINE_M
+        if near.any():
+            reasons.append(f"{camera.name} lies where {kept[int(np.argmax(near))].name} lies")
         else:
+            centres_m[len(kept)] = camera.centre_m
             kept.append(camera)
     return kept
 

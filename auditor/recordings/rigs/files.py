@@ -27,6 +27,7 @@ _HEAD = """\
 # distortion_model (plumb_bob, rational_polynomial, equidistant) and distortion (its coefficients) describe the lens.
 # rig_SE3_lidar: 4 x 4, points of the LiDAR frame to the rig frame, in metres.
 # offset_ns, of any sensor: how far its stamps lie behind the leftmost camera's; without it the recording gives it.
+# depth_bits, of a camera that writes more than 8 bits a value: how many; without it its first pictures show it.
 """
 
 _REMEDY = "`auditor inspect RECORDING --write-rig` writes one to compare it with"
@@ -80,6 +81,8 @@ def _lines(rig: Rig) -> Iterator[str]:
             yield f"distortion_model = {_text(camera.lens.model)}"
             yield f"distortion = [{', '.join(repr(value) for value in camera.lens.coefficients)}]"
         yield from _offset(camera)
+        if camera.depth_bits is not None:
+            yield f"depth_bits = {camera.depth_bits}"
         yield f"projection = {_matrix(camera.projection)}"
 
 

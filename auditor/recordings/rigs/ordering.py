@@ -5,11 +5,12 @@ else from tf; never from both, since some converters write the same offset twice
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auditor.model.geometry import Matrix, angle_between, motion
+from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.cameras import View
 from auditor.recordings.rigs.frame_tree import FrameTree
 
@@ -113,7 +114,25 @@ def place(group: Sequence[View], frames: FrameTree, reasons: list[str]) -> Place
             reasons.append(f"neither P nor tf gives the positions of {names}")
             return None
         anchor, centres, rotations = np.eye(4), offsets, [np.eye(3)]
-    return Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor)
+    return _near(Placed(tuple(group), tuple(centres), tuple(rotations), origin.frame_id, anchor), reasons)
+
+
+def _near(placed: Placed, reasons: list[str]) -> Placed:
+    """The views within reach of the one that has most of them within its reach."""
+    centres_m = np.array(placed.centres_m)
+    apart_m = np.linalg.norm(centres_m[:, None] - centres_m, axis=2)
+    near = apart_m <= RIG_LIMITS.most_apart_m
+    middle = int(np.argmax(near.sum(axis=1)))
+    for index in np.flatnonzero(~near[middle]):
+        name, other = placed.views[index].name, placed.views[middle].name
+        reasons.append(f"{name} lies {apart_m[middle, index]:.0f} m from {other}: on no vehicle")
+    kept = np.flatnonzero(near[middle]).tolist()
+    return replace(
+        placed,
+        views=tuple(placed.views[index] for index in kept),
+        centres_m=tuple(placed.centres_m[index] for index in kept),
+        rotations=tuple(placed.rotations[index] for index in kept),
+    )
 
 
 def _by_tf(group: Sequence[View], origin: View, frames: FrameTree) -> list[Matrix] | None:

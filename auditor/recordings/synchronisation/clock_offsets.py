@@ -2,41 +2,58 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from statistics import median, median_low
+from statistics import median_low
 
 from auditor.model.rig import LIDAR, Rig
 from auditor.recordings.parameters import SENSOR_TIMING
-from auditor.recordings.synchronisation.survey import Sample, Survey
+from auditor.recordings.synchronisation.stamps import (
+    SensorClock,
+    StampCheck,
+    few_periods_ns,
+    learn_clocks,
+    times_of,
+    usual_period_ns,
+)
+from auditor.recordings.synchronisation.survey import Survey
 
 
 @dataclass(frozen=True)
 class Timing:
-    """The timing of a rig's sensors: offsets to the leftmost camera present, periods, delays from stamp to log time."""
+    """The timing of a rig's sensors: offsets to the leftmost camera present, clocks, and periods.
+
+    `period_ns` is that of the slowest sensor, `own_period_ns` that of each one that shows one.
+    """
 
     offset_ns: Mapping[int, int]
-    delay_ns: Mapping[int, int]
+    clocks: Mapping[int, SensorClock]
     period_ns: int
+    own_period_ns: Mapping[int, int]
     tolerance_ns: int
     fast: frozenset[int]
+
+    def stamp_check(self, sensor: int) -> StampCheck:
+        """A check of a sensor's stamps, for one read of the recording."""
+        return StampCheck(self.clocks[sensor], few_periods_ns(self.period_ns))
 
 
 def learn_timing(rig: Rig, survey: Survey) -> Timing:
     """Learn offsets and periods from a survey's sample stamps (all medians); offsets that the rig gives are kept."""
     samples = {sensor: survey.samples(rig.topic(sensor)) for sensor in rig.sensors}
-    seen = {sensor: sorted({sample.stamp_ns for sample in taken}) for sensor, taken in samples.items() if taken}
-    periods = {
-        sensor: median_low([b - a for a, b in pairwise(stamps)]) for sensor, stamps in seen.items() if len(stamps) > 1
-    }
+    found = {sensor: usual_period_ns(taken) for sensor, taken in samples.items()}
+    periods = {sensor: period for sensor, period in found.items() if period}
     period_ns = max(periods.values(), default=SENSOR_TIMING.usual_period_ns)
+    few_ns = few_periods_ns(period_ns)
+    clocks = learn_clocks(samples, few_ns)
+    seen = {sensor: times_of(taken, clocks[sensor], few_ns) for sensor, taken in samples.items() if taken}
     base = max(seen, default=LIDAR)
     return Timing(
         offset_ns={
             sensor: _offset_ns(seen.get(sensor, []), seen.get(base, []), period_ns // 2) for sensor in rig.sensors
         }
         | rig.offsets_ns,
-        delay_ns={sensor: _delay_ns(taken) for sensor, taken in samples.items()},
+        clocks=clocks,
         period_ns=period_ns,
+        own_period_ns=periods,
         tolerance_ns=min(period_ns // SENSOR_TIMING.periods_a_tolerance, SENSOR_TIMING.most_tolerance_ns),
         fast=frozenset(sensor for sensor, own in periods.items() if own < SENSOR_TIMING.fast_share * period_ns),
     )
@@ -47,7 +64,3 @@ def _offset_ns(stamps: list[int], base: list[int], reach_ns: int) -> int:
     nearest = (stamp - min(base, key=lambda other: abs(stamp - other)) for stamp in stamps if base)
     distances = [distance for distance in nearest if abs(distance) <= reach_ns]
     return int(median_low(distances)) if distances else 0
-
-
-def _delay_ns(samples: tuple[Sample, ...]) -> int:
-    return int(median([sample.log_time_ns - sample.stamp_ns for sample in samples])) if samples else 0

@@ -1,48 +1,66 @@
 """Frames from messages: the data of all sensors, brought together by the stamps of their headers.
 
+Where a stamp cannot be the time of capture, the time of recording less the sensor's usual delay stands in for it, see
+`stamps`: a frame's stamp orders the frames also then.
+
 Every sensor has a constant offset to the leftmost camera, learnt from the recording's beginning. A frame opens with the
 oldest message not yet used; the leftmost camera that is present gives its time, and every sensor's nearest message
 within the tolerance belongs to it. Waiting messages stay as recorded; pixels and points are decoded when the frame is
 complete.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from heapq import merge
 
 from auditor.errors import DecodingError
+from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import CameraImage, Frame, Message, PointCloud, Presence, SensorState, Skipped, TopicBalance
 from auditor.model.rig import LIDAR, Rig
-from auditor.recordings.decoding import Decoders, FollowingDecoder
+from auditor.recordings.decoding import Decoder, Decoders, DeepImageDecoder, FollowingDecoder
 from auditor.recordings.recording import Damage, Recording
 from auditor.recordings.rigs.discovery import MIN_SENSORS, check_rig
 from auditor.recordings.synchronisation.clock_offsets import learn_timing
+from auditor.recordings.synchronisation.counts import EDGE, TOO_FEW, Counts, TimeLedger, counts_of
+from auditor.recordings.synchronisation.coverage import topic_coverage
+from auditor.recordings.synchronisation.stamps import DUPLICATE, StampCheck
+from auditor.recordings.synchronisation.stretches import WHOLE, Stretch, stretch_at
 from auditor.recordings.synchronisation.survey import Survey
-from auditor.recordings.synchronisation.window import EDGE, TOO_FEW, Counts, Edges, Group, Waiting, Window
+from auditor.recordings.synchronisation.window import Edges, Group, Waiting, Window
 
 
 class FrameStream:
     """An iterable of frames and skipped frames; each iteration reads the recording again.
 
-    `balance`, `damage` and `clock_jumps` (how often the clock jumped back) describe the last iteration and are complete
-    once it is exhausted.
+    `balance`, `coverage`, `damage` and `clock_jumps` (how often the clock jumped back) describe the last iteration and
+    are complete once it is exhausted.
     """
 
-    def __init__(self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool) -> None:
+    def __init__(
+        self, recording: Recording, rig: Rig, survey: Survey, *, colour: bool, stretches: Sequence[Stretch] = WHOLE
+    ) -> None:
         self._recording = recording
         self._rig = rig
         self._survey = survey
         self._colour = colour
+        self._stretches = stretches
         self.timing = learn_timing(rig, survey)
         self._counts: dict[int, Counts] = {}
+        self._time = TimeLedger(rig.sensors, self.timing.period_ns)
         self.clock_jumps = 0
 
     def __iter__(self) -> Iterator[Frame | Skipped]:
-        self._counts = {sensor: Counts() for sensor in self._rig.sensors}
+        self._counts = counts_of(self._rig.sensors, self.timing)
+        self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
         decoders = Decoders(self._recording.definition)
         window = Window(self._rig, self.timing, self._counts)
-        maker = _FrameMaker(self._rig, decoders, self._counts, colour=self._colour)
+        maker = _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
         for group in Edges(self.timing).groups(self._groups(window, decoders)):
-            yield maker.make(group)
+            place = stretch_at(self._stretches, group.time_ns)
+            if place is None:
+                maker.leave(group)
+            else:
+                yield maker.make(group, place, self._stretches[place].reason)
 
     def _groups(self, window: Window, decoders: Decoders) -> Iterator[Group]:
         by_topic = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
@@ -65,25 +83,42 @@ class FrameStream:
     def _stamped(
         self, messages: Iterator[Message], by_topic: Mapping[str, int], decoders: Decoders
     ) -> Iterator[tuple[int, Waiting]]:
+        checks = {sensor: self.timing.stamp_check(sensor) for sensor in by_topic.values()}
         for order, message in enumerate(messages):
             sensor = by_topic[message.topic]
             self._counts[sensor].read += 1
-            stamp_ns, problem = self._stamp(sensor, message, decoders)
-            yield sensor, Waiting(stamp_ns - self.timing.offset_ns[sensor], order, stamp_ns, message, problem)
+            waiting = self._placed(message, order, self.timing.offset_ns[sensor], checks[sensor], decoders)
+            if waiting is None:
+                self._counts[sensor].skip_duplicate()
+            else:
+                yield sensor, waiting
 
-    def _stamp(self, sensor: int, message: Message, decoders: Decoders) -> tuple[int, str]:
+    def _placed(
+        self, message: Message, order: int, offset_ns: int, check: StampCheck, decoders: Decoders
+    ) -> Waiting | None:
+        """The message at its time, or None for an exact duplicate."""
         decoder = decoders.of(message.schema, message.encoding)
         if decoder is None or decoder.kind == "transforms":
             problem = f"{message.schema or 'a message without schema'} is not data of a sensor"
         else:
-            if isinstance(decoder, FollowingDecoder):
-                decoder.follow(message)
             try:
-                return decoder.header(message).stamp_ns or message.log_time_ns, ""
+                stamp_ns = decoder.header(message).stamp_ns
             except DecodingError as error:
                 problem = error.what
+            else:
+                placed = check.place(stamp_ns, message.log_time_ns, message.data)
+                if placed.against == DUPLICATE:
+                    return None
+                self._follow(decoder, message)
+                return Waiting(placed.time_ns - offset_ns, order, placed.time_ns, message, "", placed.against)
+            self._follow(decoder, message)
         # A message without a readable stamp still belongs to a frame: there it is damaged, not missing.
-        return message.log_time_ns - self.timing.delay_ns[sensor], problem
+        time_ns = check.of_recording(message.log_time_ns)
+        return Waiting(time_ns - offset_ns, order, time_ns, message, problem)
+
+    def _follow(self, decoder: Decoder, message: Message) -> None:
+        if isinstance(decoder, FollowingDecoder):
+            decoder.follow(message)
 
     @property
     def damage(self) -> tuple[Damage, ...]:
@@ -99,10 +134,11 @@ class FrameStream:
         """
         sensors = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}
         balance = []
+        counted = self._recording.counts
         for topic in self._recording.topics():
             sensor = sensors.get(topic.name)
             if sensor is None or sensor not in self._counts:
-                read = self._recording.counts.get(topic.name, 0)
+                read = counted.get(topic.name, 0)
                 balance.append(TopicBalance(topic.name, topic.schema, sensor, read=read, unused=read))
             else:
                 counts = self._counts[sensor]
@@ -113,38 +149,59 @@ class FrameStream:
                         sensor,
                         counts.read,
                         counts.used,
-                        0,
+                        counts.unused,
                         counts.damaged,
                         dict(counts.skipped),
                     )
                 )
         return tuple(balance)
 
+    @property
+    def coverage(self) -> tuple[TopicCoverage, ...]:
+        """How much of each topic of camera pictures or LiDAR points was audited, those outside the rig included."""
+        return topic_coverage(self._recording, self._rig, self._survey, self._counts, self._time.finish())
 
-def synchronise(recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False) -> FrameStream:
+
+def synchronise(
+    recording: Recording, rig: Rig, survey: Survey, *, colour: bool = False, stretches: Sequence[Stretch] = WHOLE
+) -> FrameStream:
     """The frames of a recording, in order; with `colour` images keep their colours as BGR.
 
-    Offsets that the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The
-    window holds at most MAX_WINDOW_BYTES of messages as recorded.
+    Outside the `stretches` another rig is in force: its frames are left out, and their numbers with them. Offsets that
+    the rig gives replace learnt ones. Raises RigError where the rig does not fit the recording. The window holds at
+    most MAX_WINDOW_BYTES of messages as recorded.
     """
     check_rig(rig, survey)
-    return FrameStream(recording, rig, survey, colour=colour)
+    return FrameStream(recording, rig, survey, colour=colour, stretches=stretches)
+
+
+_MOST_STRETCHES = 1 << 16
+"""The time between two stretches is no gap: like the time before a clock was set back, each is counted by itself."""
 
 
 class _FrameMaker:
     """Decodes the messages of a group."""
 
-    def __init__(self, rig: Rig, decoders: Decoders, counts: Mapping[int, Counts], *, colour: bool) -> None:
+    def __init__(
+        self, rig: Rig, decoders: Decoders, counts: Mapping[int, Counts], time: TimeLedger, *, colour: bool
+    ) -> None:
         self._rig = rig
         self._decoders = decoders
         self._counts = counts
+        self._time = time
         self._colour = colour
 
-    def make(self, group: Group) -> Frame | Skipped:
-        """The frame, or a Skipped with the reason why there is none."""
+    def leave(self, group: Group) -> None:
+        """Count the messages of a frame that belongs to another rig."""
+        for sensor in group.members:
+            self._counts[sensor].unused += 1
+
+    def make(self, group: Group, stretch: int = 0, reason: str = "") -> Frame | Skipped:
+        """The frame, or a Skipped with the reason why there is none, such as that of the stretch it lies in."""
+        group = replace(group, chunk=group.chunk * _MOST_STRETCHES + stretch)
         stamp_ns = self._stamp_ns(group.members) if group.members else group.time_ns
-        if group.edge:
-            return self._skip(group, stamp_ns, EDGE)
+        if group.edge or reason:
+            return self._skip(group, stamp_ns, EDGE if group.edge else reason)
         if len(group.members) < MIN_SENSORS:
             return self._skip(group, stamp_ns, TOO_FEW)
         images: dict[int, CameraImage] = {}
@@ -158,12 +215,13 @@ class _FrameMaker:
                     images[sensor] = self._image(sensor, waiting)
             except DecodingError as error:
                 problems[sensor] = error.what
-                self._counts[sensor].damaged += 1
+                self._counts[sensor].damage()
         good = {sensor: waiting for sensor, waiting in group.members.items() if sensor not in problems}
         if len(good) < MIN_SENSORS:
             return self._skip_rest(group, stamp_ns, good)
-        for sensor in good:
-            self._counts[sensor].used += 1
+        for sensor, waiting in good.items():
+            self._counts[sensor].use(waiting.against)
+        self._time.add(group.chunk, group.time_ns, [sensor for sensor, waiting in good.items() if not waiting.against])
         stamp_ns = self._stamp_ns(good)
         presence = {sensor: self._presence(sensor, group, stamp_ns, problems) for sensor in self._rig.sensors}
         return Frame(group.number, stamp_ns, presence, cloud, images)
@@ -183,14 +241,16 @@ class _FrameMaker:
     def _skip(self, group: Group, stamp_ns: int, reason: str) -> Skipped:
         for sensor, waiting in group.members.items():
             if waiting.problem:
-                self._counts[sensor].damaged += 1
+                self._counts[sensor].damage()
             else:
-                self._counts[sensor].skip(reason)
+                self._counts[sensor].skip(reason, waiting.against)
+        self._time.add(group.chunk, group.time_ns, ())
         return Skipped(group.number, stamp_ns, reason, self._culprit(group.members))
 
     def _skip_rest(self, group: Group, stamp_ns: int, good: Mapping[int, Waiting]) -> Skipped:
-        for sensor in good:
-            self._counts[sensor].skip(TOO_FEW)
+        for sensor, waiting in good.items():
+            self._counts[sensor].skip(TOO_FEW, waiting.against)
+        self._time.add(group.chunk, group.time_ns, ())
         return Skipped(group.number, stamp_ns, TOO_FEW, self._culprit(good))
 
     def _culprit(self, there: Mapping[int, Waiting]) -> int | None:
@@ -203,6 +263,8 @@ class _FrameMaker:
         decoder = self._decoders.image(waiting.message.schema, waiting.message.encoding)
         if waiting.problem or decoder is None:
             raise DecodingError(waiting.problem or "this is not an image", where=camera.topic)
+        if camera.depth_bits is not None and isinstance(decoder, DeepImageDecoder):
+            decoder.use_depth(camera.topic, camera.depth_bits)
         pixels = decoder.pixels(waiting.message, colour=self._colour, size_px=(camera.width_px, camera.height_px))
         return CameraImage(sensor, waiting.stamp_ns, pixels)
 

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import SensorState, Skipped, TopicBalance
 from auditor.model.rig import Rig
 from auditor.recordings.synchronisation.frames import FrameStream
@@ -22,7 +23,10 @@ class SensorHealth:
 
 @dataclass(frozen=True)
 class Health:
-    """All frames of a recording, with one rig; `skipped` counts moments without a frame by reason."""
+    """All frames of a recording, with one rig; `skipped` counts moments without a frame by reason.
+
+    `coverage` is of each topic of camera pictures or LiDAR points, those outside the rig included.
+    """
 
     frames: int
     skipped: Mapping[str, int]
@@ -30,6 +34,7 @@ class Health:
     period_ns: int
     first_ns: int | None
     sensors: Mapping[int, SensorHealth]
+    coverage: tuple[TopicCoverage, ...] = ()
 
 
 def check_health(stream: FrameStream, rig: Rig) -> Health:
@@ -63,4 +68,5 @@ def check_health(stream: FrameStream, rig: Rig) -> Health:
             )
             for sensor in rig.sensors
         },
+        coverage=stream.coverage,
     )

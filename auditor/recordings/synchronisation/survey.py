@@ -1,14 +1,27 @@
 """A survey of a recording's beginning: its sensors, and enough stamps to learn their offsets and periods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.recordings.decoding import CameraInfo, CloudDecoder, Decoders, ImageDecoder, Transform, decoder_table
+from auditor.recordings.decoding import (
+    CameraInfo,
+    CloudDecoder,
+    Decoders,
+    DeepImageDecoder,
+    ImageDecoder,
+    Transform,
+    decoder_table,
+    sensor_types,
+)
+from auditor.recordings.decoding.depths import depth_of
 from auditor.recordings.decoding.interface import SizePx
-from auditor.recordings.parameters import FIRST_LOOK
+from auditor.recordings.decoding.sensor_types import SensorKind
+from auditor.recordings.formats.part_names import other_parts
+from auditor.recordings.parameters import FIRST_LOOK, PICTURE_DEPTH
 from auditor.recordings.recording import Recording, Topic
 
 SAMPLES = FIRST_LOOK.samples
@@ -25,20 +38,29 @@ MAX_LAG_NS = FIRST_LOOK.most_lag_ns
 
 
 class Sample(NamedTuple):
-    """When one message was captured and when it was recorded."""
+    """When one message was captured, by its stamp (0: it has none), and when it was recorded."""
 
     stamp_ns: int
     log_time_ns: int
 
+    @property
+    def time_ns(self) -> int:
+        """Its stamp, or its log time where it has none."""
+        return self.stamp_ns or self.log_time_ns
+
 
 @dataclass(frozen=True)
 class ImageTopic:
-    """A topic of images; `size_px` is what its first readable image has."""
+    """A topic of images; `size_px` is what its first readable image has.
+
+    `depth_bits` are those of its values where they have more than 8, as far as its first pictures show.
+    """
 
     topic: Topic
     frame_id: str
     size_px: SizePx
     samples: tuple[Sample, ...]
+    depth_bits: int | None = None
 
 
 @dataclass(frozen=True)
@@ -51,12 +73,24 @@ class CloudTopic:
     samples: tuple[Sample, ...]
 
 
+@dataclass(frozen=True)
+class UnreadableTopic:
+    """A topic of camera pictures or LiDAR points of which no message could be read, why, and what to do about it."""
+
+    topic: Topic
+    kind: SensorKind
+    reason: str
+    remedy: str
+
+
 @dataclass(frozen=True, eq=False)
 class Survey:
     """The content of a recording's beginning.
 
     `camera_infos` goes by topic; `problems` are sentences for people. `interleaved` is False where the topics lie one
-    after the other in the file, so that sensors cannot be paired in one read.
+    after the other in the file, so that sensors cannot be paired in one read. `unreadable` holds topics that may have
+    no message at all: whether they have, the recording's counts say after a whole read. `other_parts` are files beside
+    those of the recording that are named as parts of the same drive.
     """
 
     topics: tuple[Topic, ...]
@@ -66,6 +100,8 @@ class Survey:
     transforms: tuple[Transform, ...]
     problems: tuple[str, ...]
     interleaved: bool
+    other_parts: tuple[Path, ...] = ()
+    unreadable: tuple[UnreadableTopic, ...] = ()
 
     def samples(self, topic: str) -> tuple[Sample, ...]:
         """The sample stamps of a sensor's topic, in the order recorded."""
@@ -91,12 +127,16 @@ class _Surveyor:
         self._infos: dict[str, CameraInfo] = {}
         self._transforms: dict[tuple[str, str], Transform] = {}
         self._problems: dict[str, None] = {}
+        self._reasons: dict[str, str] = {}
         self._bytes = 0
         self._messages = 0
         self._newest_ns = 0
         self._lag_ns = 0
         self._last_ns: dict[str, int] = {}
         self._jumped = False
+        self._largest: dict[str, int] = {}
+        self._topics: Sequence[Topic] = ()
+        self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def run(self) -> Survey:
         known = set(self._by_kind("image", "cloud", "camera_info", "transforms"))
@@ -111,16 +151,30 @@ class _Surveyor:
         self._note_undecodable()
         return Survey(
             topics=self._recording.topics(),
-            images=tuple(ImageTopic(t, f, size, tuple(self._samples[t.name])) for t, f, size in images),
+            images=tuple(
+                ImageTopic(t, f, size, tuple(self._samples[t.name]), self._depth_bits(t.name, size))
+                for t, f, size in images
+            ),
             clouds=tuple(CloudTopic(t, f, points, tuple(self._samples[t.name])) for t, f, points in clouds),
             camera_infos=dict(sorted(self._infos.items())),
             transforms=tuple(self._transforms.values()),
             problems=tuple(self._problems),
             interleaved=self._lag_ns <= MAX_LAG_NS and (len(self._samples) > 1 or not unseen),
+            other_parts=other_parts(self._recording.files),
+            unreadable=tuple(self._unreadable()),
         )
 
-    def _by_kind(self, *kinds: str) -> Iterator[str]:
-        for topic in self._recording.topics():
+    def _by_kind(self, *kinds: str) -> tuple[str, ...]:
+        """The topics of these kinds; they are asked for with every message, and found again only where topics came."""
+        topics = self._recording.topics()
+        if topics is not self._topics:
+            self._topics, self._names = topics, {}
+        if kinds not in self._names:
+            self._names[kinds] = tuple(self._names_of(topics, kinds))
+        return self._names[kinds]
+
+    def _names_of(self, topics: Sequence[Topic], kinds: Sequence[str]) -> Iterator[str]:
+        for topic in topics:
             decoder = self._decoders.of(topic.schema, topic.encoding)
             if decoder is not None and decoder.kind in kinds:
                 yield topic.name
@@ -128,11 +182,11 @@ class _Surveyor:
     def _enough(self) -> bool:
         if self._bytes > MAX_BYTES:
             return True
-        sensors = list(self._by_kind("image", "cloud"))
+        sensors = self._by_kind("image", "cloud")
         if not sensors or any(len(self._samples.get(topic, ())) < SAMPLES for topic in sensors):
             return self._long_enough()
         fixed = any(name.endswith("tf_static") for name in self._by_kind("transforms"))
-        complete = set(self._by_kind("camera_info")) <= self._infos.keys() and bool(self._transforms or not fixed)
+        complete = len(self._infos) == len(self._by_kind("camera_info")) and bool(self._transforms or not fixed)
         return complete or self._long_enough()
 
     def _long_enough(self) -> bool:
@@ -146,6 +200,9 @@ class _Surveyor:
         try:
             if decoder.kind == "transforms":
                 for transform in decoder.transforms(message):
+                    if transform.problem:
+                        self._note(f"{message.topic}: {transform.parent} to {transform.child}: {transform.problem}")
+                        continue
                     # The first one counts: mountings do not move.
                     self._transforms.setdefault((transform.parent, transform.child), transform)
             elif decoder.kind == "camera_info":
@@ -154,6 +211,7 @@ class _Surveyor:
             else:
                 self._take_sensor(message, decoder)
         except DecodingError as error:
+            self._reasons.setdefault(message.topic, error.what)
             self._note(f"{message.topic}: {error.what}")
 
     def _take_sensor(self, message: Message, decoder: ImageDecoder | CloudDecoder) -> None:
@@ -161,22 +219,38 @@ class _Surveyor:
         header = decoder.header(message)
         if header.stamp_ns == 0 != message.log_time_ns:
             self._note(f"{message.topic}: stamps are 0; the time of recording is used instead")
-        stamp_ns = header.stamp_ns or message.log_time_ns
-        self._samples.setdefault(message.topic, []).append(Sample(stamp_ns, message.log_time_ns))
-        self._take_time(message.topic, stamp_ns)
+        sample = Sample(header.stamp_ns, message.log_time_ns)
+        self._samples.setdefault(message.topic, []).append(sample)
+        self._take_time(message.topic, sample.time_ns)
         if message.topic not in self._sensors:
-            size = decoder.size_px(message) if decoder.kind == "image" else len(decoder.xyz_m(message))
+            size = _size_px(message, decoder) if decoder.kind == "image" else len(decoder.xyz_m(message))
             topic = Topic(message.topic, message.schema, message.encoding)
             self._sensors[message.topic] = (topic, header.frame_id, size)
+        if decoder.kind == "image" and len(self._samples[message.topic]) <= PICTURE_DEPTH.pictures:
+            self._take_depth(message, decoder)
+
+    def _take_depth(self, message: Message, decoder: ImageDecoder) -> None:
+        largest = decoder.largest_value(message) if isinstance(decoder, DeepImageDecoder) else None
+        if largest is not None:
+            self._largest[message.topic] = max(largest, self._largest.get(message.topic, 0))
+
+    def _depth_bits(self, topic: str, size_px: SizePx) -> int | None:
+        """The depth of a topic of 16-bit values: that of all whose pictures have this size, for they are compared."""
+        if topic not in self._largest:
+            return None
+        alike = (value for name, value in self._largest.items() if self._sensors[name][-1] == size_px)
+        return depth_of(max(alike))
 
     def _take_time(self, topic: str, stamp_ns: int) -> None:
+        topic_begins = topic not in self._last_ns
         last_ns = self._last_ns.get(topic, stamp_ns)
         self._last_ns[topic] = stamp_ns
         if stamp_ns < last_ns - MAX_LAG_NS:
             self._jumped = True
             self._note(f"{topic}: the clock jumps back by {(last_ns - stamp_ns) / 1e9:.1f} s")
         self._newest_ns = max(self._newest_ns, stamp_ns)
-        if not self._jumped:  # behind a jump, old stamps do not show the order of topics
+        # Behind a jump, old stamps do not show the order of topics; nor do stamps that stand still or go back.
+        if not self._jumped and (stamp_ns > last_ns or topic_begins):
             self._lag_ns = max(self._lag_ns, self._newest_ns - stamp_ns)
 
     def _note(self, problem: str) -> None:
@@ -194,3 +268,28 @@ class _Surveyor:
         for name in unseen:
             self._note(f"{name}: no message of it could be read at the beginning")
         return len(unseen)
+
+    def _unreadable(self) -> Iterator[UnreadableTopic]:
+        for topic in self._recording.topics():
+            if topic.name in self._sensors:
+                continue
+            decoder = self._decoders.of(topic.schema, topic.encoding)
+            declared = decoder or self._decoders.in_any_encoding(topic.schema)
+            if declared is not None and declared.kind in sensor_types.KINDS:
+                kind, remedy = sensor_types.KINDS[declared.kind], sensor_types.remedy_of(topic.schema)
+                yield UnreadableTopic(topic, kind, self._why_unread(topic, readable=decoder is not None), remedy)
+            elif declared is None and topic.schema in sensor_types.UNREAD:
+                kind, remedy = sensor_types.UNREAD[topic.schema]
+                yield UnreadableTopic(topic, kind, f"{topic.schema} cannot be decoded", remedy)
+
+    def _why_unread(self, topic: Topic, *, readable: bool) -> str:
+        if not readable:
+            return f"{topic.schema} in the encoding {topic.encoding!r} cannot be decoded"
+        return self._reasons.get(topic.name, "no message of it lies at the beginning, from which rigs are found")
+
+
+def _size_px(message: Message, decoder: ImageDecoder) -> SizePx:
+    """The size of an image that can be decoded. Raises DecodingError."""
+    size_px = decoder.size_px(message)
+    decoder.pixels(message, colour=False, size_px=size_px)
+    return size_px

@@ -3,13 +3,14 @@
 from bisect import insort
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from auditor.model.frames import Message
 from auditor.model.rig import Rig
 from auditor.recordings.parameters import FRAME_WINDOW
 from auditor.recordings.synchronisation.clock_offsets import Timing
+from auditor.recordings.synchronisation.counts import BETWEEN, LATE, Counts
 
 MAX_WAIT_PERIODS = FRAME_WINDOW.most_wait_periods
 """How long a frame waits for a sensor that is silent."""
@@ -25,34 +26,19 @@ MAX_WAITING = FRAME_WINDOW.most_waiting
 MAX_FROM_BEFORE = FRAME_WINDOW.most_from_before
 MAX_HELD_GROUPS = FRAME_WINDOW.most_held_groups
 
-EDGE = "edge"
-TOO_FEW = "too few sensors"
-LATE = "late"
-BETWEEN = "between frames"
-
 
 class Waiting(NamedTuple):
-    """A message in the window; sorted by its stamp less the sensor's offset."""
+    """A message in the window; sorted by when it was captured, less the sensor's offset.
+
+    `stamp_ns` is its stamp, or what stands in for it; `against` says why it counts against the coverage even if used.
+    """
 
     time_ns: int
     order: int
     stamp_ns: int
     message: Message
     problem: str
-
-
-@dataclass
-class Counts:
-    """The use of the messages of one sensor."""
-
-    read: int = 0
-    used: int = 0
-    damaged: int = 0
-    skipped: dict[str, int] = field(default_factory=dict)
-
-    def skip(self, reason: str) -> None:
-        """Count a message that is in no frame."""
-        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+    against: str = ""
 
 
 @dataclass(frozen=True)
@@ -250,9 +236,9 @@ class Window:
 
     def _refuse(self, sensor: int, waiting: Waiting, reason: str) -> None:
         if waiting.problem:
-            self._counts[sensor].damaged += 1
+            self._counts[sensor].damage()
         else:
-            self._counts[sensor].skip(reason)
+            self._counts[sensor].skip(reason, waiting.against)
 
 
 def _bytes(waiting: Waiting) -> int:

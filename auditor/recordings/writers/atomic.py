@@ -14,7 +14,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises RecordingError where it cannot be written.
     """
-    beside = path.with_name(f".{path.name}.part")
+    beside = _unfinished(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _remove(beside)
@@ -31,7 +31,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """The same for a folder; it has its final name from the start, since the files inside are named after it."""
     if path.exists():
         raise RecordingError("it exists already", where=path, remedy="choose another name, or remove it")
-    above = path.with_name(f".{path.name}.part")
+    above = _unfinished(path)
     try:
         _remove(above)
         above.mkdir(parents=True)
@@ -41,6 +41,19 @@ def whole_folder(path: Path) -> Iterator[Path]:
         raise RecordingError(f"it cannot be written ({error.strerror or error})", where=path) from error
     finally:
         _remove(above)
+
+
+@contextmanager
+def no_remains(path: Path) -> Iterator[None]:
+    """Removes at the end what a process that was killed has left of the target."""
+    try:
+        yield
+    finally:
+        _remove(_unfinished(path))
+
+
+def _unfinished(path: Path) -> Path:
+    return path.with_name(f".{path.name}.part")
 
 
 def _remove(path: Path) -> None:

@@ -7,6 +7,7 @@ drive's PNG files become CompressedImage messages that hold the same bytes, on t
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, cast
 
 import cv2
@@ -42,9 +43,15 @@ _ROS_ENCODINGS = frozenset({"cdr", "ros1"})
 class Changing:
     """Changes ROS 2 messages, given a function that finds their definitions."""
 
-    def __init__(self, maker: MessageMaker, definition: Callable[[str], Definition | None]) -> None:
+    def __init__(
+        self, maker: MessageMaker, definition: Callable[[str], Definition | None], depths: Mapping[str, int]
+    ) -> None:
         self._maker = maker
         self._types = RosTypes(definition)
+        self._raw, self._compressed = RawImageDecoder(self._types), CompressedImageDecoder(self._types)
+        for topic, bits in depths.items():
+            self._raw.use_depth(topic, bits)
+            self._compressed.use_depth(topic, bits)
         self._makers: dict[str, Callable[[Message, Any], bytes]] = {
             schemas.IMAGE: self._raw_image,
             schemas.COMPRESSED_IMAGE: self._compressed_image,
@@ -63,7 +70,7 @@ class Changing:
         return Message(message.topic, message.schema, message.encoding, message.log_time_ns, data)
 
     def _raw_image(self, message: Message, change: Callable[[CameraImage], CameraImage]) -> bytes:
-        decoder = RawImageDecoder(self._types)
+        decoder = self._raw
         header = decoder.header(message)
         pixels = change(CameraImage(0, header.stamp_ns, decoder.pixels(message, colour=True))).pixels
         encoding = self._types.decode(message).encoding
@@ -76,7 +83,7 @@ class Changing:
         return self._maker.raw_image(pixels, encoding, self._maker.header(header.stamp_ns, header.frame_id))
 
     def _compressed_image(self, message: Message, change: Callable[[CameraImage], CameraImage]) -> bytes:
-        decoder = CompressedImageDecoder(self._types)
+        decoder = self._compressed
         header = decoder.header(message)
         form = inspect_picture(decoder.picture(message)).form
         pixels = change(CameraImage(0, header.stamp_ns, decoder.pixels(message, colour=True))).pixels
@@ -118,12 +125,14 @@ def rewrite(
     target: Path,
     changes: Mapping[str, Change],
     labels: Iterable[AttackLabel],
+    depths: Mapping[str, int] = MappingProxyType({}),
 ) -> ConvertReport:
     """Copy a recording to MCAP with the data of some topics changed, and ground truth written inside.
 
     `changes` goes by topic: a function from CameraImage to CameraImage (colours as BGR where there are any; `sensor` is
     0), or from PointCloud to PointCloud. An image keeps the form it had (raw, PNG, JPEG at quality 95); a message that
-    cannot be decoded stays as it is. `labels` is called after the last message. Raises RecordingError where a topic
+    cannot be decoded stays as it is. Of values of more than 8 bits, as many as `depths` says by topic, the upper 8 are
+    changed and written. `labels` is called after the last message. Raises RecordingError where a topic
     is not there, or the target does not end in .mcap, exists or cannot be written.
     """
     if target.suffix.lower() != _ENDING:
@@ -138,7 +147,7 @@ def rewrite(
     )
     maker = MessageMaker("cdr")
     copying = _Copying(recording, maker)
-    changing = Changing(maker, copying.definition)
+    changing = Changing(maker, copying.definition, depths)
     messages: dict[str, int] = {}
     last_ns = 0
     with mcap_file(target, profile="ros2" if ros2 else "", compression="zstd") as file:

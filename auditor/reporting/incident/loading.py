@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain, count
@@ -65,6 +65,9 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
 
     Raises StoreError where the store has no such recording, or was not measured.
     """
+    called = store.recordings_called(recording) if recording is not None else []
+    if len(called) == 1:
+        recording = called[0].recording_id  # queries do not know its other names
     calibration_recordings = store.calibration_recordings()
     audits = _audits(store, recording, calibration_recordings)
     outlines = [_outline(store, audit, calibration_recordings) for audit in audits]
@@ -92,6 +95,7 @@ def _audits(store: Store, wanted: str | None, calibration_recordings: _Calibrati
     recordings = {
         recording.recording_id: recording
         for recording in (store.recordings() if wanted is None else store.recordings_called(wanted))
+        if wanted is not None or recording.superseded_by is None
     }
     if wanted is not None and not recordings:
         raise StoreError(
@@ -139,6 +143,10 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         date=str(recording.date) if recording.date else None,
         drive=recording.drive,
         damage=tuple(dict.fromkeys((*recording.damage, *audit.measurement.damage))),
+        other_names=recording.other_names,
+        paths=tuple(dict.fromkeys(one.path for one in recording.sightings)),
+        superseded_by=_called(store, [recording.superseded_by] if recording.superseded_by else []),
+        conflicts=_called(store, recording.conflicts or ()),
         clock=Clock(origin_ns, utc=recording.clock == "utc"),
         measured=audit.measurement.measured,
         to_ns=to_ns,
@@ -146,10 +154,17 @@ def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRe
         in_incidents=audit.judgement.in_incidents if audit.judgement else 0,
         skipped=audit.measurement.skipped,
         sensors=_sensor_lines(audit.rig),
-        triples=audit.rig.triples,
+        triples=audit.rig.measured_triples,
         balance=audit.measurement.balance,
+        covered=audit.measurement.coverage or (),
         provenance=_provenance(store, audit, calibration_recordings),
     )
+
+
+def _called(store: Store, recording_ids: Iterable[str]) -> tuple[str, ...]:
+    """The names of recordings, with the beginnings of their ids."""
+    there = (store.recording(known) for known in recording_ids if store.has_recording(known))
+    return tuple(f"{one.name} ({one.recording_id[:12]})" for one in there)
 
 
 def _incidents(store: Store, recording: str | None) -> Mapping[str, list[IncidentPart]]:
@@ -228,15 +243,17 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
 
 
 def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
-    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks."""
+    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks.
+
+    Judgements of earlier versions know fewer of them: later ones were added at the end.
+    """
     if row["method"] == Method.ROBUST:
-        # Judgements of earlier versions know fewer pair checks: later ones were added at the end.
         for pair_check, theta, samples in zip(
             rig_pair_checks(rig), row["check_theta"], row["check_samples"], strict=False
         ):
             yield ThresholdLine(pair_check.check, (pair_check.i, pair_check.k), theta, samples or 0)
     else:
-        for triple, theta, samples in zip(rig.triples, row["theta"], row["samples"], strict=True):
+        for triple, theta, samples in zip(rig.measured_triples, row["theta"], row["samples"], strict=False):
             yield ThresholdLine("E", triple, theta, samples or 0)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 
+from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid, Statistic
 from auditor.model.rig import LIDAR, Triple
@@ -192,7 +193,11 @@ class Remark:
 
 @dataclass(frozen=True)
 class RecordingPart:
-    """One recording: its sensors, its balance, its verdicts and its incidents."""
+    """One recording: its sensors, its balance, its verdicts and its incidents.
+
+    `other_names` and `paths` are those that its content was read under; `superseded_by` and `conflicts` name other
+    recordings: one that holds every frame of this one, and those with other data at the same stamps.
+    """
 
     recording_id: str
     name: str
@@ -215,6 +220,21 @@ class RecordingPart:
     truths: tuple[Truth, ...] = ()
     agreement: Agreement | None = None
     remarks: tuple[Remark, ...] = ()
+    other_names: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    superseded_by: tuple[str, ...] = ()
+    conflicts: tuple[str, ...] = ()
+    covered: tuple[TopicCoverage, ...] = ()
+
+    @property
+    def reading(self) -> tuple[str, ...]:
+        """What counts against the coverage of the rig's sensors, and which sensors cannot be read: one line each."""
+        return tuple(filter(None, (coverage_line(self.covered), unread_line(self.covered))))
+
+    @property
+    def outside(self) -> tuple[TopicCoverage, ...]:
+        """Topics of camera pictures or LiDAR points that were not audited."""
+        return tuple(topic for topic in self.covered if topic.state is not TopicState.READ)
 
     @property
     def judged(self) -> int:

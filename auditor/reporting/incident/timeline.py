@@ -144,10 +144,12 @@ class Timeline:
         return rows
 
     def _pair_check_rows(self, part: slice) -> list[Row]:
+        """The states in e by triple; the fallback has a row where frames were judged by it."""
         stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
+        longest = max(map(len, vectors), default=0)
         return [
-            Row("", stamps_ns, [e[place] for e in vectors], (), triple)
-            for place, triple in enumerate(self._part.triples)
+            Row("", stamps_ns, [e[place : place + 1] or "-" for e in vectors], (), triple)
+            for place, triple in enumerate(self._part.triples[:longest])
         ]
 
 

@@ -52,6 +52,13 @@ def descriptor_set(schema: str) -> bytes:
     return made
 
 
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_negative_timestamp_is_read_as_it_is(encoding: str) -> None:
+    cloud = message(CLOUD, cloud_fields(XYZ, -3 * 10**9, "lidar"), encoding)
+    assert decoder(cloud).header(cloud).stamp_ns == -3 * 10**9
+    assert len(decoder(cloud).xyz_m(cloud)) == len(XYZ)
+
+
 @pytest.mark.parametrize("one_transform_a_message", [False, True])
 @pytest.mark.parametrize("form", ["raw", "png"])
 @pytest.mark.parametrize("encoding", ENCODINGS)

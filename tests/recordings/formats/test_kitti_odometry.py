@@ -62,7 +62,7 @@ def test_a_sequence_gives_the_rig_and_the_frames_of_its_raw_drive(sequence: Path
 def test_sequences_are_found_below_their_dataset_and_converted(sequence: Path, tmp_path: Path) -> None:
     shutil.copytree(sequence, sequence.parent / "01")
     found = find_recordings([tmp_path / "dataset"])
-    assert found.recordings == (sequence, sequence.parent / "01")
+    assert [one.path for one in found.recordings] == [sequence, sequence.parent / "01"]
     with open_recording(sequence) as recording:
         report = convert(recording, tmp_path / "a.mcap")
     assert report.messages["/kitti/velo/pointcloud"] == 5

@@ -356,7 +356,7 @@ def test_no_images_and_no_camera_info_are_distinguished() -> None:
 
 
 def test_an_uncalibrated_camera_is_named() -> None:
-    with pytest.raises(RigError, match="/b/image_rect is uncalibrated"):
+    with pytest.raises(RigError, match="/b/image_rect: it is uncalibrated"):
         find_rigs(look({"a": info("a", P(0.0)), "b": info("b", np.zeros((3, 4)))}, {"a": at(0)}))
 
 

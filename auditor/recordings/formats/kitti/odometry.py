@@ -10,6 +10,7 @@ import numpy as np
 
 from auditor.errors import DecodingError, RecordingError
 from auditor.model.geometry import Matrix
+from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.pictures import inspect_picture
 from auditor.recordings.formats.kitti.raw import (
     CAMERAS,
@@ -41,13 +42,15 @@ class KittiOdometryReader:
 
     def open(self, path: Path) -> KittiRecording:
         """Open it. Raises RecordingError where its calibration or its times are ill-formed."""
-        stamps = _read_times(path / _TIMES_FILE)
+        contents = Contents()
+        stamps = _read_times(path / _TIMES_FILE, contents)
         files = {number: numbered_files(path / f"image_{int(number)}", "*.png") for number in CAMERAS}
-        calibration = _read_calibration(path, {number: found[0][1] for number, found in files.items() if found})
+        first = {number: contents.of(found[0][1]) for number, found in files.items() if found}
+        calibration = _read_calibration(contents.of(path / _CALIBRATION_FILE), first)
         streams = [Stream(picture_topic(number), _entries(files[number], stamps)) for number in calibration.cameras]
         streams.append(Stream(SCAN_TOPIC, _entries(numbered_files(path / "velodyne", "*.bin"), stamps)))
         others = (path / _TIMES_FILE,) if stamps is not None else ()
-        return KittiRecording(path, Drive(path, calibration, tuple(streams), others, "relative"))
+        return KittiRecording(path, Drive(path, calibration, tuple(streams), others, "relative", contents))
 
 
 def _entries(files: list[tuple[int, Path]], stamps: list[int] | None) -> tuple[tuple[int, Path], ...]:
@@ -57,12 +60,12 @@ def _entries(files: list[tuple[int, Path]], stamps: list[int] | None) -> tuple[t
     return tuple((number * PERIOD_NS if stamps is None else stamps[number], file) for number, file in files)
 
 
-def _read_times(path: Path) -> list[int] | None:
+def _read_times(path: Path, contents: Contents) -> list[int] | None:
     """Nanoseconds by line; None where there is no such file."""
     if not path.is_file():
         return None
     try:
-        seconds = [float(line) for line in read_small_text(path).split()]
+        seconds = [float(line) for line in read_small_text(contents.of(path)).split()]
     except ValueError as error:
         raise RecordingError(f"a time is ill-formed ({error})", where=path) from error
     if not all(0 <= second < _MAX_SECONDS for second in seconds):
@@ -70,9 +73,8 @@ def _read_times(path: Path) -> list[int] | None:
     return [round(second * 10**9) for second in seconds]
 
 
-def _read_calibration(folder: Path, first_pictures: dict[str, Path]) -> Calibration:
-    path = folder / _CALIBRATION_FILE
-    values = read_matrices(path)
+def _read_calibration(content: FileContent, first_pictures: dict[str, FileContent]) -> Calibration:
+    values = read_matrices(content)
     cameras: dict[str, dict[str, Matrix]] = {}
     for number, picture in first_pictures.items():
         projection = values.get(f"P{int(number)}", np.empty(0))
@@ -80,16 +82,16 @@ def _read_calibration(folder: Path, first_pictures: dict[str, Path]) -> Calibrat
             # calib.txt does not hold the size of the pictures: the first picture does.
             cameras[number] = {"P_rect": projection, "S_rect": np.array(_size_px(picture), np.float64)}
     if not cameras:
-        raise RecordingError("it holds no P0 to P3 of any camera that has pictures", where=path)
+        raise RecordingError("it holds no P0 to P3 of any camera that has pictures", where=content.path)
     lidar = values.get("Tr", np.empty(0))
     cam0_SE3_lidar = np.vstack([lidar.reshape(3, 4), [0, 0, 0, 1]]) if lidar.size == 12 else None
-    return Calibration((path,), cameras, cam0_SE3_lidar)
+    return Calibration((content.path,), cameras, cam0_SE3_lidar)
 
 
-def _size_px(picture: Path) -> tuple[int, int]:
-    with picture.open("rb") as stream:
+def _size_px(picture: FileContent) -> tuple[int, int]:
+    with picture.open() as stream:
         head = stream.read(_HEADER_BYTES)
     try:
         return inspect_picture(memoryview(head)).size_px
     except DecodingError as error:
-        raise RecordingError(error.what, where=picture) from error
+        raise RecordingError(error.what, where=picture.path) from error

@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Collection, Iterator, Mapping
 from datetime import UTC, datetime
-from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -20,9 +19,10 @@ from auditor.errors import RecordingError
 from auditor.model.frames import Message
 from auditor.model.geometry import Matrix, camera_centre, motion
 from auditor.model.verdict import AttackLabel
+from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.formats.unpacking import MAX_BYTES
-from auditor.recordings.recording import Clock, Damage, Definition, Topic, content_id
+from auditor.recordings.recording import Clock, Damage, Definition, Topic
 
 CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_color_left", "03": "camera_color_right"}
 LIDAR_TOPIC = "/kitti/velo/pointcloud"
@@ -50,7 +50,7 @@ class KittiReader:
 
     def open(self, path: Path) -> "KittiRecording":
         """Open it. Raises RecordingError where its calibration is missing or ill-formed."""
-        return KittiRecording(path, _read_drive(_drives(path)[0]))
+        return KittiRecording(path, _read_drive(_drives(path)[0], Contents()))
 
 
 def _is_drive(path: Path) -> bool:
@@ -71,13 +71,14 @@ class Stream(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """The content of a drive's folder; `others` are the files with stamps."""
+    """The content of a drive's folder; `others` are the files with stamps, and `contents` has what was read of it."""
 
     folder: Path
     calibration: "Calibration"
     streams: tuple[Stream, ...]
     others: tuple[Path, ...]
     clock: Clock
+    contents: Contents
 
 
 class KittiRecording:
@@ -95,6 +96,10 @@ class KittiRecording:
             raise RecordingError("the drive holds no pictures and no scans", where=path)
         data = (file for stream in self._streams for _, file in stream.entries)
         self.files = tuple(sorted(chain(data, drive.others, self._calibration.files)))
+        self._contents = drive.contents
+        # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
+        top = self._drive if all(self._drive in file.parents for file in self.files) else self._drive.parent
+        self.recording_id = self._contents.recording_id(top, self.files)
 
     def __enter__(self) -> Self:
         return self
@@ -107,12 +112,9 @@ class KittiRecording:
     def close(self) -> None:
         """Nothing stays open between reads."""
 
-    @cached_property
-    def recording_id(self) -> str:
-        """sha256 (hex) over the relative paths and hashes of its files."""
-        # Calibration files may lie beside the drive's folder: paths are relative to the folder that holds all.
-        top = self._drive if all(self._drive in file.parents for file in self.files) else self._drive.parent
-        return content_id(top, self.files)
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was opened."""
+        self._contents.check_unchanged()
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -156,8 +158,9 @@ class KittiRecording:
     def _data(self, file: Path) -> bytes:
         """The bytes of a file; none, noting the damage, where it cannot be read: its message is then damaged."""
         try:
-            if file.stat().st_size <= MAX_BYTES:
-                return file.read_bytes()
+            content = self._contents.of(file)
+            if content.size <= MAX_BYTES:
+                return content.read()
             self.damage += (Damage(f"it has more than {MAX_BYTES} bytes", file=file.name),)
         except OSError as error:
             self.damage += (Damage(f"it cannot be read ({error.strerror})", file=file.name),)
@@ -179,16 +182,17 @@ class KittiRecording:
                 yield Message(f"/kitti/{CAMERAS[number]}/camera_info", CALIBRATION, "json", stamp_ns, data)
 
 
-def _read_drive(folder: Path) -> Drive:
-    calibration = _read_calibration(folder)
+def _read_drive(folder: Path, contents: Contents) -> Drive:
+    calibration = _read_calibration(folder, contents)
     streams = [
-        Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png")))
+        Stream(picture_topic(number), tuple(_entries(folder / f"image_{number}", "*.png", contents)))
         for number in CAMERAS
         if number in calibration.cameras
     ]
-    streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin"))))
+    streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin", contents))))
     # The times are written without a zone, or not at all.
-    return Drive(folder, calibration, tuple(streams), tuple(folder.glob("*/timestamps.txt")), "unknown")
+    others = tuple(folder.glob("*/timestamps.txt"))
+    return Drive(folder, calibration, tuple(streams), others, "unknown", contents)
 
 
 def picture_topic(number: str) -> Topic:
@@ -201,10 +205,10 @@ def numbered_files(folder: Path, pattern: str) -> list[tuple[int, Path]]:
     return sorted((int(file.stem), file) for file in folder.glob(pattern) if _NUMBER.fullmatch(file.stem))
 
 
-def _entries(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
+def _entries(folder: Path, pattern: str, contents: Contents) -> Iterator[tuple[int, Path]]:
     """Stamp and path of every data file, by number."""
     numbered = numbered_files(folder / "data", pattern)
-    stamps = _read_stamps(folder / "timestamps.txt")
+    stamps = _read_stamps(folder / "timestamps.txt", contents)
     for number, file in numbered:
         if stamps is None:
             yield number * PERIOD_NS, file
@@ -214,12 +218,12 @@ def _entries(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
             raise RecordingError(f"there is no time for file {number}", where=folder / "timestamps.txt")
 
 
-def _read_stamps(path: Path) -> list[int | None] | None:
+def _read_stamps(path: Path, contents: Contents) -> list[int | None] | None:
     """Nanoseconds since 1970 by line; None for an empty line (never recorded); None where there is no such file."""
     if not path.is_file():
         return None
     try:
-        return [_parse_time(line.strip()) for line in read_small_text(path).splitlines()]
+        return [_parse_time(line.strip()) for line in read_small_text(contents.of(path)).splitlines()]
     except ValueError as error:
         raise RecordingError(f"a time is ill-formed ({error})", where=path) from error
 
@@ -257,13 +261,13 @@ class Calibration(NamedTuple):
         ]
 
 
-def _read_calibration(drive: Path) -> Calibration:
+def _read_calibration(drive: Path, contents: Contents) -> Calibration:
     folder = next(
         (folder for folder in (drive, drive / "calib", drive.parent) if (folder / _CAMERA_FILE).is_file()), None
     )
     if folder is None:
         raise RecordingError(f"{_CAMERA_FILE} is missing", where=drive, remedy="put it beside the drive's folder")
-    values = read_matrices(folder / _CAMERA_FILE)
+    values = read_matrices(contents.of(folder / _CAMERA_FILE))
     cameras = {
         number: {"P_rect": values[f"P_rect_{number}"], "S_rect": values[f"S_rect_{number}"]}
         for number in CAMERAS
@@ -276,7 +280,7 @@ def _read_calibration(drive: Path) -> Calibration:
     cam0_SE3_lidar = None
     if (folder / _LIDAR_FILE).is_file():
         files.append(folder / _LIDAR_FILE)
-        lidar = read_matrices(folder / _LIDAR_FILE)
+        lidar = read_matrices(contents.of(folder / _LIDAR_FILE))
         try:
             unrectified = motion(lidar["R"].reshape(3, 3), lidar["T"])
             cam0_SE3_lidar = motion(values["R_rect_00"].reshape(3, 3), np.zeros(3)) @ unrectified
@@ -285,17 +289,17 @@ def _read_calibration(drive: Path) -> Calibration:
     return Calibration(tuple(files), cameras, cam0_SE3_lidar)
 
 
-def read_small_text(path: Path) -> str:
+def read_small_text(content: FileContent) -> str:
     """A calibration or time file. Raises RecordingError where it is too large to be one."""
-    if path.stat().st_size > _MAX_TEXT_BYTES:
-        raise RecordingError(f"it has more than {_MAX_TEXT_BYTES} bytes", where=path)
-    return path.read_text("utf-8", "replace")
+    if content.size > _MAX_TEXT_BYTES:
+        raise RecordingError(f"it has more than {_MAX_TEXT_BYTES} bytes", where=content.path)
+    return content.read().decode("utf-8", "replace")
 
 
-def read_matrices(path: Path) -> dict[str, Matrix]:
+def read_matrices(content: FileContent) -> dict[str, Matrix]:
     """The numbers of every `name: numbers` line."""
     matrices = {}
-    for line in read_small_text(path).splitlines():
+    for line in read_small_text(content).splitlines():
         name, _, values = line.partition(":")
         try:
             matrices[name.strip()] = np.array([float(value) for value in values.split()])

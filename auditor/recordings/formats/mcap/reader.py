@@ -3,8 +3,8 @@
 import struct
 import zlib
 from collections.abc import Collection, Generator, Iterator
+from contextlib import suppress
 from io import BytesIO
-from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
@@ -20,11 +20,13 @@ from auditor.recordings.formats.mcap.records import (
     read_body,
     read_ending,
     records,
+    span_of_records,
+    span_of_summary,
     unpack_chunk,
     unpack_cut_chunk,
 )
-from auditor.recordings.formats.topics import Channel, Channels, Names
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
+from auditor.recordings.formats.topics import Channel, Channels, Names, Span
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
@@ -39,8 +41,8 @@ _MAX_METADATA_BYTES = 2**20
 class FileRead:
     """One forward read of one file: yields messages, counts all of them, notes damage."""
 
-    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._path = path
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
@@ -51,8 +53,8 @@ class FileRead:
 
     def messages(self) -> Iterator[Message]:
         """Every message of the requested topics, in file order."""
-        with self._path.open("rb", buffering=1 << 18) as file:
-            size = self._path.stat().st_size
+        with self._source.open() as file:
+            size = self._source.size
             ending = read_ending(file, size)
             file.seek(0)
             damage_before = self._damage.count
@@ -77,6 +79,18 @@ class FileRead:
             if ending is None and self._damage.count == damage_before:
                 self._damage.add("its end is damaged (footer or summary)", stream.offset)
         self.channels.note_unknown()
+
+    def span_ns(self) -> Span | None:
+        """The first and last log time: by the summary where there is one, else by the heads of chunks and messages."""
+        with self._source.open() as file:
+            size = self._source.size
+            ending = read_ending(file, size)
+            if ending and (known := span_of_summary(ending.summary)):
+                return known
+            file.seek(0)
+            with suppress(CutError):
+                return span_of_records(ForwardStream(file, size))
+        return None
 
     def _record(self, stream: ForwardStream, record: Record) -> Iterator[Message]:
         if record.opcode == Opcode.CHUNK:
@@ -193,11 +207,11 @@ class FileRead:
         self._names.add_definition(name, Definition(schema.encoding, schema.data), self._damage, offset)
 
 
-def attached_to(path: Path) -> Iterator[Attachment | Metadata]:
+def attached_to(source: Source) -> Iterator[Attachment | Metadata]:
     """Attachments and metadata records of a file; all other records are skipped."""
     damage = DamageLog()
-    with path.open("rb", buffering=1 << 16) as file:
-        stream = ForwardStream(file, path.stat().st_size, checksum=False)
+    with source.open() as file:
+        stream = ForwardStream(file, source.size, checksum=False)
         for record in records(stream, damage):
             if record.opcode in {Opcode.ATTACHMENT, Opcode.METADATA}:
                 most = _MAX_METADATA_BYTES if record.opcode == Opcode.METADATA else _MAX_ATTACHED_BYTES

@@ -1,18 +1,17 @@
 """MCAP recordings: one file or several, chunked or not, whole or cut, with an index or without."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from pathlib import Path
 
 from mcap.records import Metadata
 
-from auditor.errors import RecordingError
-from auditor.model.frames import Message
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.formats.damage import DamageLog
-from auditor.recordings.formats.files import FilesRecording
+from auditor.recordings.formats.files import FilesRecording, Streams
 from auditor.recordings.formats.mcap.reader import FileRead, attached_to
 from auditor.recordings.formats.mcap.records import MAGIC, read_ending
+from auditor.recordings.formats.unpacking import Source
 from auditor.recordings.recording import LABELS_NAME, METADATA_NAME, labels_from_json
 
 
@@ -25,41 +24,31 @@ class McapReader:
 
     def open(self, path: Path) -> "McapRecording":
         """Open it. Raises RecordingError where it does not begin as an MCAP file does."""
-        return McapRecording(path, (path,))
+        return McapRecording(path, ((path,),))
 
 
 class McapRecording(FilesRecording):
-    """One MCAP file, or the files of a rosbag2 folder in their order; CRCs are checked, one chunk is in memory."""
+    """One MCAP file or several; CRCs are checked, one chunk of a stream is in memory."""
 
-    def __init__(self, path: Path, files: tuple[Path, ...]) -> None:
-        super().__init__(path, files)
-        for file, source in zip(files, self._sources, strict=True):
-            with source.path.open("rb") as stream:
+    def __init__(self, path: Path, streams: Streams) -> None:
+        super().__init__(path, streams)
+        for source in self._sources:
+            with source.open() as stream:
                 if stream.read(len(MAGIC)) != MAGIC:
-                    self.close()
-                    raise RecordingError(
-                        source.problem or "this is not an MCAP file, or its beginning is cut",
-                        where=file,
-                        remedy="check how it was copied, or give the file its correct extension",
-                    )
+                    self._unreadable[source] = source.problem or "this is not an MCAP file, or its beginning is cut"
+        self._refuse_unreadable("check how it was copied, or give the file its correct extension")
         self._learn_topics()
 
-    def _read(self, topics: Collection[str] | None, damage: DamageLog) -> tuple[list[FileRead], Iterator[Message]]:
-        reads = [FileRead(source.path, topics, self._names, damage) for source in self._sources]
-        return reads, self._one_by_one(reads, damage)
-
-    def _one_by_one(self, reads: list[FileRead], damage: DamageLog) -> Iterator[Message]:
-        for source, read in zip(self._sources, reads, strict=True):
-            self._begin(source, damage)
-            yield from read.messages()
+    def _file_read(self, source: Source, topics: Collection[str] | None, damage: DamageLog) -> FileRead:
+        return FileRead(source, topics, self._names, damage)
 
     def _learn_topics(self) -> None:
         """Learn topics from the summaries where there are any, else from the beginning."""
         for source in self._sources:
-            with source.path.open("rb") as stream:
-                ending = read_ending(stream, source.path.stat().st_size)
+            with source.open() as stream:
+                ending = read_ending(stream, source.size)
             if ending:
-                FileRead(source.path, None, self._names, DamageLog()).learn_summary(ending.summary)
+                FileRead(source, None, self._names, DamageLog()).learn_summary(ending.summary)
         if not self._names.topics:
             self._learn_from_beginning()
 
@@ -76,7 +65,9 @@ class McapRecording(FilesRecording):
         labels: list[AttackLabel] = []
         metadata: dict[str, str] = {}
         for source in self._sources:
-            for attached in attached_to(source.path):
+            if source in self._unreadable:
+                continue
+            for attached in attached_to(source):
                 if isinstance(attached, Metadata):
                     metadata.update(attached.metadata if attached.name == METADATA_NAME else {})
                 elif attached.name == LABELS_NAME:

@@ -14,6 +14,7 @@ from typing import IO, NamedTuple
 
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.forward_stream import CutError, ForwardStream
+from auditor.recordings.formats.topics import Span, span_over
 from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack, unpack_beginning
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -25,6 +26,9 @@ _MAX_SUMMARY_BYTES = 16 * 2**20
 """The summary of 64 GB of chunks; every read parses it."""
 
 _TIMES_SIZE_CRC = struct.Struct("<QQQI")
+_STATISTICS_HEAD = struct.Struct("<QHIIII")
+_TIMES = struct.Struct("<QQ")
+_MESSAGE_TIME = struct.Struct("<6xQ")
 _UINT32 = struct.Struct("<I")
 _UINT64 = struct.Struct("<Q")
 
@@ -41,6 +45,7 @@ class Opcode:
     METADATA = 0x0C
     DATA_END = 0x0F
     CHUNK_INDEX = 0x08
+    STATISTICS = 0x0B
     CUT_CHUNK = 0x100
     """Not an opcode of the format: the last chunk, where the file ends inside it."""
 
@@ -130,6 +135,33 @@ def read_ending(file: IO[bytes], size: int) -> Ending | None:
     if summary_crc and zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != summary_crc:
         return None
     return Ending(summary, data_crc)
+
+
+def span_of_summary(summary: bytes) -> Span | None:
+    """The first and last log time by a summary's statistics; None where it has none, or counts no messages."""
+    position = 0
+    while position + HEAD.size <= len(summary):
+        opcode, length = HEAD.unpack_from(summary, position)
+        start = position + HEAD.size
+        position = start + length
+        if opcode == Opcode.STATISTICS and _STATISTICS_HEAD.size + _TIMES.size <= length <= len(summary) - start:
+            counted = _STATISTICS_HEAD.unpack_from(summary, start)[0]
+            return _TIMES.unpack_from(summary, start + _STATISTICS_HEAD.size) if counted else None
+    return None
+
+
+def span_of_records(stream: ForwardStream) -> Span | None:
+    """The first and last log time by the heads of chunks and messages; their bodies are skipped. Raises CutError."""
+    return span_over(_times(stream))
+
+
+def _times(stream: ForwardStream) -> Iterator[int]:
+    for record in records(stream, DamageLog()):
+        if record.opcode in {Opcode.CHUNK, Opcode.CUT_CHUNK} and record.length >= _TIMES.size:
+            times = _TIMES.unpack(stream.read(_TIMES.size))
+            yield from times if times != (0, 0) else ()  # a chunk without messages
+        elif record.opcode == Opcode.MESSAGE and record.length >= _MESSAGE_TIME.size:
+            yield _MESSAGE_TIME.unpack(stream.read(_MESSAGE_TIME.size))[0]
 
 
 class _Parts(NamedTuple):

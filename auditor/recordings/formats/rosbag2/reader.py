@@ -5,7 +5,7 @@ searched for rows with the column types of these tables.
 """
 
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 
@@ -14,8 +14,8 @@ from auditor.model.frames import Message
 from auditor.recordings.formats.damage import DamageLog
 from auditor.recordings.formats.rosbag2.sqlite_pages import LEAF, BadPageError, Pages, Row
 from auditor.recordings.formats.rosbag2.sqlite_wal import ENDING, read_journal
-from auditor.recordings.formats.topics import Channels, Names
-from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, unpack_message
+from auditor.recordings.formats.topics import Channels, Names, Span, span_over
+from auditor.recordings.formats.unpacking import MAX_BYTES, BadChunkError, Expansion, Source, unpack_message
 from auditor.recordings.recording import Definition, Topic
 from auditor.recordings.schemas import schema_name
 
@@ -38,8 +38,8 @@ class Db3Read:
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
-        self._path = path
+    def __init__(self, source: Source, wanted: Collection[str] | None, names: Names, damage: DamageLog) -> None:
+        self._source = source
         self._names = names
         self._damage = damage
         self._expansion = Expansion()
@@ -62,25 +62,41 @@ class Db3Read:
             self._note_totals(pages)
         self.channels.note_unknown()
 
+    def span_ns(self) -> Span | None:
+        """The times of the first and the last row: a recorder writes them in this order.
+
+        Raises RecordingError where the file is not a recording.
+        """
+        with self._pages() as pages:
+            root = self._catalogue(pages).get("messages")
+            ends = (pages.end_leaf(root, last=last) for last in (False, True)) if root is not None else ()
+            return span_over(time_ns for page in ends if page is not None for time_ns in self._times_ns(pages, page))
+
+    def _times_ns(self, pages: Pages, page: int) -> Iterator[int]:
+        for row in self._rows(pages, page):
+            if row.kinds.startswith(_MESSAGE_ROW):
+                with suppress(BadPageError):
+                    value = pages.value(row, 2)
+                    yield from (value,) if isinstance(value, int) else ()
+
     @contextmanager
     def _pages(self) -> Iterator[Pages]:
         """The pages of the file, together with those of its write-ahead log where its recorder left one."""
         with ExitStack() as opened:
-            file = opened.enter_context(self._path.open("rb"))
-            size = self._path.stat().st_size
-            path = journal_of(self._path)
-            log = opened.enter_context(path.open("rb")) if path else None
-            journal = read_journal(log, path.stat().st_size) if path and log else None
-            if path and journal is None:
-                self._damage.add(f"{path.name} is not a readable write-ahead log")
+            file, size = opened.enter_context(self._source.open()), self._source.size
+            written = self._source.journal
+            log = opened.enter_context(written.open()) if written else None
+            journal = read_journal(log, written.size) if written and log else None
+            if written and journal is None:
+                self._damage.add(f"{written.path.name} is not a readable write-ahead log")
             pages = Pages(file, size)
-            if journal and path:
+            if journal and written:
                 if pages.has_header and pages.page_bytes != journal.page_bytes:
-                    self._damage.add(f"{path.name} has pages of another size and is not read")
+                    self._damage.add(f"{written.path.name} has pages of another size and is not read")
                 else:
                     pages = Pages(file, size, journal, log)
                     if journal.problem:
-                        self._damage.add(f"{path.name}: {journal.problem}")
+                        self._damage.add(f"{written.path.name}: {journal.problem}")
             yield pages
 
     def _walk(self, pages: Pages, root: int | None) -> Iterator[Message]:
@@ -138,7 +154,7 @@ class Db3Read:
     def _catalogue(self, pages: Pages) -> dict[str, int]:
         """The first page of every table by name. Raises RecordingError where the file is not a recording."""
         if not pages.count or not (pages.has_header or any(True for _ in self._strays(pages, set()))):
-            raise RecordingError("this is not a SQLite file, or its beginning is cut", where=self._path)
+            raise RecordingError("this is not a SQLite file, or its beginning is cut", where=self._source.path)
         roots: dict[str, int] = {}
         bad: list[int] = []
         for page in pages.leaves(_CATALOGUE_PAGE, bad) if pages.has_header else ():
@@ -153,7 +169,7 @@ class Db3Read:
             self._damage.add("its first page is damaged: rows are found by their column types", 0)
         elif not {"topics", "messages"} <= roots.keys() and not self._bad_rows:
             raise RecordingError(
-                "this is not a ROS 2 recording: it has no tables of topics and messages", where=self._path
+                "this is not a ROS 2 recording: it has no tables of topics and messages", where=self._source.path
             )
         return roots
 

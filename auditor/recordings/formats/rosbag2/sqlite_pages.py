@@ -120,6 +120,19 @@ class Pages:
             else:
                 stack.extend((child, depth + 1) for child in reversed(children))
 
+    def end_leaf(self, root: int, *, last: bool) -> int | None:
+        """The first or last leaf page of a table; None where it cannot be reached."""
+        number = root
+        for _ in range(_MAX_DEPTH):
+            try:
+                children = self._children(number)
+            except BadPageError:
+                return None
+            if children is None:
+                return number
+            number = children[-1 if last else 0]
+        return None
+
     def _children(self, number: int) -> list[int] | None:
         """The pages below an interior page; None for a leaf. Raises BadPageError for any other."""
         page, head = self._page(number), _head_at(number)

@@ -1,0 +1,89 @@
+"""A calibration of a whole rig for a rig that lacks some of its sensors.
+
+Thresholds are of checks, and checks are of pairs and triples of sensors: what was measured of those that remain is
+selected and renumbered. Fault scores weigh all pairs of a camera, so they are worked out anew from the fault features
+of the pairs that remain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores
+from auditor.model.arrays import Floats
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import OF_LIDAR, Check, PairCheck, rig_pair_checks
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR, Rig, RigKind, Triple
+from auditor.model.sub_rigs import SubRig, sub_rig
+
+
+def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
+    """The calibration as it holds for a rig: itself for a rig of its kind, a part of it for a part of its rig.
+
+    The part has the whole's id, and `part` says what it is. None where the rig is neither.
+    """
+    if calibration.rig_kind.matches(rig.kind):
+        return calibration
+    part = sub_rig(calibration.rig_kind, rig)
+    if part is None:
+        return None
+    return _of_part(calibration, part, rig.kind, rig.measured_triples, rig_pair_checks(rig))
+
+
+def additional_sensors(calibration: Calibration, rig: Rig) -> int | None:
+    """How many sensors a calibration's rig has beyond those of a rig; None where it does not hold for it."""
+    if calibration.rig_kind.matches(rig.kind):
+        return 0
+    part = sub_rig(calibration.rig_kind, rig)
+    return None if part is None else len(part.absent)
+
+
+@lru_cache(maxsize=8)
+def _of_part(
+    calibration: Calibration, part: SubRig, kind: RigKind, triples: Sequence[Triple], pair_checks: Sequence[PairCheck]
+) -> Calibration:
+    clean = tuple(_clean_of_part(one, part, kind, triples, pair_checks) for one in calibration.clean)
+    return replace(calibration, rig_kind=kind, clean=clean, part=part)
+
+
+def _clean_of_part(
+    clean: CleanFrames, part: SubRig, kind: RigKind, triples: Sequence[Triple], pair_checks: Sequence[PairCheck]
+) -> CleanFrames:
+    own = range(0 if kind.lidar else 1, len(kind.sizes_px) + 1)
+    there = dict(zip(own, part.sensors, strict=True))
+    errors = {(s, t): (s, Triple(*(there[sensor] for sensor in t))) for s in Statistic for t in triples}
+    ratios = {e: PairCheck(e.check, there.get(e.i, LIDAR), there[e.k]) for e in pair_checks}
+    measured = clean.ratios if kind.lidar else {**clean.ratios, **clean.unmasked}
+    return CleanFrames(
+        clean.recording_id,
+        clean.stamps_ns,
+        {key: clean.errors[known] for key, known in errors.items() if known in clean.errors},
+        {key: measured[known] for key, known in ratios.items() if known in measured},
+        fault_scores(_features(clean, kind, there, pair_checks), clean.stamps_ns, list(own)),
+        missing={sensor: clean.missing[known] for sensor, known in there.items() if known in clean.missing},
+        frozen={sensor: clean.frozen[known] for sensor, known in there.items() if known in clean.frozen},
+    )
+
+
+def _features(
+    clean: CleanFrames, kind: RigKind, there: dict[int, int], pair_checks: Sequence[PairCheck]
+) -> ObservedFeatures:
+    """The fault features of the pairs that remain; without the LiDAR there are none of it."""
+    unknown = np.full(clean.frames, np.nan)
+    pairs = tuple((e.i, e.k) for e in pair_checks if e.check is Check.PHOTOMETRIC_INCONSISTENCY)
+    cameras = tuple(sensor for sensor in there if sensor != LIDAR)
+
+    def of_pairs(name: str) -> Floats:
+        known = [clean.features.get((name, (there[i], there[k])), unknown) for i, k in pairs]
+        usable = kind.lidar or name not in OF_LIDAR
+        return np.stack(known if usable else [unknown] * len(pairs), axis=1)
+
+    def of_cameras(name: str) -> Floats:
+        return np.stack([clean.brightness.get((name, there[camera]), unknown) for camera in cameras], axis=1)
+
+    return ObservedFeatures(
+        pairs, {name: of_pairs(name) for name in SCORED}, cameras, of_cameras("level"), of_cameras("saturated_share")
+    )

@@ -1,0 +1,55 @@
+"""Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from auditor.model.coverage import TopicCoverage, coverage_line, least_covered, unread_line
+from auditor.model.frames import TopicBalance
+from auditor.recordings.synchronisation.counts import EDGE
+
+MIN_COVERAGE = 0.99
+"""Share of messages, of time and of frames below which a recording counts as not fully audited."""
+
+_MOST_DAMAGE = 3  # pieces of damage in one remark
+
+
+@dataclass(frozen=True)
+class FrameCount:
+    """Frames that were put together, and moments without one by reason."""
+
+    measured: int
+    skipped: Mapping[str, int]
+
+    @property
+    def due(self) -> int:
+        """Frames that the recording should give: those at its edges are not."""
+        return self.measured + sum(self.skipped.values()) - self.skipped.get(EDGE, 0)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What of a recording was not read, one sentence a piece, and whether that is little enough to be complete."""
+
+    remarks: tuple[str, ...]
+    complete: bool
+
+
+def judge_reading(
+    frames: FrameCount,
+    coverage: Sequence[TopicCoverage] | None,
+    balance: Sequence[TopicBalance],
+    damage: Sequence[str],
+    min_coverage: float = MIN_COVERAGE,
+) -> Reading:
+    """Judge what was read of a recording with one rig; `coverage` is None where it was not kept.
+
+    It is incomplete where the least covered sensor, or the frames, fall short of `min_coverage`, where a sensor cannot
+    be read, and where anything is damaged.
+    """
+    topics = coverage or ()
+    messages, time = least_covered(topics)
+    unread = unread_line(topics)
+    damaged = sum(topic.damaged for topic in balance)
+    lost = f"damaged: {'; '.join(damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}" if damage or damaged else ""
+    enough = min(messages, time) >= min_coverage and frames.measured >= min_coverage * frames.due
+    return Reading(tuple(filter(None, (coverage_line(topics), unread, lost))), enough and not unread and not lost)

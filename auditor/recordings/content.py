@@ -1,0 +1,198 @@
+"""The content of a recording's files: hashed when they are opened, and compared at every later read.
+
+What is measured is filed under the hash of the recording. A file may be replaced, overwritten or cut while it is read,
+so a later read takes nothing on trust: each block is hashed again before any of its bytes is used.
+"""
+
+import hashlib
+import os
+from collections.abc import Iterable
+from io import SEEK_CUR, SEEK_END, SEEK_SET, BufferedReader, RawIOBase
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from auditor.errors import RecordingError
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+_BLOCK_BYTES = 1 << 20
+_MAX_BLOCKS = 1 << 16
+"""Larger files have larger blocks: what is kept of a block takes 0.3 kB, so that no file takes more than 20 MB."""
+
+_KEPT_BLOCKS = 4
+_BUFFER_BYTES = 1 << 18
+
+
+class ChangedError(RecordingError):
+    """A file that is no longer what it was when it was opened."""
+
+    def __init__(
+        self,
+        what: str = "the file changed while it was read: nothing of this is kept",
+        *,
+        where: object = "",
+        remedy: str = "scan it again when it is finished",
+    ) -> None:
+        super().__init__(what, where=where, remedy=remedy)
+
+
+class FileContent:
+    """One file as it was when it was opened: its size, its sha256, and what proves each block of it.
+
+    Of each block are kept the state of the hash before it and the digest behind it. So one sha256 over the file serves
+    all of them, and a block with that digest after that state is the block that was hashed.
+    """
+
+    __slots__ = ("_block_bytes", "_digests", "_identity", "_states", "path", "size")
+
+    def __init__(self, path: Path) -> None:
+        """Hash a file. Raises RecordingError where it cannot be read, or changes meanwhile."""
+        self.path = path
+        self._digests = bytearray()
+        self._states = []
+        try:
+            with path.open("rb", buffering=0) as file:
+                self._identity = _identity(os.fstat(file.fileno()))
+                self.size = os.fstat(file.fileno()).st_size
+                self._block_bytes = max(_BLOCK_BYTES, -(-self.size // _MAX_BLOCKS))
+                digest = hashlib.sha256()
+                for start in range(0, max(self.size, 1), self._block_bytes):
+                    self._states.append(digest.copy())
+                    digest.update(_pread(file.fileno(), start, min(self._block_bytes, self.size - start)))
+                    self._digests += digest.digest()
+                if _identity(os.fstat(file.fileno())) != self._identity:
+                    raise ChangedError(where=path)
+        except OSError as error:
+            raise RecordingError(f"it cannot be read ({error.strerror or error})", where=path) from error
+
+    @property
+    def sha256(self) -> str:
+        """The sha256 (hex) of the file."""
+        return self._digests[-hashlib.sha256().digest_size :].hex()
+
+    def open(self) -> BinaryIO:
+        """The file for reading. A read raises ChangedError where the file is not what was hashed, and OSError."""
+        file = self.path.open("rb", buffering=0)
+        if _identity(os.fstat(file.fileno())) != self._identity:
+            file.close()
+            raise ChangedError(where=self.path)
+        return BufferedReader(_ProvenReader(self, file), _BUFFER_BYTES)
+
+    def read(self) -> bytes:
+        """All of a small file. Raises ChangedError and OSError."""
+        with self.open() as file:
+            return file.read()
+
+    def block(self, descriptor: int, number: int) -> bytes:
+        """One block, read anew. Raises ChangedError where it is not what was hashed, and OSError."""
+        start = number * self._block_bytes
+        data = _pread(descriptor, start, min(self._block_bytes, self.size - start))
+        digest = self._states[number].copy()
+        digest.update(data)
+        length = digest.digest_size
+        if digest.digest() != self._digests[number * length : (number + 1) * length]:
+            raise ChangedError(where=self.path)
+        return data
+
+    def place(self, offset: int) -> tuple[int, int]:
+        """The number of the block that has an offset, and how far the offset lies behind the block's start."""
+        return divmod(offset, self._block_bytes)
+
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where the path leads to another file by now, or to one that was written to."""
+        try:
+            now = _identity(self.path.stat())
+        except OSError as error:
+            raise ChangedError(where=self.path) from error
+        if now != self._identity:
+            raise ChangedError(where=self.path)
+
+
+class Contents:
+    """The files of one recording, each hashed when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._files: dict[Path, FileContent] = {}
+
+    def of(self, path: Path) -> FileContent:
+        """A file. Raises RecordingError where it cannot be read."""
+        if path not in self._files:
+            self._files[path] = FileContent(path)
+        return self._files[path]
+
+    def recording_id(self, path: Path, files: Iterable[Path]) -> str:
+        """sha256 (hex) of a file; of a folder, or a file and its journal, of sorted relative paths and files' hashes.
+
+        Raises RecordingError where a file cannot be read.
+        """
+        files = tuple(files)
+        if files == (path,):
+            return self.of(path).sha256
+        folder = path if path.is_dir() else path.parent
+        whole = hashlib.sha256()
+        for name, file in sorted((file.relative_to(folder).as_posix(), file) for file in files):
+            whole.update(f"{self.of(file).sha256}  {name}\n".encode("utf-8", "surrogateescape"))
+        return whole.hexdigest()
+
+    def check_unchanged(self) -> None:
+        """Raise ChangedError where a file is not what it was when it was hashed."""
+        for content in self._files.values():
+            content.check_unchanged()
+
+
+class _ProvenReader(RawIOBase):
+    """A file of which no byte is given that was not hashed before."""
+
+    def __init__(self, content: FileContent, file: BinaryIO | RawIOBase) -> None:
+        self._content = content
+        self._file = file
+        self._position = 0
+        self._blocks: dict[int, bytes] = {}
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = SEEK_SET, /) -> int:
+        self._position = offset + {SEEK_SET: 0, SEEK_CUR: self._position, SEEK_END: self._content.size}[whence]
+        return self._position
+
+    def readinto(self, buffer: "WriteableBuffer", /) -> int:
+        if self._position >= self._content.size:
+            return 0
+        target = memoryview(buffer).cast("B")
+        number, start = self._content.place(self._position)
+        piece = memoryview(self._block(number))[start : start + len(target)]
+        target[: len(piece)] = piece
+        self._position += len(piece)
+        return len(piece)
+
+    def close(self) -> None:
+        self._file.close()
+        self._blocks.clear()
+        super().close()
+
+    def _block(self, number: int) -> bytes:
+        block = self._blocks.pop(number, None)
+        if block is None:
+            block = self._content.block(self._file.fileno(), number)
+        self._blocks[number] = block  # the last one used stands last
+        if len(self._blocks) > _KEPT_BLOCKS:
+            del self._blocks[next(iter(self._blocks))]
+        return block
+
+
+def _identity(status: os.stat_result) -> tuple[int, ...]:
+    """What changes when a file is replaced or written to, also where its time of modification was set back."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def _pread(descriptor: int, offset: int, length: int) -> bytes:
+    """The bytes at an offset, fewer at the end of the file."""
+    pieces = [os.pread(descriptor, length, offset)]
+    while pieces[-1] and (missing := length - sum(map(len, pieces))) > 0:
+        pieces.append(os.pread(descriptor, missing, offset + length - missing))
+    return b"".join(pieces)

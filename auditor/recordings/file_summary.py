@@ -1,0 +1,95 @@
+"""What can be learnt quickly of a file: the time that it covers, its sensors, the calibrations at its beginning."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import BinaryIO
+
+from auditor.errors import DecodingError, RecordingError
+from auditor.recordings.decoding import CameraInfo, Decoders
+from auditor.recordings.formats.damage import DamageLog
+from auditor.recordings.formats.files import FileRead
+from auditor.recordings.formats.mcap.reader import FileRead as McapRead
+from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
+from auditor.recordings.formats.rosbag1 import BagRead
+from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
+from auditor.recordings.formats.topics import Names, Span
+from auditor.recordings.formats.unpacking import Source, source_of
+from auditor.recordings.parameters import DRIVE_PARTS
+
+_BUFFER_BYTES = 1 << 16
+
+_READS: dict[str, Callable[[Source, None, Names, DamageLog], FileRead]] = {MCAP: McapRead, BAG: BagRead, DB3: Db3Read}
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """The topics of images and point clouds, and the calibrations that lie at the beginning of a file."""
+
+    sensors: frozenset[str]
+    camera_infos: dict[str, CameraInfo]
+    has_transforms: bool
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True where cameras have their calibration and places."""
+        return bool(self.camera_infos) and self.has_transforms
+
+
+class _PlainFile:
+    """A file as it is now. What is learnt of it decides which files are opened together, and is never stored."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = path.stat().st_size
+
+    def open(self) -> BinaryIO:
+        return self.path.open("rb", buffering=_BUFFER_BYTES)
+
+
+class FileSummary:
+    """One .mcap, .bag or .db3 file; nothing of it is read before it is asked for, nor twice."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    @cached_property
+    def span_ns(self) -> Span | None:
+        """The first and last log time; None where the file is empty or damaged beyond that."""
+        with suppress(RecordingError, OSError), self._read(Names()) as read:
+            return read.span_ns()
+        return None
+
+    @cached_property
+    def beginning(self) -> Beginning:
+        """What lies at its beginning, within the bounds of DRIVE_PARTS."""
+        names, infos, has_transforms = Names(), dict[str, CameraInfo](), False
+        decoders = Decoders(names.definitions.get)
+        with suppress(RecordingError, OSError), self._read(names) as read:
+            until_ns, left = None, DRIVE_PARTS.looked_at_bytes
+            for message in read.messages():
+                until_ns = message.log_time_ns + DRIVE_PARTS.looked_at_ns if until_ns is None else until_ns
+                left -= len(message.data)
+                decoder = decoders.of(message.schema, message.encoding)
+                with suppress(DecodingError):
+                    if decoder is not None and decoder.kind == "camera_info":
+                        infos.setdefault(message.topic, decoder.camera_info(message))
+                    has_transforms |= decoder is not None and decoder.kind == "transforms"
+                if left < 0 or message.log_time_ns > until_ns:
+                    break
+        kinds = {topic.name: decoders.of(topic.schema, topic.encoding) for topic in names.topics.values()}
+        sensors = (
+            name for name, decoder in kinds.items() if decoder is not None and decoder.kind in {"image", "cloud"}
+        )
+        return Beginning(frozenset(sensors), infos, has_transforms)
+
+    @contextmanager
+    def _read(self, names: Names) -> Iterator[FileRead]:
+        journal = journal_of(self.file) if file_kind(self.file) == DB3 else None
+        source = source_of(_PlainFile(self.file), _PlainFile(journal) if journal else None)
+        try:
+            yield _READS[file_kind(self.file)](source, None, names, DamageLog())
+        finally:
+            source.close()

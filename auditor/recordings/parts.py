@@ -1,0 +1,190 @@
+"""Files that recorders split or recorded side by side, put together: which of the files found are one recording.
+
+Names alone decide nothing: parts of one drive follow one another in time, files side by side cover the same time.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from auditor.recordings.file_summary import FileSummary
+from auditor.recordings.formats.part_names import file_kind, part_name, stem_of
+from auditor.recordings.formats.topics import Span
+from auditor.recordings.location import Location
+from auditor.recordings.parameters import DRIVE_PARTS
+from auditor.recordings.rigs.same_calibration import same_camera_info
+
+HasRig = Callable[[Location], bool]
+"""Tells whether the sensors of a recording form a rig."""
+
+
+def grouped(files: Sequence[Path], has_rig: HasRig) -> list[Location]:
+    """The recordings that some .mcap, .bag and .db3 files are, each at the place of its first file."""
+    order = {file: place for place, file in enumerate(files)}
+    found = [_located(drives) for drives in _side_by_side(_drives(files), has_rig)]
+    return sorted(found, key=lambda location: min(order[file] for file in files_of(location)))
+
+
+def files_of(location: Location) -> Iterator[Path]:
+    """The files of a recording that is no folder."""
+    if not location.streams:
+        yield location.path
+    for stream in location.streams:
+        yield from stream
+
+
+@dataclass
+class _Drive:
+    """Files that follow one another; `number` is that of the last one."""
+
+    parts: list[FileSummary]
+    number: int
+
+    def __post_init__(self) -> None:
+        self.last_number = self.number
+        """The number of the last part whose time is known."""
+
+    def add(self, part: FileSummary, number: int) -> None:
+        """Add the next part."""
+        self.parts.append(part)
+        self.number = number
+        if part.span_ns is not None:
+            self.last_number = number
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files, in order."""
+        return tuple(part.file for part in self.parts)
+
+    @property
+    def readable(self) -> list[FileSummary]:
+        """The parts whose time is known."""
+        return [part for part in self.parts if part.span_ns is not None]
+
+    @property
+    def spans_ns(self) -> list[Span]:
+        """The times that its parts cover, as far as they are known."""
+        return [part.span_ns for part in self.parts if part.span_ns is not None]
+
+    @property
+    def span_ns(self) -> Span | None:
+        """The time from its first to its last message."""
+        spans = self.spans_ns
+        return (spans[0][0], spans[-1][1]) if spans else None
+
+    @property
+    def end_ns(self) -> int:
+        """The time of its last message; 0 where that is not known."""
+        return self.span_ns[1] if self.span_ns else 0
+
+
+def _drives(files: Sequence[Path]) -> list[_Drive]:
+    """The files, those that are parts of one drive together."""
+    series: dict[object, list[tuple[int, FileSummary]]] = {}
+    for file in files:
+        name = part_name(file)
+        series.setdefault(name.key if name else file, []).append((name.number if name else 0, FileSummary(file)))
+    return [drive for members in series.values() for drive in _chains(members)]
+
+
+def _chains(members: Sequence[tuple[int, FileSummary]]) -> list[_Drive]:
+    if len(members) == 1:
+        return [_Drive([members[0][1]], members[0][0])]
+    chains: list[_Drive] = []
+    for number, part in sorted(members, key=lambda member: (member[0], member[1].span_ns or (0, 0))):
+        fitting = [chain for chain in chains if _follows(part, number, chain)]
+        if fitting:
+            max(fitting, key=lambda chain: (chain.number, chain.span_ns or (0, 0))).add(part, number)
+        else:
+            chains.append(_Drive([part], number))
+    return chains
+
+
+def _follows(part: FileSummary, number: int, drive: _Drive) -> bool:
+    """True for the next part of a drive; what cannot be read has no time, and follows by its number alone."""
+    if not 1 <= number - drive.number <= 1 + DRIVE_PARTS.most_missing:
+        return False
+    if part.span_ns is None or not drive.readable:
+        return number == drive.number + 1
+    in_time = _follows_in_time(part.span_ns, drive.spans_ns, number - drive.last_number - 1)
+    return in_time and _is_of_the_same_vehicle(drive.readable[0], part)
+
+
+def _follows_in_time(span: Span, before: Sequence[Span], missing: int) -> bool:
+    """True where a part begins when the last one ended, or later by the time of the parts missing between them."""
+    lengths_ns = [end_ns - begin_ns for begin_ns, end_ns in (*before, span)]
+    shorter_ns = min(lengths_ns[-2:])
+    overlap_ns = min(DRIVE_PARTS.most_overlap_ns, int(DRIVE_PARTS.most_overlap_share * shorter_ns))
+    gap_ns = DRIVE_PARTS.most_gap_ns + int(missing * DRIVE_PARTS.most_lengths * max(lengths_ns))
+    return before[-1][1] - overlap_ns <= span[0] <= before[-1][1] + gap_ns
+
+
+def _is_of_the_same_vehicle(first: FileSummary, part: FileSummary) -> bool:
+    """False where a part has other sensors, or a calibration of its own in which no camera is as it was."""
+    before, here = first.beginning, part.beginning
+    if before.sensors and here.sensors and not before.sensors & here.sensors:
+        return False
+    if not (before.is_calibrated and here.is_calibrated):
+        return True
+    common = before.camera_infos.keys() & here.camera_infos.keys()
+    return any(same_camera_info(before.camera_infos[topic], here.camera_infos[topic]) for topic in common)
+
+
+def _side_by_side(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
+    """The drives, those that recorded different sensors of one vehicle at the same time together."""
+    beside: dict[tuple[Path, str], list[_Drive]] = {}
+    for drive in drives:
+        beside.setdefault((drive.files[0].parent, file_kind(drive.files[0])), []).append(drive)
+    return [together for members in beside.values() for together in _merged(members, has_rig)]
+
+
+def _merged(drives: Sequence[_Drive], has_rig: HasRig) -> list[list[_Drive]]:
+    """The drives of one folder and kind."""
+    if len(drives) == 1:
+        return [[drives[0]]]
+    recordings: list[list[_Drive]] = []
+    running: list[list[_Drive]] = []
+    for drive in sorted(drives, key=lambda drive: (drive.span_ns or (0, 0), drive.files)):
+        begin_ns = (drive.span_ns or (0, 0))[0]
+        # Drives that have ended cannot cover the time of this one or of a later one.
+        running = [one for one in running if any(other.end_ns > begin_ns for other in one)]
+        free = (one for one in running if len(one) < DRIVE_PARTS.most_streams)
+        fitting = next((one for one in free if all(_are_beside(drive, other) for other in one)), None)
+        if fitting is not None and not all(has_rig(_located([one])) for one in (*fitting, drive)):
+            fitting.append(drive)
+        else:
+            recordings.append([drive])
+            running.append(recordings[-1])
+    return recordings
+
+
+def _are_beside(one: _Drive, other: _Drive) -> bool:
+    if one.span_ns is None or other.span_ns is None:
+        return False
+    (begin, end), (other_begin, other_end) = one.span_ns, other.span_ns
+    common_ns = min(end, other_end) - max(begin, other_begin)
+    shorter_ns = min(end - begin, other_end - other_begin)
+    if common_ns <= 0 or common_ns < DRIVE_PARTS.least_common_share * shorter_ns:
+        return False
+    sensors = [_sensors(drive) for drive in (one, other)]
+    return all(sensors) and not sensors[0] & sensors[1]
+
+
+def _sensors(drive: _Drive) -> frozenset[str]:
+    return drive.readable[0].beginning.sensors if drive.readable else frozenset()
+
+
+def _located(drives: Sequence[_Drive]) -> Location:
+    """The drives as one recording; one of a single file is that file."""
+    streams = tuple(sorted(drive.files for drive in drives))
+    if len(streams) == 1 and len(streams[0]) == 1:
+        return Location(streams[0][0])
+    return Location(streams[0][0].with_name("+".join(map(_common_name, streams))), streams)
+
+
+def _common_name(files: Sequence[Path]) -> str:
+    """`drive` for drive_0.mcap and drive_1.mcap; where part 0 and part 1 are not among them `drive_4`."""
+    name = part_name(files[0])
+    if len(files) == 1 or name is None or name.number > 1:
+        return stem_of(files[0])
+    return name.stem or files[0].parent.name

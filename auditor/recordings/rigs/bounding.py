@@ -1,0 +1,71 @@
+"""Cuts the cameras of a rig to as many as can be compared: pairs grow with the square of cameras, triples faster."""
+
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from typing import TypeVar
+
+import numpy as np
+
+from auditor.model.geometry import Matrix
+from auditor.model.parameters import COMMON_VIEW, RIG_GEOMETRY
+from auditor.model.rig import Camera
+from auditor.recordings.parameters import RIG_LIMITS
+
+_MOST_NAMED = 100
+_DIGITS = 9  # what differs by rounding alone overlaps alike
+
+Some = TypeVar("Some")
+
+
+def overlapping_most(
+    cameras: Sequence[Camera], reasons: list[str], most: int = RIG_LIMITS.most_cameras
+) -> list[Camera]:
+    """Of more than `most` cameras those that overlap most, in their order; `reasons` then gets what is left out.
+
+    These are the one camera whose best partners overlap it most, and these partners. The work grows with the square of
+    the cameras.
+    """
+    if len(cameras) <= most:
+        return list(cameras)
+    shared = _overlaps(cameras)
+    best = np.sort(shared, axis=1)[:, -most:].sum(axis=1)
+    chosen = set(np.argsort(-shared[int(np.argmax(best))], kind="stable")[:most].tolist())
+    left_out = [camera.name for index, camera in enumerate(cameras) if index not in chosen]
+    reasons.append(
+        f"{len(cameras)} cameras look the same way, and at most {most} are compared: those that overlap most. "
+        f"Left out: {names_of(left_out)}"
+    )
+    return [cameras[index] for index in sorted(chosen)]
+
+
+def first_ones(some: Sequence[Some], most: int, what: str, names: Iterable[str], reasons: list[str]) -> list[Some]:
+    """The first `most` of some things; `reasons` then gets the `names` of the others. There is one name for each."""
+    if len(some) > most:
+        left_out = list(names)[most:]
+        reasons.append(f"{len(some)} {what}, and at most {most} are looked at. Left out: {names_of(left_out)}")
+    return list(some[:most])
+
+
+def names_of(names: Sequence[str]) -> str:
+    """Names as one list, the first 100 in full."""
+    more = [f"and {len(names) - _MOST_NAMED} more"] if len(names) > _MOST_NAMED else []
+    return ", ".join([*islice(names, _MOST_NAMED), *more])
+
+
+def _overlaps(cameras: Sequence[Camera]) -> Matrix:
+    """(n, n): of what two cameras see on a wall ahead, the share that both see; lenses and rolls are neglected."""
+    low, high = np.array([_seen_m(camera) for camera in cameras]).transpose(1, 0, 2)
+    both = np.clip(np.minimum(high[:, None], high) - np.maximum(low[:, None], low), 0, None).prod(axis=2)
+    each = (high - low).prod(axis=1)
+    shared: Matrix = both / np.maximum(each[:, None] + each - both, np.finfo(float).tiny)
+    return np.round(shared, _DIGITS)
+
+
+def _seen_m(camera: Camera) -> Matrix:
+    """(2, 2): the lowest and highest x and y, in metres, of what a camera sees on a wall across the rig's z axis."""
+    u, v = (0, camera.width_px), (0, camera.height_px)
+    corners = np.array([(x, y, 1.0) for x in u for y in v]).T
+    rays = camera.rotation.T @ np.linalg.solve(camera.intrinsics, corners)
+    tangents = rays[:2] / np.maximum(rays[2], COMMON_VIEW.nearest_ahead)
+    wall = camera.centre_m[:2, None] + RIG_GEOMETRY.far_m * np.clip(tangents, -COMMON_VIEW.widest, COMMON_VIEW.widest)
+    return np.array([wall.min(axis=1), wall.max(axis=1)])

@@ -1,0 +1,146 @@
+"""Changes of calibrations within a recording: camera infos, transforms and the size of pictures, each with its time."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from statistics import median
+from typing import NamedTuple
+
+from auditor.errors import DecodingError
+from auditor.model.frames import Message
+from auditor.recordings.decoding import CameraInfo, Decoders, ImageDecoder, Transform
+from auditor.recordings.decoding.interface import SizePx
+from auditor.recordings.parameters import CALIBRATION_CHANGES, FIRST_LOOK
+from auditor.recordings.recording import Recording
+from auditor.recordings.rigs.same_calibration import same_camera_info, same_numbers
+from auditor.recordings.synchronisation.survey import Survey
+
+_STAMP_END = 12
+"""A ROS message begins with 4 bytes and the stamp: what follows is the same in each message of one calibration."""
+
+
+class Key(NamedTuple):
+    """What may change: the camera info or the picture size of a topic, or the transform between two frames."""
+
+    kind: str
+    name: str
+    child: str = ""
+
+    def __str__(self) -> str:
+        return {
+            "info": self.name,
+            "size": f"the picture size of {self.name}",
+            "transform": f"tf from {self.name} to {self.child}",
+        }[self.kind]
+
+
+Value = CameraInfo | SizePx | Transform
+
+
+class Change(NamedTuple):
+    """A new value, and since when it holds."""
+
+    time_ns: int
+    key: Key
+    value: Value
+
+
+class Changes:
+    """The changes of a recording in order of time, found by reading it once, at most `most_messages` of them.
+
+    `until_ns` is when the first one comes that is too many; None where there is none.
+    """
+
+    def __init__(self, recording: Recording, survey: Survey, keys: frozenset[Key]) -> None:
+        self._keys = keys
+        self._decoders = Decoders(recording.definition)
+        self._delay_ns = _delay_ns(survey)
+        self._values: dict[Key, Value] = {Key("info", t): info for t, info in survey.camera_infos.items()}
+        self._values |= {Key("transform", one.parent, one.child): one for one in survey.transforms}
+        self._values |= {Key("size", image.topic.name): image.size_px for image in survey.images}
+        self._tails: dict[str, bytes] = {}
+        self._new_sizes: dict[Key, list[Change]] = {}
+        self.found: list[Change] = []
+        self.until_ns: int | None = None
+        self._read(recording)
+        self.found.sort(key=lambda change: change.time_ns)
+
+    def _read(self, recording: Recording) -> None:
+        topics = {key.name for key in self._keys if key.kind != "transform"}
+        if any(key.kind == "transform" for key in self._keys):
+            topics |= {t.name for t in recording.topics() if self._kind(t.schema, t.encoding) == "transforms"}
+        for message in recording.messages(topics):
+            with suppress(DecodingError):
+                for change in self._changes(message):
+                    if len(self.found) == CALIBRATION_CHANGES.most_messages:
+                        self.until_ns = change.time_ns
+                        return
+                    self._values[change.key] = change.value
+                    self.found.append(change)
+
+    def _kind(self, schema: str, encoding: str) -> str:
+        decoder = self._decoders.of(schema, encoding)
+        return decoder.kind if decoder is not None else ""
+
+    def _changes(self, message: Message) -> Iterator[Change]:
+        decoder = self._decoders.of(message.schema, message.encoding)
+        if decoder is None:
+            return
+        if decoder.kind == "transforms":
+            for transform in decoder.transforms(message):
+                key = Key("transform", transform.parent, transform.child)
+                if not transform.problem and self._differs(key, transform):
+                    yield Change(message.log_time_ns - self._delay_ns, key, transform)
+        elif decoder.kind == "camera_info" and self._is_new(message):
+            info = decoder.camera_info(message)
+            key = Key("info", message.topic)
+            if self._differs(key, info):
+                yield Change(self._time_ns(message, info.header.stamp_ns), key, info)
+        elif decoder.kind == "image":
+            yield from self._of_size(message, decoder)
+
+    def _differs(self, key: Key, value: CameraInfo | Transform) -> bool:
+        """True where a rig needs it, and it is not what was in force."""
+        before = self._values.get(key)
+        if key not in self._keys or before is None:
+            return False
+        if isinstance(before, CameraInfo) and isinstance(value, CameraInfo):
+            return not same_camera_info(before, value)
+        return not (
+            isinstance(before, Transform)
+            and isinstance(value, Transform)
+            and same_numbers(before.parent_SE3_child, value.parent_SE3_child)
+        )
+
+    def _is_new(self, message: Message) -> bool:
+        """True unless the bytes are those of the message before, but for the stamp."""
+        if message.encoding not in {"cdr", "ros1"}:
+            return True
+        tail = bytes(message.data[_STAMP_END:])
+        before, self._tails[message.topic] = self._tails.get(message.topic), tail
+        return tail != before
+
+    def _of_size(self, message: Message, decoder: ImageDecoder) -> Iterator[Change]:
+        """A change of size, once enough pictures in a row show it: a damaged one alone does not."""
+        key = Key("size", message.topic)
+        size_px = decoder.size_px(message)
+        if size_px == self._values.get(key):
+            self._new_sizes.pop(key, None)
+            return
+        change = Change(self._time_ns(message, decoder.header(message).stamp_ns), key, size_px)
+        waiting = self._new_sizes.setdefault(key, [])
+        if waiting and waiting[0].value != size_px:
+            waiting.clear()
+        waiting.append(change)
+        if len(waiting) == CALIBRATION_CHANGES.pictures_a_size:
+            yield self._new_sizes.pop(key)[0]
+
+    def _time_ns(self, message: Message, stamp_ns: int) -> int:
+        """The stamp of a message, or what its log time says where the stamp lies far from that."""
+        usual_ns = message.log_time_ns - self._delay_ns
+        return stamp_ns if stamp_ns > 0 and abs(stamp_ns - usual_ns) <= FIRST_LOOK.most_lag_ns else usual_ns
+
+
+def _delay_ns(survey: Survey) -> int:
+    """The usual time from a stamp to its log time."""
+    samples = [one for image in survey.images for one in image.samples if one.stamp_ns > 0]
+    return int(median(one.log_time_ns - one.stamp_ns for one in samples)) if samples else 0

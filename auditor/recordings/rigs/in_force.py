@@ -1,0 +1,258 @@
+"""Which rig of a recording is in force when.
+
+A camera info, a mounting in tf or the size of pictures may change while a drive is recorded. From then on the recording
+is audited with the rig that its calibration gives then. Topics and transforms that no rig needs do not count.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from auditor.model.rig import Camera, Rig
+from auditor.recordings.decoding import CameraInfo, Transform
+from auditor.recordings.parameters import CALIBRATION_CHANGES
+from auditor.recordings.recording import Recording
+from auditor.recordings.rigs.cameras import find_views
+from auditor.recordings.rigs.changes import Change, Changes, Key, Value
+from auditor.recordings.rigs.discovery import find_rigs, search_rigs
+from auditor.recordings.rigs.same_calibration import same_numbers
+from auditor.recordings.synchronisation.clock_offsets import learn_timing
+from auditor.recordings.synchronisation.stretches import WHOLE, Stretch
+from auditor.recordings.synchronisation.survey import Survey
+
+CHANGING = "the calibration changes"
+NO_RIG = "no rig after a change of the calibration"
+TOO_OFTEN = "the calibration changes too often"
+
+
+@dataclass(frozen=True, eq=False)
+class RigInForce:
+    """A rig, the calibrations that it was made of, and when they are in force."""
+
+    rig: Rig
+    survey: Survey
+    stretches: tuple[Stretch, ...] = WHOLE
+
+
+class RigsInForce(NamedTuple):
+    """The rigs of a recording, those of its beginning first, and a sentence for each change."""
+
+    rigs: tuple[RigInForce, ...]
+    remarks: tuple[str, ...] = ()
+
+
+def rigs_in_force(recording: Recording, survey: Survey) -> RigsInForce:
+    """The rigs of a recording's beginning, and those that come into force later. The recording is read through.
+
+    Raises RigError where there is no rig at the beginning.
+    """
+    rigs = find_rigs(survey)
+    needed = [_needs(rig, survey) for rig in rigs]
+    changes = Changes(recording, survey, frozenset[Key]().union(*(needs.keys() for needs in needed)))
+    found: dict[str, RigInForce] = {}
+    remarks: dict[str, None] = {}
+    for rig, needs in zip(rigs, needed, strict=True):
+        line = _Line(rig, survey, needs, [other for other in rigs if other is not rig])
+        line.follow(changes)
+        for one in line.in_force():
+            found.setdefault(one.rig.rig_id, one)
+        remarks.update(dict.fromkeys(line.remarks))
+    return RigsInForce(tuple(found.values()), tuple(remarks))
+
+
+def _needs(rig: Rig, survey: Survey) -> Mapping[Key, int]:
+    """What a rig depends on, each with the offset of the sensor's clock to the rig's time."""
+    offset_ns = learn_timing(rig, survey).offset_ns
+    views = {view.image.topic.name: view for view in find_views(survey, [])}
+    needs: dict[Key, int] = {}
+    frames: list[str] = []
+    for camera in rig.cameras:
+        needs[Key("size", camera.topic)] = offset_ns[camera.number]
+        view = views.get(camera.topic)
+        if view is not None:
+            needs[Key("info", view.info_topic)] = offset_ns[camera.number]
+            frames.append(view.frame_id)
+    frames += [cloud.frame_id for cloud in survey.clouds if rig.lidar and cloud.topic.name == rig.lidar.topic]
+    return needs | {Key("transform", *link): 0 for link in _links(survey.transforms, frames)}
+
+
+def _links(transforms: Sequence[Transform], frames: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """The transforms, as parent and child, on the shortest ways from the first of some frames to the others."""
+    known = {(transform.parent, transform.child) for transform in transforms}
+    neighbours: dict[str, list[str]] = {}
+    for parent, child in known:
+        neighbours.setdefault(parent, []).append(child)
+        neighbours.setdefault(child, []).append(parent)
+    came_from: dict[str, str] = {}
+    reached = list(frames[:1])
+    for frame in reached:
+        for neighbour in sorted(neighbours.get(frame, ())):
+            if neighbour not in came_from and neighbour != frames[0]:
+                came_from[neighbour] = frame
+                reached.append(neighbour)
+    for target in frames[1:]:
+        frame = target
+        while frame in came_from:
+            link = came_from[frame], frame
+            yield link if link in known else link[::-1]
+            frame = came_from[frame]
+
+
+@dataclass
+class _Cluster:
+    """Changes that follow one another closely: together they are one change of the rig."""
+
+    changes: list[Change]
+    first_ns: int
+    last_ns: int
+
+
+class _Line:
+    """The rigs that follow one another from one rig of the beginning."""
+
+    def __init__(self, rig: Rig, survey: Survey, needs: Mapping[Key, int], others: Sequence[Rig]) -> None:
+        self._needs = needs
+        self._others = others
+        self._survey = survey
+        self._tolerance_ns = learn_timing(rig, survey).tolerance_ns
+        self._known: dict[Rig, Survey] = {rig: survey}
+        self._stretches: dict[Rig, list[Stretch]] = {rig: []}
+        self._last: tuple[Rig, ...] = (rig,)
+        samples = survey.samples(rig.topic(rig.n))
+        self._begin_ns = min((sample.time_ns for sample in samples), default=0)
+        self.remarks: list[str] = []
+
+    def in_force(self) -> Iterator[RigInForce]:
+        """The rigs with their times."""
+        self._leave_out_the_first_if_it_has_no_frame()
+        for rig, stretches in self._stretches.items():
+            if stretches:
+                yield RigInForce(rig, self._known[rig], tuple(stretches))
+
+    def _leave_out_the_first_if_it_has_no_frame(self) -> None:
+        """A calibration that changed before the first frame was never in force: the next rig has its stretches."""
+        first, *others = (rig for rig, stretches in self._stretches.items() if stretches)
+        own = self._stretches[first]
+        frames = [one for one in own if not one.reason and (one.until_ns is None or one.until_ns > self._begin_ns)]
+        if others and not frames:
+            self._stretches[others[0]][:0] = [one for one in own if one.reason]
+            own.clear()
+
+    def follow(self, changes: Changes) -> None:
+        """Follow all changes of the recording."""
+        begin_ns: int | None = None
+        in_force, reason = self._last, ""
+        counted = 0
+        for cluster in self._clusters(changes):
+            from_ns, until_ns = cluster.first_ns - self._tolerance_ns, cluster.last_ns - self._tolerance_ns
+            rigs = self._rigs_after(changes, cluster.last_ns)
+            if from_ns == until_ns and (rigs or self._last, "" if rigs else NO_RIG) == (in_force, reason):
+                continue  # nothing that the rig is made of has changed
+            self._add(in_force, Stretch(begin_ns, from_ns, reason))
+            begin_ns = from_ns
+            counted += 1
+            if counted > CALIBRATION_CHANGES.most:
+                self._end(from_ns, cluster)
+                return
+            if until_ns > from_ns:
+                self._add(self._last, Stretch(from_ns, until_ns, CHANGING))
+                begin_ns = until_ns
+            self._tell(cluster, rigs)
+            in_force, reason = (rigs, "") if rigs else (self._last, NO_RIG)
+        self._add(in_force, Stretch(begin_ns, changes.until_ns, reason))
+        if changes.until_ns is not None:
+            self._add(self._last, Stretch(changes.until_ns, None, TOO_OFTEN))
+            self.remarks.append(f"{TOO_OFTEN}: frames from {self._at(changes.until_ns)} on are not audited")
+
+    def _end(self, from_ns: int, cluster: _Cluster) -> None:
+        self._add(self._last, Stretch(from_ns, None, TOO_OFTEN))
+        what = f"{TOO_OFTEN}, more than {CALIBRATION_CHANGES.most} times"
+        self.remarks.append(f"{what}: frames from {self._at(cluster.first_ns)} on are not audited")
+
+    def _add(self, rigs: Sequence[Rig], stretch: Stretch) -> None:
+        for rig in rigs:
+            before = self._stretches[rig]
+            if before and before[-1].until_ns == stretch.from_ns and before[-1].reason == stretch.reason:
+                before[-1] = replace(before[-1], until_ns=stretch.until_ns)
+            else:
+                before.append(stretch)
+            if stretch.reason:
+                return  # it counts once
+        if not stretch.reason:
+            self._last = tuple(rigs)
+
+    def _tell(self, cluster: _Cluster, rigs: Sequence[Rig]) -> None:
+        topics = list(dict.fromkeys(str(change.key) for change in cluster.changes))
+        named = ", ".join(topics[:4]) + (f" and {len(topics) - 4} more" if len(topics) > 4 else "")
+        then = "frames from then on have a rig of their own" if rigs else "frames from then on have no rig"
+        if len(rigs) == 1 and len(self._stretches[rigs[0]]) > 0:
+            then = "frames from then on have the rig of before"
+        self.remarks.append(f"the calibration changes at {self._at(cluster.first_ns)} ({named}): {then}")
+
+    def _at(self, time_ns: int) -> str:
+        return f"{(time_ns - self._begin_ns) / 1e9:.1f} s"
+
+    def _clusters(self, changes: Changes) -> Iterator[_Cluster]:
+        cluster: _Cluster | None = None
+        for change in changes.found:
+            if change.key not in self._needs:
+                continue
+            time_ns = change.time_ns - self._needs[change.key]
+            if cluster is not None and time_ns - cluster.last_ns <= CALIBRATION_CHANGES.settling_ns:
+                cluster.changes.append(change)
+                cluster.first_ns, cluster.last_ns = min(cluster.first_ns, time_ns), max(cluster.last_ns, time_ns)
+                continue
+            if cluster is not None:
+                yield self._narrowed(cluster)
+            cluster = _Cluster([change], time_ns, time_ns)
+        if cluster is not None:
+            yield self._narrowed(cluster)
+
+    def _narrowed(self, cluster: _Cluster) -> _Cluster:
+        """Changes within one frame are one moment."""
+        if cluster.last_ns - cluster.first_ns <= self._tolerance_ns:
+            cluster.last_ns = cluster.first_ns
+        return cluster
+
+    def _rigs_after(self, changes: Changes, time_ns: int) -> tuple[Rig, ...]:
+        """The rigs that take the place of the last ones, by the calibrations of a time."""
+        latest = [c for c in changes.found if c.time_ns - self._needs.get(c.key, 0) <= time_ns + self._tolerance_ns]
+        survey = _with(self._survey, {change.key: change.value for change in latest})
+        topics = {rig.topic(sensor) for rig in self._known for sensor in rig.sensors}
+        rigs: list[Rig] = []
+        for rig in search_rigs(survey).rigs:
+            if any(_alike(rig, other) for other in self._others) or not topics & set(map(rig.topic, rig.sensors)):
+                continue
+            known = next((one for one in self._known if _alike(one, rig)), None)
+            if known is None:
+                self._known[rig], self._stretches[rig] = survey, []
+            rigs.append(known or rig)
+        return tuple(rigs)
+
+
+def _with(survey: Survey, values: Mapping[Key, Value]) -> Survey:
+    """A survey with other calibrations."""
+    infos = {key.name: value for key, value in values.items() if isinstance(value, CameraInfo)}
+    moved = {(value.parent, value.child): value for value in values.values() if isinstance(value, Transform)}
+    sizes = {key.name: value for key, value in values.items() if isinstance(value, tuple)}
+    return replace(
+        survey,
+        camera_infos=survey.camera_infos | infos,
+        transforms=tuple(moved.get((one.parent, one.child), one) for one in survey.transforms),
+        images=tuple(replace(image, size_px=sizes.get(image.topic.name, image.size_px)) for image in survey.images),
+    )
+
+
+def _alike(a: Rig, b: Rig) -> bool:
+    """True for two rigs of the same sensors at the same places."""
+    if [a.topic(sensor) for sensor in a.sensors] != [b.topic(sensor) for sensor in b.sensors]:
+        return False
+    if (a.lidar and b.lidar) and not same_numbers(a.lidar.rig_SE3_lidar, b.lidar.rig_SE3_lidar):
+        return False
+    return all(_same_camera(one, other) for one, other in zip(a.cameras, b.cameras, strict=True))
+
+
+def _same_camera(a: Camera, b: Camera) -> bool:
+    plain = [(one.width_px, one.height_px, one.rectified, one.lens.model) for one in (a, b)]
+    lenses = same_numbers(a.lens.coefficients, b.lens.coefficients)
+    return plain[0] == plain[1] and lenses and same_numbers(a.projection, b.projection)

@@ -1,0 +1,118 @@
+"""Checking a store: every finished file is there, readable and whole, fits the others, and nothing else lies there."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from auditor.errors import StoreError
+from auditor.store.files import finished, is_part
+from auditor.store.marker import MARKER, UPGRADED
+from auditor.store.schema import TABLES
+from auditor.store.store import Store
+from auditor.store.tables import read_table
+
+_ID = {
+    "recordings": "recording_id",
+    "labels": "recording_id",
+    "rigs": "rig_id",
+    "triples": "rig_id",
+    "pair_checks": "rig_id",
+    "calibrations": "calibration_id",
+    "judgements": "judgement_id",
+    "verdicts": "judgement_id",
+    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions"), "measurement_id"),
+    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
+}
+"""By table: the column that has the id of the file."""
+
+_COUNTED = {
+    "measurements": ("frames", ("frames",)),
+    "judgements": ("verdicts", ("clean", "attacked", "unidentified", "suspect", "not_auditable")),
+    "evaluations": ("cases", ("cases",)),
+    "object_evaluations": ("object_cases", ("cases",)),
+}
+"""By manifest: the table whose rows it counts, and the columns whose sum that is."""
+
+_NAMED = {
+    "measurements": (("recording_id", "recordings"), ("rig_id", "rigs")),
+    "judgements": (("measurement_id", "measurements"), ("calibration_id", "calibrations")),
+    "labels": (("recording_id", "recordings"),),
+}
+"""By table: the columns that name rows of other tables."""
+
+_BESIDE = ("pictures", "reports")
+"""Folders that are no tables; what lies in `reports` is nobody's business here."""
+
+_KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
+
+
+def check(store: Store) -> Iterator[str]:
+    """One line for each thing that is wrong with a store."""
+    for table in TABLES:
+        for row_id in store.ids(table):
+            path = store.path(table, row_id)
+            try:
+                yield from (f"{_short(store, path)}: {problem}" for problem in _of_file(store, table, row_id))
+            except StoreError as error:
+                yield f"{_short(store, path)}: {error.what}"
+    yield from _of_folder(store)
+
+
+def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
+    path = store.path(table, row_id)
+    if not path.is_file():
+        if table != "case_verdicts":
+            yield "it is missing"
+        return
+    name = _ID[table]
+    content = read_table(table, path)
+    others = set(content[name].to_pylist()) - {row_id}
+    if others:
+        yield f"it has rows of {name} {', '.join(sorted(map(str, others)))[:80]}"
+    if table in _COUNTED:
+        yield from _of_rows(store, table, row_id, content)
+    for column, other in _NAMED.get(table, ()):
+        for named in sorted({value for value in content[column].to_pylist() if value is not None}):
+            if not store.path(other, named).is_file():
+                yield f"there is no {column} {named} in {other}"
+
+
+def _of_rows(store: Store, manifest: str, row_id: str, content: pa.Table) -> Iterator[str]:
+    """What does not fit between a row that makes a file finished, and the rows of that file."""
+    if len(content) != 1:
+        yield f"it has {len(content)} rows in place of one"
+        return
+    row: dict[str, Any] = content.to_pylist()[0]
+    table, columns = _COUNTED[manifest]
+    declared = sum(row[column] or 0 for column in columns)
+    path = store.path(table, row_id)
+    there = len(read_table(table, path, [_ID[table]])) if path.is_file() else declared
+    if there != declared:
+        yield f"it counts {declared} rows of {table}, and there are {there}"
+
+
+def _of_folder(store: Store) -> Iterator[str]:
+    """What lies in the folder and does not belong to the store."""
+    for path in sorted(store.folder.iterdir()):
+        if path.name not in {MARKER, *_BESIDE, *TABLES}:
+            abandoned = is_part(path) or path.name == UPGRADED
+            yield f"{path.name}: {_KILLED if abandoned else 'it is not of a store'}"
+    for table in TABLES:
+        folder = store.folder / table
+        known = {f"{row_id}.parquet" for row_id in store.ids(table)}
+        there = {f"{row_id}.parquet" for row_id in finished(folder)}
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if path.name not in known:
+                what = _KILLED if is_part(path) or path.name in there else "it is not of a store"
+                yield f"{_short(store, path)}: {what}"
+    for path in sorted(store.folder.glob("pictures/*")):
+        if path.name not in store.ids("measurements"):
+            yield f"{_short(store, path)}: {_KILLED}"
+        else:
+            yield from (f"{_short(store, one)}: {_KILLED}" for one in sorted(path.iterdir()) if is_part(one))
+
+
+def _short(store: Store, path: Path) -> str:
+    return path.relative_to(store.folder).as_posix()

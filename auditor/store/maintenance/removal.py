@@ -1,0 +1,106 @@
+"""Removing recordings from a store, with all that was measured and judged of them.
+
+The rows that make other files finished go first: a removal that is killed leaves files that nobody reads.
+"""
+
+import shutil
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from auditor.errors import StoreError
+from auditor.store.files import locked
+from auditor.store.records import RecordingRecord
+from auditor.store.store import MANIFESTS, Store
+from auditor.store.tables import read_table
+
+_EVALUATIONS = ("evaluations", "object_evaluations")
+
+
+@dataclass(frozen=True)
+class Removed:
+    """What went with some recordings, and the calibrations that were made of them, which stay."""
+
+    measurements: int
+    judgements: int
+    parts: int
+    calibrations: tuple[str, ...]
+
+
+def find_removable(store: Store, wanted: Collection[str]) -> list[RecordingRecord]:
+    """The recordings of some names or ids, or their beginnings, each once.
+
+    Raises StoreError where one names no recording, or several.
+    """
+    found: dict[str, RecordingRecord] = {}
+    for one in wanted:
+        called = store.recordings_called(one)
+        if len(called) != 1:
+            what = f"{len(called)} recordings are called" if called else "no recording is called"
+            ids = ", ".join(record.recording_id[:12] for record in called)
+            remedy = f"name one by its id: {ids}" if called else "auditor store list shows them"
+            raise StoreError(f"{what} {one!r}", where=store.folder, remedy=remedy)
+        found[called[0].recording_id] = called[0]
+    return list(found.values())
+
+
+def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
+    """Remove recordings; those that they superseded count again. Raises StoreError."""
+    gone = set(recording_ids)
+    with locked(store.folder):
+        calibrations = [known for known, used in store.calibration_recordings().items() if gone & set(used)]
+        measurements = [one.measurement_id for one in store.measurements() if one.recording_id in gone]
+        judgements = sum(remove_measurement(store, known) for known in measurements)
+        parts = [(table, known) for table in _EVALUATIONS for known in _parts_of(store, table, gone)]
+        for table, known in parts:
+            _remove(store, table, known)
+        for known in gone:
+            for table in ("labels", "recordings"):
+                _unlink(store.path(table, known))
+        for record in store.recordings():
+            if gone & {record.superseded_by, *(record.conflicts or ())}:
+                # It is compared anew: another recording may hold its frames, too.
+                store.write_recording(replace(record, superseded_by=None, conflicts=None))
+    return Removed(len(measurements), judgements, len(parts), tuple(calibrations))
+
+
+def remove_measurement(store: Store, measurement_id: str) -> int:
+    """Remove a measurement, where there is one, its judgements and pictures; returns how many judgements it had."""
+    judgements = [one for one in store.ids("judgements") if _is_of(store, one, measurement_id)]
+    for judgement in judgements:
+        _remove(store, "judgements", judgement)
+    if store.has_measurement(measurement_id):
+        _remove(store, "measurements", measurement_id)
+    shutil.rmtree(store.folder / "pictures" / measurement_id, ignore_errors=True)
+    store.forget(measurement_id)
+    return len(judgements)
+
+
+def _is_of(store: Store, judgement_id: str, measurement_id: str) -> bool:
+    [of] = read_table("judgements", store.path("judgements", judgement_id), ["measurement_id"])[0].to_pylist()
+    return bool(of == measurement_id)
+
+
+def _parts_of(store: Store, table: str, recording_ids: Collection[str]) -> list[str]:
+    """The parts of evaluations that were made of some recordings."""
+    return [
+        known
+        for known in store.ids(table)
+        if read_table(table, store.path(table, known), ["recording_id"])[0].to_pylist()[0] in recording_ids
+    ]
+
+
+def _remove(store: Store, manifest: str, row_id: str) -> None:
+    """Remove the row that makes files finished, then those files."""
+    dependent = [table for table, of in MANIFESTS.items() if of == manifest]
+    if manifest == "evaluations":
+        dependent.append("case_verdicts")
+    for table in (manifest, *dependent):
+        _unlink(store.path(table, row_id))
+
+
+def _unlink(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StoreError(f"it cannot be removed ({error.strerror or error})", where=path) from error

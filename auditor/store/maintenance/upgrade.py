@@ -1,0 +1,98 @@
+"""A store of the schema version before, made into one of this version.
+
+The new files are written into a folder inside the store. Then its marker says that they replace the old ones: a store
+whose upgrade was killed before that is as it was, and one whose upgrade was killed after it is completed when it is
+opened next. No other command may use the store meanwhile.
+"""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from auditor.errors import StoreError
+from auditor.store.files import finished, locked
+from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
+from auditor.store.schema import SCHEMA_VERSION, TABLES
+from auditor.store.store import MANIFESTS
+from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
+
+_Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Upgraded:
+    """What an upgrade did: how many measurements, judgements and parts of evaluations the store has."""
+
+    measurements: int
+    judgements: int
+    parts: int
+
+
+def upgrade(folder: Path) -> Upgraded | None:
+    """Upgrade the store in a folder; None where it is of this version already.
+
+    All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
+    lacks are empty. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
+    written.
+    """
+    with locked(folder):
+        version = read_marker(folder).version
+        if version == SCHEMA_VERSION:
+            move_upgraded(folder)
+            return None
+        if version > SCHEMA_VERSION:
+            raise newer_version(version, folder)
+        if version != UPGRADED_FROM:
+            raise older_version(version, folder)
+        new = folder / UPGRADED
+        shutil.rmtree(new, ignore_errors=True)
+        try:
+            done = _write(folder, new)
+        except OSError as error:
+            raise StoreError(
+                f"the upgraded files cannot be written ({error.strerror or error})",
+                where=folder,
+                remedy="make room; the store is as it was",
+            ) from error
+        write_marker(folder, moving=True)
+        move_upgraded(folder)
+    return done
+
+
+def _write(old: Path, new: Path) -> Upgraded:
+    """Write all tables and pictures, each into a folder of its own even where it is empty."""
+    for table in TABLES:
+        (new / table).mkdir(parents=True)
+        for row_id in _finished(old, table):
+            name = f"{row_id}.parquet"
+            write_rows(table, new / table / name, _rows(old / table / name))
+    (new / "pictures").mkdir()
+    for measurement_id in finished(old / "measurements"):
+        if (old / "pictures" / measurement_id).is_dir():
+            shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
+    count = {table: len(finished(new / table)) for table in TABLES}
+    parts = count["evaluations"] + count["object_evaluations"]
+    return Upgraded(count["measurements"], count["judgements"], parts)
+
+
+def _finished(old: Path, table: str) -> list[str]:
+    """The ids of a table's finished files: those that its manifest names, too, where it has one."""
+    manifest = MANIFESTS.get(table)
+    known = set(finished(old / manifest)) if manifest else None
+    return [row_id for row_id in finished(old / table) if known is None or row_id in known]
+
+
+def _rows(path: Path) -> Iterator[_Row]:
+    """The rows of an old file, marked with this version where rows carry one. Raises StoreError."""
+    try:
+        with pq.ParquetFile(path) as file:
+            for batch in file.iter_batches(batch_size=BATCH_ROWS):
+                for row in batch.to_pylist(maps_as_pydicts="strict"):
+                    yield {**row, "schema_version": SCHEMA_VERSION} if "schema_version" in row else row
+    except (OSError, pa.ArrowException) as error:
+        raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error

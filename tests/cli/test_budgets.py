@@ -1,0 +1,117 @@
+"""Every verb that reads recordings reads each within a budget; small files that ask for much work get little."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from auditor.cli import run
+from auditor.pipeline.many import limits_by_size
+from auditor.pipeline.workers import MEMORY_MB, SILENT_S, Limits, run_within
+from auditor.recordings import open_recording
+from auditor.recordings.formats.topics import MAX_TOPICS
+from tests.making.many_cameras import Placing, write_many_cameras
+from tests.making.recorded_drives import mcap_file
+from tests.making.small_drives import write_drive
+
+READING = ("inspect", "convert", "attack", "calibrate", "scan", "evaluate", "train-matcher")
+TOO_MANY = 7
+MOST_MB = 300
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drive") / "long.mcap", count=60)
+
+
+@pytest.mark.parametrize("verb", READING)
+def test_every_verb_that_reads_recordings_has_the_same_budgets(verb: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run([verb, "--help"]) == 0
+    shown = " ".join(capfd.readouterr().out.split())
+    assert "--memory-limit MB Memory that one recording may take before it is given up. [default: 4096" in shown
+    assert "--time-limit SECONDS Time that one recording may take. [default: any, while it makes progress" in shown
+
+
+@pytest.mark.parametrize("limit", [["--time-limit", "0.05"], ["--memory-limit", "20"]])
+def test_inspect_goes_on_after_a_recording_over_its_budget(
+    drive: Path, limit: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(drive, drive.with_name("other.mcap"))
+    assert run(["inspect", str(drive), str(drive.with_name("other.mcap")), *limit]) == 3
+    first, second = (line for line in capfd.readouterr().err.splitlines() if line.strip())
+    assert "long.mcap" in first
+    assert "other.mcap" in second
+    assert "give it more with --time-limit or --memory-limit" in second
+
+
+@pytest.mark.parametrize("verb", [["convert"], ["attack", "--on", "S_1"]])
+def test_a_copy_over_its_budget_leaves_nothing_behind(
+    drive: Path, tmp_path: Path, verb: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*verb, str(drive), str(tmp_path / "copy.mcap"), "--time-limit", "0.05"]) == 2
+    assert "took longer than 0.05 s" in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("verb", [["evaluate"], ["calibrate"]])
+def test_other_verbs_end_a_recording_over_its_budget_in_one_line(
+    drive: Path, tmp_path: Path, verb: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*verb, str(drive), "--store", str(tmp_path / "audit"), "--memory-limit", "20"]) == 2
+    assert "it took more than 20 MB of memory and was ended" in capfd.readouterr().err
+
+
+def test_the_defaults_are_by_size(drive: Path) -> None:
+    limits, of_streets = limits_by_size()(drive), limits_by_size()(None)
+    assert limits.memory_mb == of_streets.memory_mb == MEMORY_MB
+    assert limits.silent_s is not None
+    assert limits.silent_s > SILENT_S == of_streets.silent_s
+
+
+def test_a_function_within_limits_gives_its_result_and_its_error(drive: Path) -> None:
+    assert run_within(Limits(), Path.exists, drive)
+    with pytest.raises(Exception, match="auditor failed on it: FileNotFoundError") as caught:
+        run_within(Limits(), Path.stat, Path("/nowhere"))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("placing", ["line", "around", "front"])
+def test_very_many_cameras_take_little_memory_and_those_left_out_are_named(tmp_path: Path, placing: Placing) -> None:
+    path = write_many_cameras(tmp_path / "many.mcap", 100, placing, frames=2)
+    command = [
+        sys.executable,
+        "-m",
+        "auditor",
+        "inspect",
+        str(path),
+        "--format",
+        "json",
+        "--memory-limit",
+        str(MOST_MB),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    [described] = json.loads(done.stdout)
+    compared = {sensor["name"] for rig in described["rigs"] for sensor in rig["sensors"]}
+    named = " ".join(described["left_out"])
+    assert all(f"cam{number:03}" in compared or f"cam{number:03}" in named for number in range(100))
+
+
+def test_too_many_topics_are_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "topics.mcap"
+    mcap_file(path, [(f"/topic{number}", 10**18, b"{}") for number in range(MAX_TOPICS + TOO_MANY)])
+    with open_recording(path) as recording:
+        assert recording.topics() is recording.topics()
+        assert sum(1 for _ in recording.messages()) == MAX_TOPICS
+        [damage] = recording.damage
+    assert (
+        str(damage) == f"it has more than {MAX_TOPICS} topics: {TOO_MANY} are left out, and their {TOO_MANY} messages"
+    )
+    assert run(["inspect", str(path)]) == 3
+    shown = capfd.readouterr().out
+    assert len(shown.splitlines()) < 300
+    assert "and 9800 more topics" in shown
+    assert shown.count("topics: 7 are left out") == 1

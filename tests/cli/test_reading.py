@@ -1,0 +1,323 @@
+"""What is in a recording is audited or named: the same exit code of inspect and scan, and one line that says why."""
+
+import json
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.model.rig import Rig
+from auditor.recordings import Topic, schemas, write_mcap
+from auditor.recordings.decoding import video
+from auditor.recordings.decoding.sensor_types import UNREAD
+from auditor.recordings.recording import Definition
+from auditor.recordings.writers.messages import MessageMaker
+from auditor.store import Store
+from tests.making.restamped import Extra, Told, rewritten
+from tests.making.scenes import plane_rig
+from tests.making.small_drives import FOUR_CAMERAS, PERIOD_NS, START_NS, drive_frames, write_drive
+from tests.making.videos import encoded
+
+COUNT = 16
+LIVOX = "livox_ros_driver2/msg/CustomMsg"
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean drive, and beside it a store with its thresholds."""
+    folder = tmp_path_factory.mktemp("reading")
+    drive = write_drive(folder / "clean.mcap", COUNT, seed=1)
+    assert run(["calibrate", str(drive), "-r", "0", "--store", str(folder / "audit")]) == 0
+    return drive
+
+
+@pytest.fixture
+def both(clean: Path, capfd: pytest.CaptureFixture[str]) -> Callable[[Path], tuple[int, str]]:
+    """The exit code of a scan and its remarks; inspect must end alike where the scan has no findings."""
+
+    def audit(path: Path) -> tuple[int, str]:
+        code = run(["scan", str(path), "-r", "0", "--store", str(clean.parent / "audit")])
+        remarks = capfd.readouterr().err
+        inspected = run(["inspect", str(path)])
+        capfd.readouterr()
+        assert inspected == {1: 0, 4: 3}.get(code, code), remarks
+        return code, remarks
+
+    return audit
+
+
+def described(path: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
+    run(["inspect", str(path), "--format", "json"])
+    [one] = json.loads(capfd.readouterr().out)
+    return {topic["topic"]: topic for topic in one["topics"]}
+
+
+def same(told: Told) -> Iterator[Told]:
+    yield told
+
+
+def beside(name: str, schema: str, data: bytes, encoding: str = "cdr", definition: Definition | None = None) -> Extra:
+    """A topic with a message of these bytes every period."""
+    times = tuple((START_NS + n * PERIOD_NS, data) for n in range(COUNT))
+    return Extra(Topic(name, schema, encoding), times, definition)
+
+
+def image(encoding: str, height: int = 4, width: int = 4) -> Extra:
+    maker = MessageMaker("cdr")
+    data = maker.raw_image(np.zeros((height, width), np.uint8), encoding, maker.header(START_NS, "other"))
+    return beside(
+        "/other/image", schemas.IMAGE, data, definition=Definition("ros2msg", maker.definition(schemas.IMAGE).encode())
+    )
+
+
+def test_25_of_40_attacked_frames_under_one_stamp_are_found_and_told(
+    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", 40, seed=1, attacked={2: range(15, 40)})
+
+    def hidden(told: Told) -> Iterator[Told]:
+        yield told._replace(stamp_ns=min(told.stamp_ns, START_NS + 14 * PERIOD_NS))
+
+    code, remarks = both(rewritten(drive, tmp_path / "hidden.mcap", hidden))
+    assert code == 4
+    [line] = [line for line in remarks.splitlines() if "coverage" in line]
+    assert line == (
+        "hidden.mcap: coverage 37.5 % of messages, 37.5 % of time: all sensors: 25 stamps repeated; ends 2.5 s early"
+    )
+
+
+def test_a_healthy_recording_ends_with_0_and_without_a_remark(
+    clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    code, remarks = both(clean)
+    lines = [line for line in remarks.splitlines() if "WARNING: the LiDAR points and stereo" not in line]
+    assert (code, lines) == (0, [f"{clean}: {COUNT} frames measured before"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda told: [told._replace(stamp_ns=START_NS)],
+        lambda told: [told] if told.topic != "/camera_2" or told.number < 8 else [],
+        lambda told: [told._replace(data=told.data[:300])] if (told.topic, told.number) == ("/camera_2", 5) else [told],
+        lambda told: [told._replace(stamp_ns=-5)] if told.number == 9 else [told],
+    ],
+    ids=["a frozen clock", "a camera that stops", "a damaged message", "negative stamps"],
+)
+def test_what_was_not_read_makes_a_recording_incomplete(
+    change: Callable[[Told], Iterable[Told]], tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", change))
+    assert code == 3
+    assert "coverage" in remarks
+
+
+def test_the_least_coverage_is_an_option_of_scan(tmp_path: Path, clean: Path) -> None:
+    def one_late(told: Told) -> Iterator[Told]:
+        yield told._replace(stamp_ns=-5) if told.number == 9 else told
+
+    scan = ["scan", str(rewritten(clean, tmp_path / "drive.mcap", one_late)), "--store", str(clean.parent / "audit")]
+    assert run([*scan, "-r", "0"]) == 3
+    assert run([*scan, "-r", "0", "--min-coverage", "0.9"]) == 0
+
+
+@pytest.mark.parametrize("schema", UNREAD)
+def test_a_sensor_of_a_type_that_cannot_be_read_is_named_with_what_helps(
+    schema: str,
+    tmp_path: Path,
+    clean: Path,
+    both: Callable[[Path], tuple[int, str]],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    path = rewritten(clean, tmp_path / "drive.mcap", same, [beside("/front/packets", schema, b"\0\1\0\0")])
+    if schema == LIVOX:
+        code, remarks = both(path)
+        assert code == 3
+        [line] = [line for line in remarks.splitlines() if "cannot be read" in line]
+        assert line.startswith("drive.mcap: 1 sensor cannot be read: /front/packets (LiDAR): " + schema)
+        assert "xfer_format 0" in line
+    else:
+        assert run(["inspect", str(path)]) == 3
+        assert UNREAD[schema].remedy in capfd.readouterr().out
+    topic = described(path, capfd)["/front/packets"]
+    assert (topic["state"], topic["messages"]) == ("unreadable", COUNT)
+
+
+@pytest.mark.parametrize(
+    ("extra", "reason"),
+    [
+        (image("xyz12"), "the image encoding 'xyz12' is not supported"),
+        (image("bgr8"), "and holds 16 bytes"),
+        (beside("/other/video", "foxglove.CompressedVideo", b"\0", "flatbuffer"), "in the encoding 'flatbuffer'"),
+        (beside("/other/points", "foxglove.PointCloud", b"\0", "flatbuffer"), "in the encoding 'flatbuffer'"),
+        (beside("/other/points", "foxglove.PointCloud", b"{}", "json"), "the cloud has no fields x, y and z"),
+    ],
+)
+def test_the_reason_that_was_found_while_reading_is_shown(
+    extra: Extra, reason: str, tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", same, [extra]))
+    assert code == 3
+    [line] = [line for line in remarks.splitlines() if "cannot be read" in line]
+    assert reason in line
+
+
+def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
+    tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]], capfd: pytest.CaptureFixture[str]
+) -> None:
+    maker = MessageMaker("cdr")
+
+    def lying(told: Told) -> Iterator[Told]:
+        if told.topic == "/points":
+            cloud = maker.store.deserialize_cdr(told.data, schemas.POINT_CLOUD)
+            told = told._replace(data=maker.serialise(schemas.POINT_CLOUD, replace(cloud, width=cloud.width + 1)))
+        yield told
+
+    path = rewritten(clean, tmp_path / "drive.mcap", lying)
+    code, remarks = both(path)
+    assert code == 3
+    assert "/points (LiDAR): the cloud declares 1 rows of" in remarks
+    assert described(path, capfd)["/points"]["state"] == "unreadable"
+
+
+def test_video_without_the_extra_says_what_to_install(
+    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maker = MessageMaker("cdr")
+    packet = next(iter(encoded([np.zeros((64, 64, 3), np.uint8)])))
+    data = maker.compressed_image(packet, "h264", START_NS, "other")
+    definition = Definition("ros2msg", maker.definition(schemas.COMPRESSED_IMAGE).encode())
+    extra = beside("/other/compressed", schemas.COMPRESSED_IMAGE, data, definition=definition)
+
+    def absent() -> None:
+        raise video.DecodingError("video needs the package av: install auditor[video]")
+
+    monkeypatch.setattr(video, "_av", absent)
+    path = rewritten(clean, tmp_path / "drive.mcap", same, [extra])
+    assert run(["inspect", str(path)]) == 3
+    assert "/other/compressed (camera): video needs the package av: install auditor[video]" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        image("32FC1"),
+        image("8UC1"),
+        beside("/radar/packets", "nebula_msgs/msg/NebulaPackets", b"\0"),
+        beside("/ouster/imu_packets", "ouster_ros/msg/PacketMsg", b"\0"),
+        beside("/depth/image/compressedDepth", schemas.COMPRESSED_IMAGE, b"\0"),
+        beside("/map", "nav_msgs/msg/OccupancyGrid", b"\0"),
+        beside("/scan", "sensor_msgs/msg/LaserScan", b"\0"),
+        Extra(Topic("/front/livox", LIVOX, "cdr"), ()),
+    ],
+    ids=["depth", "a camera of no rig", "radar", "imu", "compressedDepth", "occupancy", "2D scan", "no message"],
+)
+def test_what_is_no_camera_or_lidar_leaves_a_recording_complete(
+    extra: Extra, tmp_path: Path, clean: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    code, remarks = both(rewritten(clean, tmp_path / "drive.mcap", same, [extra]))
+    assert (code, "cannot be read" in remarks) == (0, False), remarks
+
+
+def test_a_camera_of_no_rig_is_told_with_its_reason(
+    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    topic = described(rewritten(clean, tmp_path / "drive.mcap", same, [image("mono8")]), capfd)["/other/image"]
+    assert (topic["state"], topic["why"]) == ("left out", "/other/image has no camera info")
+
+
+@pytest.mark.parametrize(
+    ("positions_m", "lidar", "says"),
+    [((0.0,), True, "1 camera looking the same way"), ((0.6, 0.0), False, "there is no LiDAR")],
+)
+def test_too_few_sensors_are_one_line_and_exit_3(
+    positions_m: tuple[float, ...],
+    lidar: bool,
+    says: str,
+    tmp_path: Path,
+    both: Callable[[Path], tuple[int, str]],
+) -> None:
+    rig = plane_rig(positions_m, lidar)
+    write_mcap(tmp_path / "few.mcap", rig, drive_frames(rig, 4))
+    code, remarks = both(tmp_path / "few.mcap")
+    assert (code, len(remarks.splitlines())) == (3, 1)
+    assert "no triple possible" in remarks
+    assert says in remarks
+
+
+def test_a_lidar_alone_and_one_that_cannot_be_read_are_named(
+    tmp_path: Path, both: Callable[[Path], tuple[int, str]]
+) -> None:
+    rig = plane_rig((0.6, 0.0), lidar=True)
+    write_mcap(tmp_path / "two.mcap", rig, drive_frames(rig, 4))
+    only_lidar = rewritten(
+        tmp_path / "two.mcap", tmp_path / "lidar.mcap", lambda t: [t] if t.topic == "/points" else []
+    )
+    code, remarks = both(only_lidar)
+    assert (code, len(remarks.splitlines())) == (3, 1)
+    assert "no camera images" in remarks
+    no_lidar = rewritten(
+        tmp_path / "two.mcap",
+        tmp_path / "livox.mcap",
+        lambda t: [t] if t.topic != "/points" else [],
+        [beside("/livox/lidar", LIVOX, struct.pack("<4x"))],
+    )
+    code, remarks = both(no_lidar)
+    assert (code, len(remarks.splitlines())) == (3, 1)
+    assert "/livox/lidar (LiDAR)" in remarks
+    assert "xfer_format 0" in remarks
+
+
+def without(rig: Rig, path: Path, sensor: int, vehicle: str) -> Path:
+    frames = (
+        replace(frame, images={n: one for n, one in frame.images.items() if n != sensor})
+        for frame in drive_frames(rig, COUNT, seed=2)
+    )
+    write_mcap(path, rig, frames, vehicle=vehicle)
+    return path
+
+
+def test_a_rig_smaller_than_the_vehicles_usual_one_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    rig, store = plane_rig(FOUR_CAMERAS, lidar=True), str(tmp_path / "audit")
+    usual, smaller, other = tmp_path / "usual.mcap", tmp_path / "smaller.mcap", tmp_path / "other.mcap"
+    write_mcap(usual, rig, drive_frames(rig, COUNT, seed=1), vehicle="alder")
+    without(rig, smaller, 2, "alder")
+    without(rig, other, 3, "birch")
+    run(["scan", str(usual), str(smaller), str(other), "--measure-only", "--store", store])
+    capfd.readouterr()
+    run(["judge", store, "-r", "0"])
+    [line] = [line for line in capfd.readouterr().err.splitlines() if "usual one of" in line]
+    assert line == "smaller.mcap: its rig has 4 sensors, and the usual one of vehicle alder has 5: without /camera_2"
+
+
+def test_coverage_is_kept_and_queried(tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    def stopped(told: Told) -> Iterator[Told]:
+        if told.topic != "/camera_2" or told.number < 8:
+            yield told
+
+    path = rewritten(clean, tmp_path / "drive.mcap", stopped, [beside("/livox", LIVOX, b"\0"), image("mono8")])
+    store = tmp_path / "audit"
+    run(["scan", str(path), "--measure-only", "--store", str(store)])
+    [known] = Store.open(store).measurements()
+    assert known.coverage is not None
+    states = {topic.topic: topic.state.value for topic in known.coverage}
+    assert states["/livox"] == "unreadable"
+    assert states["/other/image"] == "left out"
+    capfd.readouterr()
+    assert run(["query", "coverage", "--store", str(store), "--format", "json"]) == 0
+    rows = {row["topic"]: row for row in json.loads(capfd.readouterr().out)}
+    assert rows["/camera_2"]["time_share"] == pytest.approx(0.5)
+    assert rows["/camera_2"]["messages_share"] == 1
+    assert rows["/livox"]["state"] == "unreadable"
+    assert rows["/livox"]["frames"] is None
+    assert "xfer_format" in rows["/livox"]["remedy"]
+    assert rows["/other/image"]["reason"] == "/other/image has no camera info"
+    sql = "SELECT topic, state, reason FROM balance WHERE state <> 'read' ORDER BY topic"
+    assert run(["query", "--sql", sql, "--store", str(store), "--format", "json"]) == 0
+    unread, left_out = json.loads(capfd.readouterr().out)
+    assert (unread["topic"], unread["state"]) == ("/livox", "unreadable")
+    assert (left_out["topic"], left_out["reason"]) == ("/other/image", "/other/image has no camera info")

@@ -1,0 +1,64 @@
+"""A recording that is replaced, overwritten or cut while it is measured: it is refused, and nothing of it is kept."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from auditor.pipeline import measure
+from auditor.store import Store
+from tests.making.small_drives import write_drive
+
+FRAMES = 4
+
+
+@pytest.fixture
+def drives(tmp_path):
+    """A recording that is clean, and one of the same moments that is attacked."""
+    clean = write_drive(tmp_path / "drive.mcap", FRAMES, seed=1)
+    attacked = write_drive(tmp_path / "attacked.mcap", FRAMES, seed=1, attacked={2: range(FRAMES)})
+    return clean, attacked
+
+
+def replace(path: Path, other: Path) -> None:
+    other.replace(path)
+
+
+def overwrite(path: Path, other: Path) -> None:
+    status = path.stat()
+    with path.open("r+b") as out:
+        out.write(other.read_bytes())
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+def truncate(path: Path, other: Path) -> None:  # as the others
+    os.truncate(path, path.stat().st_size // 2)
+
+
+@pytest.mark.parametrize("change", [replace, overwrite, truncate])
+@pytest.mark.parametrize("end", [False, True])
+def test_a_recording_that_changes_between_hashing_and_the_end_of_measuring_is_refused(
+    drives, tmp_path, monkeypatch, change, end
+):
+    clean, attacked = drives
+    survey, measure_frames = measure.survey, measure._measure_frames
+
+    def changing_at_start(recording):
+        change(clean, attacked)
+        return survey(recording)
+
+    def changing_at_end(*given):
+        yield from measure_frames(*given)
+        change(clean, attacked)
+
+    if end:
+        monkeypatch.setattr(measure, "_measure_frames", changing_at_end)
+    else:
+        monkeypatch.setattr(measure, "survey", changing_at_start)
+    task = measure.MeasureTask(clean, tmp_path / "audit")
+    with pytest.raises(measure.RecordingError, match=r"changed while it was read.*scan it again"):
+        measure.measure_recording(task, lambda *_: None)
+    store = Store.open(tmp_path / "audit")
+    assert not any(store.ids(table) for table in ("measurements", "recordings", "labels"))
+    assert not list(store.folder.glob("frames/*.parquet"))
+    assert not (store.folder / "pictures").exists()

@@ -1,0 +1,78 @@
+"""A recording whose reference camera is unplugged beside a bogus wall is never clean."""
+
+from dataclasses import replace
+from decimal import Decimal
+
+import pytest
+
+from auditor.model.frames import Presence, SensorState
+from auditor.model.verdict import Method, VerdictKind
+from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.many import Judge, JudgeSettings
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.recordings import write_mcap
+from auditor.store import Store, run_query, run_sql
+from tests.making.scenes import plane_rig
+from tests.making.small_drives import drive_frames
+
+FRAMES, LOST = 14, 5
+WIDE, NARROW = (0.75, 0.4, 0.0), (0.6, 0.54, 0.0)
+
+
+def frames_without_reference(rig):
+    """From LOST on the LiDAR's points stand too near, and the leftmost camera has no images."""
+    for frame in drive_frames(rig, FRAMES, seed=3, attacked={0: range(LOST, FRAMES)}):
+        if frame.number < LOST:
+            yield frame
+            continue
+        images = {sensor: image for sensor, image in frame.images.items() if sensor != 3}
+        yield replace(frame, images=images, presence=frame.presence | {3: Presence(SensorState.MISSING)})
+
+
+def judged(folder, positions_m, method=Method.ROBUST):
+    rig, store = plane_rig(positions_m), folder / "audit"
+    write_mcap(folder / "clean.mcap", rig, drive_frames(rig, FRAMES))
+    write_mcap(folder / "lost.mcap", rig, frames_without_reference(rig))
+    clean, lost = (
+        measure_recording(MeasureTask(folder / name, store), lambda *_: None).measurement_ids[0]
+        for name in ("clean.mcap", "lost.mcap")
+    )
+    calibration = calibrate([(Store.open(store), clean)])
+    found = Judge(Store.open(store), JudgeSettings(Criteria(Decimal(0), method), calibration)).judge(lost)
+    rows = run_sql(Store.open(store), "SELECT frame, kind, e, reason FROM verdicts ORDER BY frame").to_pylist()
+    return found, rows, Store.open(store)
+
+
+@pytest.mark.parametrize("method", Method)
+def test_the_other_two_cameras_find_the_wall_and_name_nobody(tmp_path, method):
+    found, rows, store = judged(tmp_path, WIDE, method)
+    after = rows[LOST:]
+    assert {row["kind"] for row in after} == {VerdictKind.UNIDENTIFIED}
+    assert {row["e"] for row in after} == {"---1"}
+    assert all("judged without S_3" in row["reason"] for row in after)
+    assert {len(row["e"]) for row in rows[:LOST]} == {3}
+    assert found.found
+    facts = run_query(store, "frame", {"frame": LOST, "recording": "lost.mcap"}).to_pylist()
+    told = {(row["about"], row["fact"]): row["value"] for row in facts}
+    assert told["verdict", "out_of_system"] == "[3]"
+    assert "judged without S_3" in told["verdict", "reason"]
+
+
+def test_two_cameras_too_close_together_to_check_the_lidar_leave_the_frames_unaudited(tmp_path):
+    found, rows, _ = judged(tmp_path, NARROW)
+    assert {row["kind"] for row in rows[LOST:]} == {VerdictKind.NOT_AUDITABLE}
+    reason = "S_3 missing: S_1 and S_2 lie too close together to check the LiDAR, and no third camera was there"
+    assert {row["reason"] for row in rows[LOST:]} == {reason}
+    assert not found.complete
+    assert "frames audited" in found.warnings[0]
+
+
+def test_a_rig_of_two_cameras_too_close_together_to_check_its_lidar_is_not_audited(tmp_path):
+    rig, store = plane_rig((0.06, 0.0)), tmp_path / "audit"
+    write_mcap(tmp_path / "clean.mcap", rig, drive_frames(rig, 4))
+    known = measure_recording(MeasureTask(tmp_path / "clean.mcap", store), lambda *_: None).measurement_ids[0]
+    calibration = calibrate([(Store.open(store), known)])
+    Judge(Store.open(store), JudgeSettings(Criteria(Decimal(0)), calibration)).judge(known)
+    rows = run_sql(Store.open(store), "SELECT DISTINCT kind, e, reason FROM verdicts").to_pylist()
+    reason = "S_1 and S_2 lie too close together to check the LiDAR, and no third camera was there"
+    assert rows == [{"kind": "not_auditable", "e": "-", "reason": reason}]

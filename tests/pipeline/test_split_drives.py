@@ -1,0 +1,112 @@
+"""Split drives and changing calibrations through the whole chain: what is kept in the store."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auditor.cli import run
+from auditor.model.frames import Message
+from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
+from auditor.recordings import Location, find_recordings, schemas
+from auditor.store import Store
+from tests.making.scenes import plane_rig
+from tests.making.small_drives import PERIOD_NS, START_NS, drive_frames
+from tests.making.split_drives import messages_of, some, write_messages, write_parts
+
+RIG = plane_rig((0.6, 0.0), lidar=True)
+COUNT = 6
+
+
+@pytest.fixture(scope="module")
+def messages() -> list[Message]:
+    return messages_of(".mcap", RIG, drive_frames(RIG, COUNT))
+
+
+def measured(store: Path, location: Location) -> Measured:
+    return measure_recording(MeasureTask(location, store), lambda *_: None)
+
+
+def tables(store: Path, one: Measured) -> list[bytes]:
+    """The stored frames of each measurement."""
+    return [Store.open(store).path("frames", known).read_bytes() for known in one.measurement_ids]
+
+
+def test_a_split_drive_is_kept_as_its_folder_is(tmp_path: Path, messages: list[Message]) -> None:
+    parts = write_parts(tmp_path / "log", ".mcap", messages, (START_NS + 3 * PERIOD_NS - 1,))
+    (by_files,) = find_recordings(parts).recordings
+    from_files = measured(tmp_path / "a", by_files)
+    (tmp_path / "log" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    from_folder = measured(tmp_path / "b", Location(tmp_path / "log"))
+    assert from_files.recording_id == from_folder.recording_id
+    assert from_files.measurement_ids == from_folder.measurement_ids
+    assert tables(tmp_path / "a", from_files) == tables(tmp_path / "b", from_folder)
+    kept = Store.open(tmp_path / "a").recording(from_files.recording_id)
+    assert (kept.name, kept.files, kept.format) == ("drive", ("drive_0.mcap", "drive_1.mcap"), "mcap")
+    assert kept.size_bytes == sum(part.stat().st_size for part in parts)
+
+
+def test_cameras_and_lidar_in_two_files_are_measured_together(tmp_path: Path, messages: list[Message]) -> None:
+    write_messages(tmp_path / "in" / "cams.mcap", some(messages, lambda m: m.schema != schemas.POINT_CLOUD))
+    write_messages(tmp_path / "in" / "velo.mcap", some(messages, lambda m: m.schema == schemas.POINT_CLOUD))
+    (location,) = find_recordings([tmp_path / "in"]).recordings
+    done = measured(tmp_path / "a", location)
+    store = Store.open(tmp_path / "a")
+    assert store.measurement(done.measurement_ids[0]).measured == COUNT
+    assert store.recording(done.recording_id).files == ("cams.mcap", "velo.mcap")
+
+
+def test_a_changed_calibration_is_a_second_measurement_and_both_are_told(
+    tmp_path: Path, messages: list[Message], capfd: pytest.CaptureFixture[str]
+) -> None:
+    zoom = np.diag([1.05, 1.05, 1.0])
+    later = replace(RIG, cameras=tuple(replace(c, projection=zoom @ c.projection) for c in RIG.cameras))
+    behind = list(drive_frames(RIG, COUNT, start_ns=START_NS + COUNT * PERIOD_NS))
+    path = write_messages(tmp_path / "a.mcap", [*messages, *messages_of(".mcap", later, behind)])
+    done = measured(tmp_path / "audit", Location(path))
+    store = Store.open(tmp_path / "audit")
+    kept = [store.measurement(known) for known in done.measurement_ids]
+    assert [one.measured for one in kept] == [COUNT, COUNT]
+    assert [one.skipped for one in kept] == [{}, {}]
+    assert kept[1].first_stamp_ns == START_NS + COUNT * PERIOD_NS
+    assert any("the calibration changes at 0.6 s" in warning for warning in done.calibration_warnings)
+    again = measured(tmp_path / "audit", Location(path))
+    assert (again.fresh, again.measurement_ids) == (False, done.measurement_ids)
+    assert again.calibration_warnings == done.calibration_warnings
+    assert run(["inspect", str(path)]) == 0
+    assert "the calibration changes at 0.6 s" in capfd.readouterr().out
+
+
+def test_a_change_behind_the_last_frame_makes_no_measurement(tmp_path: Path, messages: list[Message]) -> None:
+    zoom = np.diag([1.05, 1.05, 1.0])
+    later = replace(RIG, cameras=tuple(replace(c, projection=zoom @ c.projection) for c in RIG.cameras))
+    behind = list(drive_frames(later, 1, start_ns=START_NS + COUNT * PERIOD_NS))
+    infos = some(messages_of(".mcap", later, behind), lambda m: m.schema == schemas.CAMERA_INFO)
+    path = write_messages(tmp_path / "a.mcap", [*messages, *infos])
+    done = measured(tmp_path / "audit", Location(path))
+    assert len(done.measurement_ids) == 1
+    assert done.frames == COUNT
+
+
+def test_a_scan_of_the_parts_is_one_row_with_the_origin_of_the_first(
+    tmp_path: Path, messages: list[Message], capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "car7"
+    parts = write_parts(folder, ".mcap", messages, (START_NS + 3 * PERIOD_NS - 1,))
+    call = ["scan", *map(str, parts), "--measure-only", "--store", str(tmp_path / "audit"), "--jobs", "1"]
+    assert run([*call, "--path-pattern", "{vehicle}/{drive}_0.mcap"]) == 3
+    assert f"{folder / 'drive'}: 6 frames measured" in capfd.readouterr().err.replace("\n", " ")
+    store = Store.open(tmp_path / "audit")
+    (known,) = store.ids("recordings")
+    kept = store.recording(known)
+    assert (kept.name, kept.vehicle, kept.drive) == ("drive", "car7", "drive")
+
+
+def test_a_missing_part_leaves_the_audit_incomplete(tmp_path: Path, messages: list[Message]) -> None:
+    starts = [START_NS + number * PERIOD_NS - 1 for number in (2, 4)]
+    parts = write_parts(tmp_path / "log", ".mcap", messages, starts)
+    parts[1].unlink()
+    (location,) = find_recordings([tmp_path / "log"]).recordings
+    done = measured(tmp_path / "audit", location)
+    assert done.damage == ("part 1 is missing between drive_0.mcap and drive_2.mcap",)

@@ -1,0 +1,276 @@
+"""Which files are one recording: the parts of a split drive, and files that were recorded side by side."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from auditor.errors import RigError
+from auditor.model.frames import Message
+from auditor.recordings import Location, find_recordings, find_rigs, open_recording, schemas, survey
+from tests.making.recorded_drives import PERIOD_NS, START_NS, make_frame, make_frames, make_rig, split, stream_of
+from tests.making.split_drives import SUFFIXES, messages_of, some, write_messages, write_parts
+
+RIG = make_rig(2)
+FRAMES = 12
+
+
+def at(frame: int) -> int:
+    """A time just before a frame."""
+    return START_NS + frame * PERIOD_NS - 1
+
+
+@pytest.fixture(scope="module", params=SUFFIXES)
+def suffix(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def recorded(suffix: str) -> list[Message]:
+    return messages_of(suffix, RIG, make_frames(RIG, FRAMES))
+
+
+@pytest.fixture(scope="module")
+def in_mcap() -> list[Message]:
+    return messages_of(".mcap", RIG, make_frames(RIG, FRAMES))
+
+
+def found(*paths: Path) -> list[Location]:
+    result = find_recordings(paths)
+    assert not result.errors
+    return list(result.recordings)
+
+
+def names(locations: Sequence[Location]) -> list[list[str]]:
+    """The file names of each recording."""
+    return [[file.name for stream in location.streams for file in stream] or [location.name] for location in locations]
+
+
+def stamps(location: Location) -> list[int]:
+    with open_recording(location) as recording:
+        frames, skipped = split(stream_of(recording))
+    assert not skipped
+    return [frame.stamp_ns for frame in frames]
+
+
+def identity(location: Location) -> tuple[str, tuple[str, ...]]:
+    with open_recording(location) as recording:
+        return recording.recording_id, tuple(file.name for file in recording.files)
+
+
+def test_the_parts_of_a_split_drive_are_one_recording_with_the_frames_of_the_whole(
+    tmp_path: Path, suffix: str, recorded: list[Message]
+) -> None:
+    parts = write_parts(tmp_path / "log", suffix, recorded, (at(4), at(8)))
+    for paths in (parts, [parts[2], parts[0], parts[1]], [tmp_path / "log"], [tmp_path]):
+        (location,) = found(*paths)
+        assert location.path in {tmp_path / "log" / "drive", tmp_path / "log"}
+        assert stamps(location) == [START_NS + number * PERIOD_NS for number in range(FRAMES)]
+    ids = {identity(location) for paths in (parts, [tmp_path / "log"]) for location in found(*paths)}
+    assert {files for _, files in ids} == {tuple(part.name for part in parts)}
+    assert len(ids) == 1
+
+
+def test_a_folder_with_metadata_is_the_same_recording_as_its_files(
+    tmp_path: Path, recorded: list[Message], suffix: str
+) -> None:
+    parts = write_parts(tmp_path / "log", suffix, recorded, (at(4),))
+    before = identity(found(*parts)[0])
+    (tmp_path / "log" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    assert identity(found(tmp_path / "log")[0]) == identity(found(*parts)[0]) == before
+
+
+def test_the_parts_of_rosbag_have_their_own_dates_in_their_names(tmp_path: Path) -> None:
+    recorded = messages_of(".bag", RIG, make_frames(RIG, FRAMES))
+    parts = write_parts(tmp_path, ".bag", recorded, (at(4), at(8)))
+    dated = [
+        part.rename(tmp_path / f"night_2026-01-31-10-0{number}-00_{number}.bag") for number, part in enumerate(parts)
+    ]
+    (location,) = found(*dated)
+    assert location.name == "night_2026-01-31-10-00-00"
+    assert len(stamps(location)) == FRAMES
+
+
+def test_a_bag_that_was_not_closed_is_the_last_part(tmp_path: Path) -> None:
+    recorded = messages_of(".bag", RIG, make_frames(RIG, FRAMES))
+    first, second = write_parts(tmp_path, ".bag", recorded, (at(6),))
+    data = second.read_bytes()
+    index = data.index(b"index_pos=") + len(b"index_pos=")
+    second.with_suffix(".bag.active").write_bytes(data[:index] + bytes(8) + data[index + 8 :])
+    second.unlink()
+    (location,) = found(tmp_path)
+    assert names([location]) == [["drive_0.bag", "drive_1.bag.active"]]
+    assert len(stamps(location)) == FRAMES
+    assert location.first == first
+
+
+def test_parts_without_an_index_are_put_together(tmp_path: Path, in_mcap: list[Message]) -> None:
+    for number in (0, 1):
+        chosen = some(in_mcap, lambda message, number=number: (message.log_time_ns >= at(6)) == bool(number))
+        write_messages(tmp_path / f"drive_{number}.mcap", chosen, indexed=False)
+    cut = tmp_path / "drive_0.mcap"
+    cut.write_bytes(cut.read_bytes()[:-40])
+    assert names(found(tmp_path)) == [["drive_0.mcap", "drive_1.mcap"]]
+
+
+def test_the_tenth_part_comes_after_the_ninth(tmp_path: Path, in_mcap: list[Message]) -> None:
+    write_parts(tmp_path, ".mcap", in_mcap, [at(frame) for frame in range(1, FRAMES)])
+    (location,) = found(tmp_path)
+    assert len(stamps(location)) == FRAMES
+
+
+def test_drives_that_only_look_alike_stay_apart(tmp_path: Path, in_mcap: list[Message]) -> None:
+    later = messages_of(
+        ".mcap", RIG, [make_frame(RIG, n, stamp_ns=START_NS + 3600 * 10**9 + n * PERIOD_NS) for n in range(3)]
+    )
+    write_messages(tmp_path / "far" / "run_0.mcap", in_mcap)
+    write_messages(tmp_path / "far" / "run_1.mcap", later)
+    assert names(found(tmp_path / "far")) == [["run_0.mcap"], ["run_1.mcap"]]
+    write_messages(tmp_path / "same_time" / "run_0.mcap", in_mcap)
+    write_messages(tmp_path / "same_time" / "run_1.mcap", in_mcap[:-1])
+    assert names(found(tmp_path / "same_time")) == [["run_0.mcap"], ["run_1.mcap"]]
+    write_parts(tmp_path / "other_names", ".mcap", in_mcap, (at(6),))
+    (tmp_path / "other_names" / "drive_1.mcap").rename(tmp_path / "other_names" / "ride_1.mcap")
+    assert names(found(tmp_path / "other_names")) == [["drive_0.mcap"], ["ride_1.mcap"]]
+    first, second = write_parts(tmp_path / "folders", ".mcap", in_mcap, (at(6),))
+    (tmp_path / "folders" / "b").mkdir()
+    second.rename(tmp_path / "folders" / "b" / second.name)
+    assert len(found(tmp_path / "folders")) == 2
+    assert first.exists()
+
+
+def test_a_drive_of_another_vehicle_that_follows_at_once_stays_apart(tmp_path: Path, in_mcap: list[Message]) -> None:
+    other = make_rig(2)
+    for camera in other.cameras:
+        camera.projection[0, 0] += 5
+        camera.projection[1, 1] += 5
+    after = messages_of(
+        ".mcap", other, [make_frame(other, n, stamp_ns=START_NS + (FRAMES + n) * PERIOD_NS) for n in range(6)]
+    )
+    write_messages(tmp_path / "a" / "run_0.mcap", in_mcap)
+    write_messages(tmp_path / "a" / "run_1.mcap", after)
+    assert names(found(tmp_path / "a")) == [["run_0.mcap"], ["run_1.mcap"]]
+    same = messages_of(
+        ".mcap", RIG, [make_frame(RIG, n, stamp_ns=START_NS + (FRAMES + n) * PERIOD_NS) for n in range(6)]
+    )
+    write_messages(tmp_path / "b" / "run_0.mcap", in_mcap)
+    write_messages(tmp_path / "b" / "run_1.mcap", same)
+    assert names(found(tmp_path / "b")) == [["run_0.mcap", "run_1.mcap"]]
+
+
+def test_folders_of_db3_files_of_several_drives_are_several_recordings(tmp_path: Path) -> None:
+    recorded = messages_of(".db3", RIG, make_frames(RIG, 4))
+    write_messages(tmp_path / "run_0.db3", recorded)
+    write_messages(tmp_path / "run_1.db3", recorded)
+    assert names(found(tmp_path)) == [["run_0.db3"], ["run_1.db3"]]
+
+
+def test_a_missing_part_is_told_and_the_others_are_one_recording(
+    tmp_path: Path, suffix: str, recorded: list[Message]
+) -> None:
+    parts = write_parts(tmp_path, suffix, recorded, (at(4), at(8)))
+    parts[1].unlink()
+    (location,) = found(*parts[::2])
+    with open_recording(location) as recording:
+        frames, _ = split(stream_of(recording))
+        told = [str(piece) for piece in recording.damage]
+    assert [frame.stamp_ns for frame in frames] == [START_NS + n * PERIOD_NS for n in (0, 1, 2, 3, 8, 9, 10, 11)]
+    assert told == [f"part 1 is missing between drive_0{suffix} and drive_2{suffix}"]
+
+
+def test_a_part_behind_too_many_missing_ones_is_a_recording_of_its_own(tmp_path: Path, in_mcap: list[Message]) -> None:
+    parts = write_parts(tmp_path, ".mcap", in_mcap, [at(frame) for frame in range(1, 8)])
+    for part in parts[1:-1]:
+        part.unlink()
+    assert names(found(tmp_path)) == [["drive_0.mcap"], ["drive_7.mcap"]]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(1000)])
+def test_a_part_that_is_empty_or_damaged_does_not_lose_the_others(
+    tmp_path: Path, suffix: str, recorded: list[Message], content: bytes
+) -> None:
+    parts = write_parts(tmp_path, suffix, recorded, (at(4), at(8)))
+    parts[1].write_bytes(content)
+    (location,) = found(*parts)
+    with open_recording(location) as recording:
+        frames, _ = split(stream_of(recording))
+        assert {piece.file for piece in recording.damage} == {parts[1].name}
+    assert len(frames) == 8
+
+
+def test_a_part_alone_says_that_the_others_hold_the_calibration(tmp_path: Path, in_mcap: list[Message]) -> None:
+    _, second = write_parts(tmp_path, ".mcap", in_mcap, (at(6),))
+    with open_recording(second) as recording, pytest.raises(RigError, match=r"give drive_0\.mcap too"):
+        find_rigs(survey(recording))
+
+
+def cameras_and_lidar(folder: Path, suffix: str, recorded: list[Message], names: tuple[str, str]) -> list[Path]:
+    """The LiDAR in one file, all other messages in another."""
+    return [
+        write_messages(folder / f"{names[0]}{suffix}", some(recorded, lambda m: m.schema != schemas.POINT_CLOUD)),
+        write_messages(folder / f"{names[1]}{suffix}", some(recorded, lambda m: m.schema == schemas.POINT_CLOUD)),
+    ]
+
+
+def test_cameras_and_lidar_in_two_files_are_one_recording(tmp_path: Path, suffix: str, recorded: list[Message]) -> None:
+    files = cameras_and_lidar(tmp_path, suffix, recorded, ("cams", "velo"))
+    (location,) = found(*files)
+    assert location.path == tmp_path / "cams+velo"
+    assert stamps(location) == [START_NS + number * PERIOD_NS for number in range(FRAMES)]
+    assert {identity(one)[0] for paths in (files, files[::-1], [tmp_path]) for one in found(*paths)} == {
+        identity(location)[0]
+    }
+    with open_recording(location) as recording:
+        surveyed = survey(recording)
+        times = [message.log_time_ns for message in recording.messages()]
+    assert surveyed.interleaved
+    assert times == sorted(times)
+    assert find_rigs(surveyed)[0].sensors == (0, 1, 2)
+
+
+def test_split_cameras_and_a_split_lidar_are_one_recording(tmp_path: Path, in_mcap: list[Message]) -> None:
+    files = cameras_and_lidar(tmp_path / "whole", ".mcap", in_mcap, ("cams", "velo"))
+    for file, starts in zip(files, ((at(4), at(8)), (at(6),)), strict=True):
+        with open_recording(file) as recording:
+            write_parts(tmp_path / "split", ".mcap", list(recording.messages()), starts, file.stem)
+    (location,) = found(tmp_path / "split")
+    assert location.name == "cams+velo"
+    assert len(stamps(location)) == FRAMES
+
+
+def test_damage_of_files_side_by_side_names_its_file(tmp_path: Path, in_mcap: list[Message]) -> None:
+    _, velo = cameras_and_lidar(tmp_path, ".mcap", in_mcap, ("cams", "velo"))
+    data = bytearray(velo.read_bytes())
+    data[200:260] = bytes(60)
+    velo.write_bytes(data)
+    (location,) = found(tmp_path)
+    with open_recording(location) as recording:
+        list(recording.messages())
+        assert {piece.file for piece in recording.damage} == {"velo.mcap"}
+
+
+def test_files_of_the_same_time_with_a_rig_each_stay_apart(tmp_path: Path, in_mcap: list[Message]) -> None:
+    write_messages(tmp_path / "one.mcap", in_mcap)
+    renamed = [
+        Message(f"/other{m.topic}", m.schema, m.encoding, m.log_time_ns, m.data)
+        for m in in_mcap
+        if m.schema != schemas.TRANSFORMS
+    ]
+    transforms = some(in_mcap, lambda message: message.schema == schemas.TRANSFORMS)
+    write_messages(tmp_path / "two.mcap", [*transforms, *renamed])
+    assert names(found(tmp_path)) == [["one.mcap"], ["two.mcap"]]
+
+
+def test_cameras_and_lidar_of_different_times_or_folders_stay_apart(tmp_path: Path, in_mcap: list[Message]) -> None:
+    late = some(in_mcap, lambda m: m.log_time_ns >= at(10) or m.schema in {schemas.TRANSFORMS, schemas.CAMERA_INFO})
+    cameras, _ = cameras_and_lidar(tmp_path / "a", ".mcap", in_mcap, ("cams", "velo"))
+    clouds = some(late, lambda m: m.schema == schemas.POINT_CLOUD)
+    moved = [Message(m.topic, m.schema, m.encoding, m.log_time_ns + 2 * 10**9, m.data) for m in clouds]
+    write_messages(tmp_path / "a" / "velo.mcap", moved)
+    assert len(found(tmp_path / "a")) == 2
+    files = cameras_and_lidar(tmp_path / "b", ".mcap", in_mcap, ("cams", "velo"))
+    (tmp_path / "b" / "deep").mkdir()
+    shutil.move(files[1], tmp_path / "b" / "deep" / "velo.mcap")
+    assert len(found(tmp_path / "b")) == 2
+    assert cameras.exists()
