@@ -2,7 +2,7 @@
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import KW_ONLY, dataclass
 from datetime import UTC, datetime
@@ -224,15 +224,22 @@ class EvaluateTask(Task):
 
 
 def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
-    """Measure every case of every clean frame; finished chunks are not measured again.
+    """Measure every case of every clean frame, by each rig of the source; finished chunks are not measured again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
-    with task.source.open(colour=matcher.colour) as drive:
-        return _Run(task, drive, matcher, store, experiments_of(task.patterns)).go(progress)
+    experiments = experiments_of(task.patterns)
+    with task.source.open(colour=matcher.colour) as drives:
+        return together(_Run(task, drive, matcher, store, experiments).go(progress) for drive in drives)
+
+
+def together(parts: Iterable[Evaluated]) -> Evaluated:
+    """The work done for all rigs of a source."""
+    done = list(parts)
+    return Evaluated(sum(one.frames for one in done), sum(one.cases for one in done))
 
 
 class _Run(Run):

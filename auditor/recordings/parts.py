@@ -110,7 +110,8 @@ def _follows_in_time(span: Span, before: Sequence[Span], missing: int) -> bool:
     shorter_ns = min(lengths_ns[-2:])
     overlap_ns = min(DRIVE_PARTS.most_overlap_ns, int(DRIVE_PARTS.most_overlap_share * shorter_ns))
     gap_ns = DRIVE_PARTS.most_gap_ns + int(missing * DRIVE_PARTS.most_lengths * max(lengths_ns))
-    return before[-1][1] - overlap_ns <= span[0] <= before[-1][1] + gap_ns
+    # Copies of one recording begin at the same time, also where one is cut behind its first message.
+    return before[-1][0] < span[0] and before[-1][1] - overlap_ns <= span[0] <= before[-1][1] + gap_ns
 
 
 def _is_of_the_same_vehicle(first: FileSummary, part: FileSummary) -> bool:

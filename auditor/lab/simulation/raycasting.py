@@ -117,6 +117,8 @@ def _meet(
             met &= np.abs(s - 0.5) <= 0.5 - surfaces.taper[piece] * t
         else:
             met &= (s >= 0) & (s <= 1)
+    if not met.any():
+        return
     if surfaces.cut[piece]:
         at, mask = _masks(rays, surfaces, atlas, piece, met, (s, t, distance))
         met.ravel()[at] = mask > _THERE
