@@ -151,6 +151,25 @@ def test_the_evaluation_page_is_written(evaluated: Path, capfdbinary, tmp_path: 
     assert "van_clean.mcap" in (tmp_path / "evaluation.html").read_text()
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_the_recordings_of_a_store_are_listed_in_every_format(form: str, verbs: Audit):
+    answer = verbs("store", "list", verbs.store, "--format", form, store=False)
+    assert answer.code == Exit.CLEAN
+    printed = answer.out if form == "table" else str(rows_of(form, answer.out)).encode()
+    assert all(name in printed for name in (b"wagon_spot.mcap", b"van_wall.bag"))
+
+
+def test_a_scanned_store_is_whole(verbs: Audit):
+    assert verbs("store", "check", verbs.store, store=False).code == Exit.CLEAN
+
+
+def test_a_label_of_an_attack_made_elsewhere_counts(audited: Path, capfdbinary, tmp_path: Path):
+    shutil.copytree(audited, tmp_path / "audit")
+    verbs = Audit(tmp_path / "audit", capfdbinary.readouterr)
+    assert verbs("label", "wagon_spot.mcap", "--sensor", "S_1", "--attack", "laser", "--from", "3").code == Exit.CLEAN
+    assert any("S_1" in str(row) for row in verbs("query", "identification_rate", "--format", "json").rows)
+
+
 REFUSED: dict[str, Callable[[Path], list[object]]] = {
     "demo": lambda fleet: [fleet],
     "weights": lambda fleet: ["inspect", fleet / "van_clean.mcap"],
