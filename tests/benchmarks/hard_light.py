@@ -35,7 +35,7 @@ def measure(street: Street, store: Path, matcher_name: str = "sgbm") -> None:
     use_one_thread()
     matcher = find_matcher(matcher_name)
     task = EvaluateTask(street, store)
-    with street.open(colour=matcher.colour) as drive:
+    with street.open(colour=matcher.colour) as (drive,):
         run = _Run(task, drive, matcher, Store.open(store, create=True), EXPERIMENTS[:1])
         run.go(lambda what, done: None)
 
