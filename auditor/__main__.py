@@ -1,5 +1,6 @@
 """Entry point of `auditor` and `python -m auditor`."""
 
+import io
 import sys
 
 
@@ -7,6 +8,8 @@ def main() -> None:
     """Run the command line; imports sit inside the verbs so that `--help` is quick."""
     from auditor.cli import run  # noqa: PLC0415
 
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what a terminal of another encoding cannot show is written out
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(run())
 
 

@@ -1,81 +1,196 @@
--- Everything that is known of one frame, one row a fact.
+-- Everything that is known of one frame, one row a fact: auditor query frame RECORDING FRAME.
 --
--- param frame BIGINT: Number of the frame.
+-- Rows stand in this order: the frame, its sensors, the verdict, the disparity error of each triple, the score of each
+-- pair check, other causes, the next-best explanations.
+--
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
+-- param frame BIGINT: Number of the frame.
 --
+-- column part: What the fact is about: frame, sensor, verdict, error, score, cause or alternative.
+-- column item: Which frame's property, sensor, property of the verdict, triple, pair check, cause or explanation.
+-- column value: What was found, in a word: a sensor's state, the verdict, the sensors, the element e of a triple.
+-- column measured: What was measured: the gap, the disparity error E, the windowed ratio, the score of a cause, how much worse an explanation is; NULL where it was not.
+-- column theta: The threshold that it is compared with; NULL where there is none.
+-- column score: The score z of the windowed ratio.
+-- column note: What else is known of it, in words.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
--- column about: What the fact is about: the frame, its verdict, a sensor, the disparity error of a triple, or the windowed ratio of a pair check.
--- column fact: Which fact.
--- column value: The fact as text; NULL where it was not measured or not judged.
 WITH wanted AS (
-    SELECT measurement_id, recording_id, name
-    FROM measurements
-    WHERE $recording IS NULL OR name = $recording OR starts_with(recording_id, $recording)
+    SELECT measurement.measurement_id, measurement.rig_id, measurement.name, recording.clock
+    FROM measurements AS measurement
+    JOIN recordings AS recording USING (recording_id)
+    WHERE $recording IS NULL OR measurement.name = $recording OR starts_with(recording_id, $recording)
+),
+whole AS (
+    SELECT frame.*, wanted.clock, wanted.rig_id FROM frames AS frame JOIN wanted USING (measurement_id)
+    WHERE frame = $frame
+),
+judged AS (
+    SELECT
+        whole.measurement_id,
+        verdict.* EXCLUDE (measurement_id),
+        list_filter(list_transform(rig.sensors, lambda s: s['sensor']), lambda s: NOT list_contains(out_of_system, s))
+            AS system
+    FROM whole
+    JOIN rigs AS rig USING (rig_id)
+    LEFT JOIN verdicts AS verdict USING (measurement_id, frame)
+    WHERE whole.skipped IS NULL
 ),
 fact AS (
-    SELECT measurement_id, 1 AS part, 0 AS place, 'frame' AS about, unnest([
-        {fact: 'stamp_ns', value: CAST(stamp_ns AS VARCHAR)},
-        {fact: 'skipped', value: skipped},
-        {fact: 'skipped_sensor', value: CAST(skipped_sensor AS VARCHAR)}
+    SELECT measurement_id, 1 AS place, 0 AS row, 'frame' AS part, unnest([
+        {
+            item: 'time',
+            value: CASE
+                WHEN clock = 'utc' THEN strftime(make_timestamp_ns(stamp_ns), '%Y-%m-%d %H:%M:%S.%g UTC')
+                ELSE format('{:.3f} s', stamp_ns / 1e9)
+            END,
+            measured: NULL::DOUBLE,
+            theta: NULL::DOUBLE,
+            score: NULL::DOUBLE,
+            note: 'stamp ' || stamp_ns || ' ns'
+        },
+        {
+            item: 'skipped',
+            value: CASE WHEN skipped IS NULL THEN 'no' ELSE 'yes' END,
+            measured: NULL,
+            theta: NULL,
+            score: NULL,
+            note: skipped || coalesce(' (S_' || skipped_sensor || ')', '')
+        }
     ]) AS entry
-    FROM frames WHERE frame = $frame
+    FROM whole
     UNION ALL
-    SELECT measurement_id, 1, 1, 'labels', unnest([
-        {fact: 'attacked', value: CASE WHEN labelled THEN CAST(truth AS VARCHAR) END}
-    ])
+    SELECT measurement_id, 1, 1, 'frame', {
+        item: 'labels',
+        value: CASE WHEN labelled THEN sensors_in_words(truth, 'no attack') END,
+        measured: NULL,
+        theta: NULL,
+        score: NULL,
+        note: CASE WHEN NOT labelled THEN 'the recording has no labels' END
+    }
     FROM truth WHERE frame = $frame
     UNION ALL
-    SELECT measurement_id, 2, 0, 'verdict', unnest([
-        {fact: 'kind', value: kind},
-        {fact: 'e', value: e},
-        {fact: 'attacked', value: CAST(attacked AS VARCHAR)},
-        {fact: 'named', value: CAST(named AS VARCHAR)},
-        {fact: 'out_of_system', value: CAST(out_of_system AS VARCHAR)},
-        {fact: 'gap', value: CAST(gap AS VARCHAR)},
-        {fact: 'evidence', value: evidence_in_words(evidence)},
-        {fact: 'alternatives', value: alternatives_in_words(alternatives)},
-        {fact: 'causes', value: causes_in_words(causes)},
-        {fact: 'finding', value: finding},
-        {fact: 'finding_attacked', value: CAST(finding_attacked AS VARCHAR)},
-        {fact: 'method', value: method},
-        {fact: 'reason', value: reason}
-    ])
-    FROM verdicts WHERE frame = $frame
-    UNION ALL
-    SELECT measurement_id, 3, sensor, 'S_' || sensor || ' ' || name, unnest([
-        {fact: 'state', value: state},
-        {fact: 'state_reason', value: state_reason},
-        {fact: 'skew_ns', value: CAST(skew_ns AS VARCHAR)},
-        {fact: 'saturated_share', value: CAST(saturated_share AS VARCHAR)},
-        {fact: 'textureless_share', value: CAST(textureless_share AS VARCHAR)},
-        {fact: 'unmatched_share', value: CAST(unmatched_share AS VARCHAR)},
-        {fact: 'returns', value: CAST(returns AS VARCHAR)}
-    ])
+    SELECT measurement_id, 2, sensor, 'sensor', {
+        item: 'S_' || sensor || ' ' || name,
+        value: state,
+        measured: NULL,
+        theta: NULL,
+        score: NULL,
+        note: nullif(concat_ws(
+            ', ',
+            state_reason,
+            format('skew {:+.1f} ms', skew_ns / 1e6),
+            format('{:.1f} % saturated', 100 * saturated_share),
+            format('{:.1f} % without texture', 100 * textureless_share),
+            format('{:.1f} % unmatched', 100 * unmatched_share),
+            format('{} points', returns)
+        ), '')
+    }
     FROM sensors WHERE frame = $frame
     UNION ALL
-    SELECT measurement_id, 4, position, 'E_' || i || ',' || j || ',' || k, unnest([
-        {fact: 'E_plain', value: CAST(E_plain AS VARCHAR)},
-        {fact: 'E_gated', value: CAST(E_gated AS VARCHAR)},
-        {fact: 'theta', value: CAST(theta AS VARCHAR)},
-        {fact: 'e', value: e},
-        {fact: 'valid_px', value: CAST(valid_px AS VARCHAR)},
-        {fact: 'inconsistent_px', value: CAST(inconsistent_px AS VARCHAR)},
-        {fact: 'gated_valid_px', value: CAST(gated_valid_px AS VARCHAR)},
-        {fact: 'gated_inconsistent_px', value: CAST(gated_inconsistent_px AS VARCHAR)},
-        {fact: 'out_of_range_px', value: CAST(out_of_range_px AS VARCHAR)}
+    SELECT measurement_id, 3, 0, 'verdict', unnest([
+        {
+            item: 'kind',
+            value: kind,
+            measured: NULL,
+            theta: NULL,
+            score: NULL,
+            note: CASE WHEN kind IS NULL THEN 'not judged' ELSE reason END
+        },
+        {
+            item: 'attacked',
+            value: CASE WHEN kind = 'attacked' THEN sensors_in_words(attacked, NULL) END,
+            measured: NULL,
+            theta: NULL,
+            score: NULL,
+            note: NULL
+        },
+        {
+            item: 'reached with',
+            value: CASE WHEN kind IS NOT NULL THEN sensors_in_words(system, 'no sensor') END,
+            measured: NULL,
+            theta: NULL,
+            score: NULL,
+            note: 'without ' || nullif(sensors_in_words(out_of_system, ''), '')
+        },
+        {
+            item: 'gap',
+            value: NULL,
+            measured: gap,
+            theta: NULL,
+            score: NULL,
+            note: CASE
+                WHEN gap IS NULL THEN NULL
+                WHEN method = 'robust' THEN 'better than the next best by so much'
+                ELSE 'the smallest distance of an E from its theta'
+            END
+        },
+        {
+            item: 'finding',
+            value: finding,
+            measured: NULL,
+            theta: NULL,
+            score: NULL,
+            note: CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END
+        },
+        {item: 'method', value: method, measured: NULL, theta: NULL, score: NULL, note: NULL}
     ])
+    FROM judged
+    UNION ALL
+    SELECT measurement_id, 4, position, 'error', {
+        item: 'E_' || i || ',' || j || ',' || k,
+        value: CASE WHEN theta IS NOT NULL THEN e END,
+        measured: CASE WHEN statistic = 'plain' THEN E_plain ELSE E_gated END,
+        theta: theta,
+        score: NULL,
+        note: CASE
+            WHEN statistic = 'plain' THEN format('{} of {} px inconsistent', inconsistent_px, valid_px)
+            ELSE format('{} of {} px with texture inconsistent', gated_inconsistent_px, gated_valid_px)
+        END
+    }
     FROM errors WHERE frame = $frame
     UNION ALL
-    SELECT measurement_id, 5, position, check_name || ' S_' || i || ' S_' || k, unnest([
-        {fact: 'ratio', value: CAST(ratio AS VARCHAR)},
-        {fact: 'theta', value: CAST(theta AS VARCHAR)},
-        {fact: 'z', value: CAST(z AS VARCHAR)}
-    ])
+    SELECT measurement_id, 5, position, 'score', {
+        item: check_name || ' S_' || i || ' S_' || k,
+        value: NULL,
+        measured: ratio,
+        theta: theta,
+        score: z,
+        note: NULL
+    }
     FROM ratios WHERE frame = $frame
+    UNION ALL
+    SELECT measurement_id, 6, row, 'cause', {
+        item: cause['cause'] || coalesce(' S_' || cause['sensor'], ''),
+        value: NULL,
+        measured: cause['score'],
+        theta: NULL,
+        score: NULL,
+        note: cause_in_words(cause['cause'], cause['sensor'])
+    }
+    FROM (SELECT measurement_id, unnest(causes) AS cause, generate_subscripts(causes, 1) AS row FROM judged)
+    UNION ALL
+    SELECT measurement_id, 7, row, 'alternative', {
+        item: sensors_in_words(alternative['attacked'], 'no attack'),
+        value: NULL,
+        measured: alternative['worse_by'],
+        theta: NULL,
+        score: NULL,
+        note: 'worse by so much'
+    }
+    FROM (SELECT measurement_id, unnest(alternatives) AS alternative, generate_subscripts(alternatives, 1) AS row FROM judged)
 ),
 numbered AS (
-    SELECT *, row_number() OVER (PARTITION BY measurement_id, part, place) AS line FROM fact
+    SELECT *, row_number() OVER (PARTITION BY measurement_id, place, row) AS line FROM fact
 )
-SELECT wanted.recording_id, wanted.name, numbered.measurement_id, about, entry.fact, entry.value
+SELECT
+    part,
+    entry.item,
+    entry.value,
+    entry.measured,
+    entry.theta,
+    entry.score,
+    entry.note,
+    wanted.name,
+    numbered.measurement_id
 FROM numbered JOIN wanted USING (measurement_id)
-ORDER BY wanted.name, numbered.measurement_id, part, place, line
+ORDER BY wanted.name, numbered.measurement_id, place, row, line

@@ -1,6 +1,7 @@
 -- How often Algorithm 2 names exactly the attacked sensors, by designated false-alarm rate r: the paper's Table II.
 --
--- Thresholds are taken anew from the calibration's samples at every r. Rates stand with Wilson's 95 % interval.
+-- Only recordings with labels count: those that carry some, and those that auditor label has given some, or marked as
+-- clean. Thresholds are taken anew from the calibration's samples at every r. Rates stand with Wilson's 95 % interval.
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
@@ -12,7 +13,7 @@
 -- column r: The designated false-alarm rate.
 -- column samples: The smallest number N of clean samples that a theta came from.
 -- column resolvable: FALSE where 0 < r < 1/N for some triple: theta is then the maximum of its N samples.
--- column attacked: The sensors that labels say were attacked; empty for frames that no label covers.
+-- column attacked: The sensors that labels say were attacked; empty for frames of labelled recordings that no label covers.
 -- column frames: Measured frames.
 -- column not_auditable: Those without a single measured state.
 -- column detected: Those of an attack in which e has a 1.
@@ -101,7 +102,7 @@ sample AS MATERIALIZED (
         ) AS E
     FROM frames
     JOIN truth USING (measurement_id, frame)
-    WHERE measurement_id IN (SELECT measurement_id FROM chosen)
+    WHERE truth.labelled AND measurement_id IN (SELECT measurement_id FROM chosen)
 ),
 -- the e vector of each frame at each r; few of them differ
 counted AS MATERIALIZED (

@@ -13,6 +13,7 @@
 -- column statistic: Which pixels the current judgement counted: plain or gated.
 -- column r: The designated false-alarm rate of the current judgement.
 -- column damage: Pieces of damage met while reading.
+-- column attacked_sets: The sets of sensors that incidents name, each with its number of frames, the most frames first.
 SELECT
     recording.recording_id,
     recording.name,
@@ -37,15 +38,23 @@ SELECT
     judgement.resolvable,
     judgement.transferred,
     judgement.calibration_id,
-    len(recording.damage) + coalesce(len(measurement.damage), 0) AS damage
+    len(recording.damage) + coalesce(len(measurement.damage), 0) AS damage,
+    coalesce(named.sets, []) AS attacked_sets
 FROM recordings AS recording
 LEFT JOIN measurements AS measurement USING (recording_id)
 LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN judgements AS judgement
     ON judgement.measurement_id = measurement.measurement_id AND judgement.current
 LEFT JOIN (
-    SELECT measurement_id, list(DISTINCT sensor ORDER BY sensor) AS sensors
-    FROM (SELECT measurement_id, unnest(attacked) AS sensor FROM findings)
+    SELECT
+        measurement_id,
+        list({attacked: attacked, frames: frames} ORDER BY frames DESC, attacked) AS sets,
+        list_sort(list_distinct(flatten(list(attacked)))) AS sensors
+    FROM (
+        SELECT measurement_id, attacked, count(*) AS frames
+        FROM findings WHERE kind = 'attacked'
+        GROUP BY measurement_id, attacked
+    )
     GROUP BY measurement_id
 ) AS named ON named.measurement_id = measurement.measurement_id
 WHERE $recording IS NULL OR recording.name = $recording OR starts_with(recording.recording_id, $recording)

@@ -1,14 +1,21 @@
 """The command line: one small module a verb, imported when that verb runs."""
 
 import importlib
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 import click
 
 from auditor import __version__
 from auditor.cli.exit_codes import Exit
+from auditor.cli.output import say
 from auditor.errors import AuditorError
+
+_GO_ON = "finished recordings are kept, run the same command again to go on"
 
 VERBS = (
     "demo",
@@ -18,6 +25,7 @@ VERBS = (
     "calibrate",
     "scan",
     "judge",
+    "label",
     "evaluate",
     "query",
     "report",
@@ -40,13 +48,31 @@ class _Verbs(click.Group):
         return command
 
 
+def _show_versions(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:  # noqa: FBT001 - click's signature
+    if not wanted:
+        return
+    from auditor.resources import plug_ins  # noqa: PLC0415 - keeps --help quick
+
+    click.echo(f"auditor, version {__version__}")
+    for name, version in plug_ins().items():
+        click.echo(f"plug-in {name}, version {version}: its code is run")
+    ctx.exit()
+
+
 @click.group(
     cls=_Verbs,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="Exit codes: 0 audited, nothing found; 1 findings; 2 could not run; 3 nothing found but not everything "
-    "audited; 4 findings and not everything audited; 130 interrupted.",
+    "audited; 4 findings and not everything audited; 130 interrupted; 143 ended.",
 )
-@click.version_option(__version__, prog_name="auditor")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_versions,
+    help="Show the version, and those of plug-ins.",
+)
 def auditor() -> None:
     """Detect optical attacks on cameras and LiDAR in recorded drives, and identify the attacked sensors.
 
@@ -59,15 +85,20 @@ def auditor() -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
 
+class _Ended(BaseException):
+    """SIGTERM has come; like KeyboardInterrupt it is nothing that a verb may catch."""
+
+
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return its exit code; every expected failure ends in one line on stderr."""
     try:
-        return _run(arguments)
-    except Exception:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
-        import traceback  # noqa: PLC0415 - keeps --help quick
-
-        traceback.print_exc()
-        click.echo("auditor: this is a defect of auditor: please report the lines above", err=True)
+        with _heeding_sigterm():
+            return _run(arguments)
+    except _Ended:
+        say(f"auditor: ended by SIGTERM; {_GO_ON}")
+        return Exit.ENDED
+    except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
+        _show_defect(error)
         return Exit.FAILED
 
 
@@ -78,16 +109,52 @@ def _run(arguments: Sequence[str] | None) -> int:
         error.show()
         return Exit.FAILED
     except click.ClickException as error:
-        error.show()
+        _show_usage(error)
         return Exit.FAILED
     except AuditorError as error:
-        click.echo(f"auditor: {error}", err=True)
+        say(f"auditor: {error}")
         return Exit.FAILED
     except (KeyboardInterrupt, click.Abort):
-        click.echo("auditor: interrupted; finished recordings are kept, run the same command again to go on", err=True)
+        say(f"auditor: interrupted; {_GO_ON}")
         return Exit.INTERRUPTED
     except BrokenPipeError:
         # The reader (head, less) has gone; Python must not try to flush into the closed pipe at exit.
         sys.stdout = None
         return Exit.CLEAN
     return code if isinstance(code, int) else Exit.CLEAN
+
+
+@contextmanager
+def _heeding_sigterm() -> Iterator[None]:
+    """SIGTERM inside the block raises _Ended there; it reaches the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(_: int, __: FrameType | None) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one must not break into what the first one ends
+        raise _Ended
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _show_usage(error: click.ClickException) -> None:
+    """What click says of a command line; names of files may stand in it."""
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    if context is not None:
+        click.echo(context.get_usage(), err=True)
+        say(f"Try '{context.command_path} --help' for help.")
+    say(f"Error: {error.format_message()}")
+
+
+def _show_defect(error: Exception) -> None:
+    import traceback  # noqa: PLC0415 - keeps --help quick
+
+    for entry in traceback.format_exception(error):
+        for line in entry.splitlines() if entry.startswith("  ") else [entry.strip()]:
+            say(line)
+    say("auditor: this is a defect of auditor: please report the lines above")

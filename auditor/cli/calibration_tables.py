@@ -4,9 +4,7 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from auditor.cli.output import emit, print_rows, say
+from auditor.cli.output import answer, emit, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
@@ -18,7 +16,7 @@ _MOST_ROWS = 20
 _MOST_NAMED = 5
 _ROBUST_COLUMNS = ("check", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
-_LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "raised", "incidents", "raised by paper")
+_LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "findings", "incidents", "findings by paper")
 
 
 def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
@@ -51,14 +49,14 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
 def show_left_out(
     calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
 ) -> None:
-    """How often each clean recording is raised by thresholds of the others, by both methods; `names` are by id."""
+    """How many frames of each clean recording are findings by thresholds of the others; `names` are by id."""
     from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
     frames = sum(one.frames for one in calibration.clean)
     if len(calibration.recordings) < 2:
         say(
-            f"one clean recording of {frames} frames: no other can judge it, so how often others would be raised is "
+            f"one clean recording of {frames} frames: no other can judge it, so how often others would be findings is "
             "unknown"
         )
         return
@@ -76,8 +74,8 @@ def show_left_out(
 
 
 def _head(calibration: "Calibration") -> None:
-    click.echo(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
-    click.echo(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
+    answer(f"Calibration {calibration.calibration_id} from {len(calibration.recordings)} clean recordings")
+    answer(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
 
 
 def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":
@@ -109,23 +107,23 @@ def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "l
 
 
 def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:
-    """The recordings that are raised most, and all together."""
+    """The recordings with the most findings, and all together. A finding is a frame that is not clean."""
     rows: list[dict[str, Any]] = [
         {
             "recording": names.get(one.recording, one.recording),
             "frames": one.frames,
             "hours": one.hours,
-            "raised": one.findings,
+            "findings": one.findings,
             "incidents": one.incidents,
-            "raised by paper": other.findings,
+            "findings by paper": other.findings,
         }
         for one, other in zip(robust, paper, strict=True)
     ]
-    worst = sorted(rows, key=lambda row: (-row["raised"], -row["raised by paper"]))[:_MOST_ROWS]
+    worst = sorted(rows, key=lambda row: (-row["findings"], -row["findings by paper"]))[:_MOST_ROWS]
     whole = {column: sum(row[column] for row in rows) for column in _LEFT_OUT_COLUMNS[1:]}
     title = "Leave-one-recording-out: each recording judged by the others"
     if len(rows) > len(worst):
-        title += f"; the {len(worst)} raised most of {len(rows)}"
+        title += f"; the {len(worst)} with the most findings of {len(rows)}"
     print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
 
 
@@ -147,10 +145,10 @@ def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -
 def _share(results: "Sequence[LeftOut]") -> str:
     from auditor.identification.cross_validation import wilson  # noqa: PLC0415 - NumPy is heavy
 
-    raised, frames = sum(one.findings for one in results), sum(one.frames for one in results)
-    low, high = wilson(raised, frames)
-    share = raised / max(frames, 1)
-    return f"{raised} of {frames} frames raised ({share:.2%}, 95 % interval {low:.2%} to {high:.2%})"
+    findings, frames = sum(one.findings for one in results), sum(one.frames for one in results)
+    low, high = wilson(findings, frames)
+    share = findings / max(frames, 1)
+    return f"{findings} of {frames} frames are findings ({share:.2%}, 95 % interval {low:.2%} to {high:.2%})"
 
 
 def _incidents(results: "Sequence[LeftOut]", hours: float) -> str:

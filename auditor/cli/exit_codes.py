@@ -1,6 +1,6 @@
 """Exit codes: what a script that runs an audit needs to know."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 
@@ -13,16 +13,32 @@ class Exit(IntEnum):
     INCOMPLETE = 3
     FINDINGS_INCOMPLETE = 4
     INTERRUPTED = 130
+    ENDED = 143
+
+
+@dataclass(frozen=True)
+class NotAudited:
+    """A recording that was not audited, or not fully, and why."""
+
+    recording: str
+    path: str
+    reason: str
 
 
 @dataclass
 class Tally:
-    """What the exit code depends on, gathered over all recordings of a command."""
+    """What the exit code and the closing line depend on, gathered over all recordings of a command.
+
+    `recordings` and `with_incidents` are ids, or paths where nothing could be read.
+    """
 
     found: bool = False
     incomplete: bool = False
     audited: bool = False
     failed: bool = False
+    recordings: set[str] = field(default_factory=set)
+    with_incidents: set[str] = field(default_factory=set)
+    not_audited: list[NotAudited] = field(default_factory=list)
 
     def exit_code(self) -> Exit:
         """0 to 4: see Exit. Without a single recording that could be examined, the command could not run."""

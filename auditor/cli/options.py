@@ -1,6 +1,7 @@
 """Options that several verbs share."""
 
 import os
+import re
 from collections.abc import Callable
 from decimal import Decimal
 from functools import wraps
@@ -27,7 +28,7 @@ class FiniteRange(click.FloatRange):
         """The number. Fails as click does."""
         number = super().convert(value, param, ctx)
         if not isfinite(number):
-            self.fail(f"{value!r} is not a number", param, ctx)
+            self.fail(f"{value!r} is not a number: write one such as 0.5", param, ctx)
         return float(number)
 
 
@@ -220,6 +221,20 @@ class _Rate(click.ParamType[Decimal]):
 
 RATE = _Rate()
 """A designated false-alarm rate r, as a Decimal in [0, 1]."""
+
+
+class _Sensor(click.ParamType[int]):
+    name = "S_k"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
+        if not found:
+            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
+        return int(found[1])
+
+
+SENSOR = _Sensor()
+"""A sensor by its number, as S_2 or 2."""
 
 
 method_option = click.option(

@@ -1,22 +1,32 @@
 """What verbs print: rows on stdout, progress and remarks on stderr."""
 
 import sys
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from auditor.model.text import one_line
+
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
     from rich.table import Table as TableOnScreen
 
     from auditor.store.export import Table
 
 WIDEST_TABLE = 200
 _BRIEF_ID = 12
+_LEAST_WRAPPED = 12
+"""A column that may take several lines keeps so many characters."""
+_COUNT_EACH_S = 30.0
+"""Where no terminal shows a bar, a line that counts comes this often."""
+
+_REMARKS = ("note",)
+_WORDS = ("item", "value", "note")
+"""Columns of answers that hold words, and those that only remark."""
 
 FORMATS = ("table", "json", "csv", "parquet")
 
@@ -30,17 +40,24 @@ def emit(table: "Table", form: str, title: str = "") -> None:
     from auditor.store.export import encode, rows_of  # noqa: PLC0415 - Arrow is heavy
 
     if form == "table":
-        print_rows(rows_of(table), table.column_names, title)
+        print_rows(rows_of(table), table.column_names, title, expendable=_REMARKS, wrapped=_WORDS)
         return
     sys.stdout.buffer.write(encode(table, form))
     sys.stdout.buffer.flush()
 
 
-def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str = "") -> None:
+def print_rows(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Sequence[str],
+    title: str = "",
+    expendable: Sequence[str] = (),
+    wrapped: Sequence[str] = (),
+) -> None:
     """Print rows as a table.
 
-    Where it would be wider than the terminal, ids are cut to their beginnings and what is the same in all rows stands
-    once, above; what is too wide even so becomes several tables, and rows one below the other where a column is.
+    Where it would be wider than the terminal, ids are cut to their beginnings, what is the same in all rows stands
+    once, above, `wrapped` columns take several lines, and `expendable` ones are left out, the first of them first.
+    What is too wide even so becomes several tables, and rows one below the other where a column is.
     """
     from rich.console import Console  # noqa: PLC0415
 
@@ -63,13 +80,22 @@ def print_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title:
         if same:
             alike = ", ".join(f"{column} {shown(rows[0][column])}" for column in same)
             console.print(f"the same in all {len(rows)} rows: {alike}", soft_wrap=True)
-        columns = [column for column in columns if column not in same] or columns
+        columns = _without(columns, same) or columns
+        for some in (_without(columns, expendable[:count]) for count in range(len(expendable) + 1)):
+            if console.measure(_table(rows, some, title, wrapped)).minimum <= room:
+                console.width = room
+                console.print(_table(rows, some, title, wrapped))
+                return
         groups = _groups(columns, fits)
     if groups and (len(groups) == 1 or len(rows) > 1):
         for number, group in enumerate(groups):
             console.print(_table(rows, group, "" if number else title))
     else:
         _print_below(console, rows, columns, title)
+
+
+def _without(columns: Sequence[str], some: Sequence[str]) -> list[str]:
+    return [column for column in columns if column not in some]
 
 
 def _print_below(console: "Console", rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> None:
@@ -112,7 +138,9 @@ def _brief(column: str, value: object) -> object:
     return value
 
 
-def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str) -> "TableOnScreen":
+def _table(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str, wrapped: Sequence[str] = ()
+) -> "TableOnScreen":
     from rich import box  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
@@ -126,14 +154,16 @@ def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], title: str
     )
     for column in columns:
         numeric = all(isinstance(row[column], int | float | Decimal | None) for row in rows)
-        table.add_column(Text(column), justify="right" if numeric and rows else "left", no_wrap=True)
+        justify: JustifyMethod = "right" if numeric and rows else "left"
+        least = min(_LEAST_WRAPPED, max(len(shown(row[column])) for row in rows)) if column in wrapped else None
+        table.add_column(Text(column), justify=justify, no_wrap=column not in wrapped, min_width=least)
     for row in rows:
         table.add_row(*(Text(shown(row[column])) for column in columns))
     return table
 
 
 def shown(value: object) -> str:
-    """A value as text for a terminal; a recording's own text cannot send control sequences through it."""
+    """A value as text for a terminal; a recording's own text cannot break its line or send control sequences."""
     if value is None:
         return "-"
     if isinstance(value, bool):
@@ -143,47 +173,62 @@ def shown(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(shown(item) for item in value) if value else "-"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {shown(item)}" for name, item in value.items())
-    return "".join(
-        c if c == "\n" or unicodedata.category(c)[0] != "C" else "\N{REPLACEMENT CHARACTER}" for c in str(value)
-    )
+        return ", ".join(f"{shown(name)} {shown(item)}" for name, item in value.items())
+    return one_line(str(value))
 
 
 def say(text: str) -> None:
-    """One remark on stderr."""
-    click.echo(shown(text), err=True)
+    """One remark on stderr, on one line."""
+    click.echo(one_line(text), err=True)
+
+
+def answer(text: object) -> None:
+    """One line of an answer on stdout."""
+    click.echo(one_line(str(text)))
+
+
+Advanced = Callable[[object, str, int], None]
+"""Called with an item, what is done with it, and how many of its frames are; with none yet it is a remark."""
+Finished = Callable[..., None]
+"""Called when an item is finished, with remarks on it, each a line."""
 
 
 @contextmanager
-def progress(total: int, what: str) -> Iterator[tuple[Callable[[object, str, int], None], Callable[[str], None]]]:
-    """Show how far a number of recordings are: yields (frames are done, a recording is finished with this remark).
+def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
+    """Show how far a number of recordings are.
 
-    A terminal gets a bar; anything else one line for each finished recording.
+    A terminal gets a bar; anything else the remarks only, and now and then a line that counts.
     """
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
 
-    console = Console(stderr=True, highlight=False, markup=False)
+    console = Console(stderr=True, highlight=False, markup=False, emoji=False)
     columns = (
-        TextColumn(what),
+        TextColumn(doing),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[frames]} frames"),
         TimeElapsedColumn(),
     )
     frames: dict[object, int] = {}
+    counted_at = monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=total, frames=0)
+        task = bar.add_task(doing, total=total, frames=0)
 
         def advanced(item: object, what: str, done: int) -> None:
+            nonlocal counted_at
             if done == 0:
                 console.print(shown(f"{item}: {what}"), soft_wrap=True)
             frames[item] = done
             bar.update(task, frames=sum(frames.values()))
+            if not console.is_terminal and monotonic() - counted_at >= _COUNT_EACH_S:
+                counted_at = monotonic()
+                ended = int(bar.tasks[0].completed)
+                console.print(f"{doing}: {ended} of {total} done, {sum(frames.values())} frames", soft_wrap=True)
 
-        def finished(remark: str) -> None:
+        def finished(*remarks: str) -> None:
             bar.advance(task)
-            if remark:
+            for remark in remarks:
                 console.print(shown(remark), soft_wrap=True)
 
         yield advanced, finished

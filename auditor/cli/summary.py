@@ -1,21 +1,32 @@
-"""What an audit prints: a line for each recording, then one row a recording, and the incidents."""
+"""What an audit prints: what became of each recording, one row a recording, the incidents, and a line that closes."""
 
-from collections.abc import Collection, Iterable, Mapping
+import sys
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from auditor.cli.exit_codes import Tally
-from auditor.cli.output import emit, print_rows, progress, say, shown
+from auditor.cli.exit_codes import NotAudited, Tally
+from auditor.cli.output import answer, emit, print_rows, progress, say, shown
+from auditor.model.text import storable
 
 if TYPE_CHECKING:
+    from auditor.errors import AuditorError
     from auditor.pipeline.many import Batch, Judged
     from auditor.pipeline.measure import Measured
+    from auditor.recordings import Location
     from auditor.store import Store
 
-_RECORDING_COLUMNS = ("recording", "frames", "audited", "clean", "attacked", "unidentified", "sensors", "r")
+_WHERE_KNOWN = ("vehicle", "date")
+_COUNTS = ("clean", "attacked", "unidentified", "suspect")
+_RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS, "sensors", "r")
+_EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
+_MOST_NAMED = 3
+
+Remarks = dict[tuple[str, str], list[str]]
+"""The names of the recordings that a remark on a rig kind holds for."""
 
 
 def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
@@ -24,97 +35,184 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
 
     for error in batch.errors:
         say(f"auditor: {error}")
-        tally.failed = True
+        _leave(tally, Path(error.where), error)
     measured = {}
     with progress(len(batch.tasks), "measuring") as (advanced, finished):
         for outcome in measure_all(batch, advanced):
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error}")
                 tally.incomplete |= was_examined(outcome.error)
-                tally.failed = True
+                _leave(tally, outcome.item.recording, outcome.error)
             elif outcome.result is not None:
                 measured[outcome.item] = outcome.result
                 how = "measured" if outcome.result.fresh else "measured before"
                 finished(f"{outcome.item}: {outcome.result.frames} frames {how}")
-                for warning in outcome.result.calibration_warnings:
-                    finished(f"{outcome.item}: WARNING: {warning}")
-    return [measured[task] for task in batch.tasks if task in measured]
+    results = [measured[task] for task in batch.tasks if task in measured]
+    remarks: Remarks = {}
+    for one in results:
+        tally.recordings.add(one.recording_id)
+        for warning in one.calibration_warnings:
+            remarks.setdefault(("", f"WARNING: {warning}"), []).append(str(one.recording))
+    _say_once(remarks)
+    return results
 
 
-def show_judging(results: "Iterable[Judged]", tally: Tally) -> list[str]:
+def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> list[str]:
     """Print what could not be judged or not fully audited, and why; return the measurements that were judged."""
     judged = []
+    remarks: Remarks = {}
     for one in results:
-        for remark in (*one.warnings, *([one.error] if one.error else [])):
-            say(f"{one.recording}: {remark}")
+        measurement = store.measurement(one.measurement_id)
+        kind = str(store.rig(measurement.rig_id).kind)
+        for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
+            remarks.setdefault((kind, remark), []).append(one.recording)
+        tally.recordings.add(measurement.recording_id)
+        if one.found:
+            tally.with_incidents.add(measurement.recording_id)
+        gaps = (one.error.what,) if one.error else one.gaps
+        if gaps:
+            path = store.recording(measurement.recording_id).path
+            tally.not_audited.append(NotAudited(one.recording, path, "; ".join(gaps)))
         tally.failed |= one.error is not None
         tally.incomplete |= one.error is None and not one.complete
         tally.found |= one.found
         if one.judgement is not None:
             tally.audited = True
             judged.append(one.measurement_id)
+    _say_once(remarks)
     return judged
 
 
 def show_audit(
-    store: "Store",
+    store: "Store | None",
     form: str,
+    tally: Tally,
     recording_ids: Collection[str] | None = None,
     judged: Collection[str] | None = None,
 ) -> None:
-    """Print the summary of some recordings, or of all; as a table with the columns a person wants, and incidents.
+    """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
-    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown.
+    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown. Without
+    a store nothing was measured.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store.export import as_json  # noqa: PLC0415
 
-    summary = run_query(store, "summary", {})
-    shown_rows, earlier = [], 0
-    for place, row in enumerate(rows_of(summary)):
-        if recording_ids is not None and row["recording_id"] not in recording_ids:
-            continue
-        if judged is None or row["measurement_id"] in judged or row["method"] is None:
-            shown_rows.append(place)
+    if store is None:
+        rows: list[dict[str, Any]] = []
+        incidents = rows
+    else:
+        summary = run_query(store, "summary", {})
+        places = _places(rows_of(summary), recording_ids, judged)
+        summary = summary.take(places) if places else summary.slice(0, 0)
+        if form in ("csv", "parquet"):
+            emit(summary, form)
+            return
+        rows = rows_of(summary)
+        incidents = _incidents_of(store, {row["measurement_id"] for row in rows})
+    if form == "json":
+        left = [vars(one) for one in tally.not_audited]
+        sys.stdout.buffer.write(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
+        sys.stdout.buffer.flush()
+    elif form == "table":
+        if store is not None:
+            _show_tables(rows, incidents)
+        answer(closing_line(tally))
+
+
+def closing_line(tally: Tally) -> str:
+    """How many recordings there were, how many of them have incidents, and how many were not fully audited, and why."""
+    left = {one.path: one.reason for one in tally.not_audited}
+    line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
+    if not left:
+        return f"{line}, all fully audited" if tally.audited else line
+    why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
+    reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
+    others = len(why) - _MOST_NAMED
+    more = f", and {others} other reason{'s' * (others > 1)}" if others > 0 else ""
+    return f"{line}, {len(left)} not fully audited: {reasons}{more}"
+
+
+def _leave(tally: Tally, path: "Path | Location", error: "AuditorError") -> None:
+    """A recording could not be measured."""
+    tally.failed = True
+    tally.recordings.add(str(path))
+    tally.not_audited.append(NotAudited(storable(path.name), storable(str(path)), storable(error.what)))
+
+
+def _say_once(remarks: Remarks) -> None:
+    """Each remark on one line, with the recordings that it holds for; their rig kind, where there are several."""
+    several = len({kind for kind, _ in remarks}) > 1
+    for (kind, remark), all_names in remarks.items():
+        names = sorted(set(all_names))
+        if len(names) == 1:
+            say(f"{names[0]}: {remark}")
         else:
-            earlier += 1
-    if earlier:
+            say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
+
+
+def _places(
+    rows: Sequence[Mapping[str, Any]], recording_ids: Collection[str] | None, judged: Collection[str] | None
+) -> list[int]:
+    """Which rows of the summary are shown; of those that keep their verdicts from earlier, the number is said."""
+    wanted = [place for place, row in enumerate(rows) if recording_ids is None or row["recording_id"] in recording_ids]
+    now = [
+        place
+        for place in wanted
+        if judged is None or rows[place]["measurement_id"] in judged or rows[place]["method"] is None
+    ]
+    if earlier := len(wanted) - len(now):
         count = "1 measurement keeps its" if earlier == 1 else f"{earlier} measurements keep their"
         say(f"{count} verdicts from earlier, not shown here; auditor query summary shows them")
-    summary = summary.take(shown_rows) if shown_rows else summary.slice(0, 0)
-    if form != "table":
-        emit(summary, form)
-        return
-    rows = rows_of(summary)
-    print_rows([_recording(row) for row in rows], _RECORDING_COLUMNS)
-    if any(row["resolvable"] is False for row in rows):
-        click.echo(f"{_UNRESOLVED} not resolvable: judged as at r = 0")
-    measurements = {row["measurement_id"] for row in rows}
-    incidents = [
-        _incident(row)
+    return now
+
+
+def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[str, Any]]:
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+
+    return [
+        row
         for row in rows_of(run_query(store, "incidents", {}))
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
+
+
+def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
+    unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
+    columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
+    print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
+    if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
+        answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     if incidents:
-        print_rows(incidents, _INCIDENT_COLUMNS, title="Incidents")
+        print_rows(
+            [_incident(row) for row in incidents],
+            _INCIDENT_COLUMNS,
+            "Incidents",
+            expendable=("gap", "seconds"),
+            wrapped=("sensors",),
+        )
 
 
 def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
     rate = shown(row["r"])
     return {
         "recording": row["name"],
+        **{column: row[column] for column in (*_WHERE_KNOWN, *_COUNTS)},
         "frames": row["frames"],
         "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",
-        "clean": row["clean"],
-        "attacked": row["attacked"],
-        "unidentified": row["unidentified"],
-        "sensors": row["attacked_names"],
+        "sensors": _first([_named(one) for one in row["attacked_sets"]]) or None,
         "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
     }
 
 
+def _named(one: Mapping[str, Any]) -> str:
+    """A set of attacked sensors with its number of frames, as 'S_0 + S_2 (3)'."""
+    return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
+
+
 def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        "recording": ", ".join(part["name"] for part in row["parts"]),
+        "recording": _first([part["name"] for part in row["parts"]]),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],
         "frames": row["frames"],
@@ -123,3 +221,13 @@ def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
         "seconds": row["seconds"],
         "gap": row["largest_gap"],
     }
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first few of some names, and how many more there are."""
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + more
+
+
+def _count(recordings: int) -> str:
+    return f"{recordings} recording{'' if recordings == 1 else 's'}"

@@ -2,7 +2,7 @@
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import KW_ONLY, dataclass
 from datetime import UTC, datetime
@@ -33,6 +33,7 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.pipeline.measure import procedure_by
+from auditor.resources import plug_ins
 from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
@@ -103,7 +104,7 @@ class Run(ABC):
     def versions(self) -> Mapping[str, str]:
         """The versions of auditor and of the libraries that can change a result."""
         named = {name: version(name) for name in _VERSIONED}
-        return {"auditor": __version__} | named | dict(libraries(self._matcher))
+        return plug_ins() | {"auditor": __version__} | named | dict(libraries(self._matcher))
 
     def go(self, progress: Progress) -> Evaluated:
         """Evaluate the chunks that are not finished. Raises RecordingError, RigError and StoreError."""
@@ -223,15 +224,22 @@ class EvaluateTask(Task):
 
 
 def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
-    """Measure every case of every clean frame; finished chunks are not measured again.
+    """Measure every case of every clean frame, by each rig of the source; finished chunks are not measured again.
 
     Raises RecordingError, RigError, SettingError and StoreError.
     """
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
-    with task.source.open(colour=matcher.colour) as drive:
-        return _Run(task, drive, matcher, store, experiments_of(task.patterns)).go(progress)
+    experiments = experiments_of(task.patterns)
+    with task.source.open(colour=matcher.colour) as drives:
+        return together(_Run(task, drive, matcher, store, experiments).go(progress) for drive in drives)
+
+
+def together(parts: Iterable[Evaluated]) -> Evaluated:
+    """The work done for all rigs of a source."""
+    done = list(parts)
+    return Evaluated(sum(one.frames for one in done), sum(one.cases for one in done))
 
 
 class _Run(Run):

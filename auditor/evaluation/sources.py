@@ -15,8 +15,9 @@ from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.pipeline.measure import rigs_through
-from auditor.recordings import Location, open_recording, survey, synchronise
+from auditor.recordings import Location, Recording, open_recording, survey, synchronise
 from auditor.store.records import content_id
 
 
@@ -37,7 +38,7 @@ class CleanDrive:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording known to be clean, with its own rig or that of a rig file; of several rigs the first is taken.
+    """A recording known to be clean, with each of its rigs, or that of a rig file.
 
     Images that are not rectified are rectified first, and attacks are made on the rectified images. Where pairs have
     views of their own, attacks are made on the images as recorded.
@@ -50,8 +51,8 @@ class Recorded:
         return str(self.path)
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[CleanDrive]:
-        """Its frames. Raises RecordingError where it cannot be read or was attacked, and RigError."""
+    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
         with open_recording(self.path) as recording:
             if recording.labels():
                 raise RecordingError(
@@ -60,16 +61,22 @@ class Recorded:
                     remedy="evaluate on recordings that are free of attacks",
                 )
             surveyed = survey(recording)
-            first = rigs_through(recording, surveyed, self.rig).rigs[0]
-            rig = first.rig
-            seen = rectification(rig)
-            stream = synchronise(recording, rig, first.survey, colour=colour, stretches=first.stretches)
-            frames: Iterator[Frame | Skipped] = iter(stream)
-            if not seen.pairs:
-                rig, frames = seen.rig, seen.frames(frames)
-            yield CleanDrive(
-                recording.recording_id, recording.path.name, family=None, synthetic=False, rig=rig, frames=frames
+            yield tuple(
+                _clean_drive(
+                    recording,
+                    one.rig,
+                    iter(synchronise(recording, one.rig, one.survey, colour=colour, stretches=one.stretches)),
+                )
+                for one in rigs_through(recording, surveyed, self.rig).rigs
             )
+
+
+def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | Skipped]) -> CleanDrive:
+    seen = rectification(rig)
+    if not seen.pairs:
+        rig, frames = seen.rig, seen.frames(frames)
+    name = storable(recording.path.name)
+    return CleanDrive(recording.recording_id, name, family=None, synthetic=False, rig=rig, frames=frames)
 
 
 @dataclass(frozen=True)
@@ -105,7 +112,7 @@ class Street:
         return f"{self.style}, {self.condition}"
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[CleanDrive]:
+    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
         drive = make_drive(
             self.seed,
@@ -119,13 +126,15 @@ class Street:
         )
         given = (self.seed, self.frames, self.cameras, self.scale, self.family)
         frames = drive.frames() if colour else map(_grey, drive.frames())
-        yield CleanDrive(
-            recording_id=content_id("street", __version__, *given),
-            name=f"{self.family} {self.seed}",
-            family=self.family,
-            synthetic=True,
-            rig=drive.rig,
-            frames=frames,
+        yield (
+            CleanDrive(
+                recording_id=content_id("street", __version__, *given),
+                name=f"{self.family} {self.seed}",
+                family=self.family,
+                synthetic=True,
+                rig=drive.rig,
+                frames=frames,
+            ),
         )
 
 

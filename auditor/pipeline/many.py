@@ -18,6 +18,7 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 
+_NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
@@ -172,8 +173,11 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
 
 
 def _attacked(store: Store, measurement: str) -> str:
-    labels = store.labels(store.measurement(measurement).recording_id)
-    return "it carries the ground truth of an attack" if labels else ""
+    recording_id = store.measurement(measurement).recording_id
+    if store.labels(recording_id):
+        return "it carries the ground truth of an attack"
+    given = any(label.attack is not None for label in store.given_labels(recording_id))
+    return "it was labelled as attacked" if given else ""
 
 
 def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
@@ -214,8 +218,8 @@ class JudgeSettings:
 class Judged:
     """What became of one measurement: a judgement, an error, or neither where the store has no thresholds for it.
 
-    `recording` is the name of its recording. `complete` is False where something was not audited: `warnings`, which
-    are sentences, say what.
+    `recording` is the name of its recording. `complete` is False where something was not audited: `gaps` say what.
+    `warnings` are sentences for people, those of the gaps among them.
     """
 
     recording: str
@@ -224,6 +228,7 @@ class Judged:
     error: AuditorError | None = None
     warnings: tuple[str, ...] = ()
     complete: bool = False
+    gaps: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -249,22 +254,27 @@ class Judge:
         told = (*reading.remarks, *self._missing(stored))
         calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
         if calibration is None:
-            return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told))
+            return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
         try:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         recording = store.recording(stored.recording_id)
-        gaps = (*_gaps(stored, judgement, self._settings.min_coverage), *conflicts_of(store, recording))
-        warnings = (
+        gaps = (
             *_as_a_part(judgement, calibration),
+            *_gaps(stored, judgement, self._settings.min_coverage),
+            *conflicts_of(store, recording),
+        )
+        warnings = (
             *_unresolved(judgement),
             *gaps,
             *told,
             *_unresolved_incidents(calibration, criteria),
             *_counted_elsewhere(store, recording),
         )
-        return Judged(name, measurement, judgement, warnings=warnings, complete=reading.complete and not gaps)
+        unread = () if reading.complete else reading.remarks or ("it was not read whole",)
+        missing = (*gaps, *unread)
+        return Judged(name, measurement, judgement, warnings=warnings, complete=not missing, gaps=missing)
 
     def _missing(self, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""
@@ -280,6 +290,7 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
 
 
 def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    """What of the calibrated rig was not there: whoever removes a sensor's topic must not get a clean recording."""
     if judgement.absent_sensors:
         absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
         yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"

@@ -36,6 +36,7 @@ from auditor.model.checks import rig_pair_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Procedure, procedure_of
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.recordings import (
     FrameStream,
     Location,
@@ -54,6 +55,7 @@ from auditor.recordings import (
     synchronise,
 )
 from auditor.recordings.parameters import synchronising_digest
+from auditor.resources import plug_ins
 from auditor.store import (
     FramesWriter,
     MeasurementRecord,
@@ -290,23 +292,23 @@ def _recording_record(
     origin = task.origin.over(Origin.of_metadata(recording.metadata()))
     if known is not None:
         origin = origin.over(Origin(known.vehicle, known.date, known.drive))
-    path = str(recording.path.resolve())
+    name, path = storable(recording.path.name), storable(str(recording.path.resolve()))
     sightings = known.sightings if known is not None else ()
-    if (recording.path.name, path) not in {(one.name, one.path) for one in sightings}:
-        sightings += (Sighting(recording.path.name, path, datetime.now(UTC)),)
+    if (name, path) not in {(one.name, one.path) for one in sightings}:
+        sightings += (Sighting(name, path, datetime.now(UTC)),)
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=sightings[0].name,
         path=path,
-        files=tuple(file.name for file in recording.files),
+        files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(located(task.recording).first) or format_of(recording.files[0]),
         clock=recording.clock,
         from_ns=min((m.first_stamp_ns for m in measurements if m.first_stamp_ns is not None), default=None),
         to_ns=max((m.last_stamp_ns for m in measurements if m.last_stamp_ns is not None), default=None),
-        vehicle=origin.vehicle,
+        vehicle=origin.vehicle and storable(origin.vehicle),
         date=origin.date,
-        drive=origin.drive,
+        drive=origin.drive and storable(origin.drive),
         damage=damage,
         sightings=sightings,
         superseded_by=known.superseded_by if known else None,
@@ -326,4 +328,4 @@ def _preflight(
 
 def _versions(matcher: Matcher) -> dict[str, str]:
     ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
-    return ours | dict(libraries(matcher))
+    return plug_ins() | ours | dict(libraries(matcher))

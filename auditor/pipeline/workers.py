@@ -41,6 +41,7 @@ Progress = Callable[[str, int], None]
 """Called with what is being done and how many frames are done; with none done yet, it is a remark for people."""
 
 _POLL_S = 0.1
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 _PRELOADED = ["auditor.pipeline.measure"]
 _LONGEST_WHAT = 200
 """A message of progress must fit into a pipe at once: then processes that share it need no lock, and one that is killed
@@ -264,18 +265,19 @@ def _context() -> ForkServerContext:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C inside the block counts at its end; it reaches the main thread only, so others have nothing to do."""
+    """Ctrl-C and SIGTERM inside the block count at its end; only the main thread gets them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    pressed: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
+    came: list[int] = []
+    before = {each: signal.signal(each, lambda number, _: came.append(number)) for each in _ENDING}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed and callable(before):  # what a shell starts in the background ignores Ctrl-C
-        before(signal.SIGINT, None)
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    for number in came[:1]:
+        signal.raise_signal(number)  # what a shell starts in the background ignores Ctrl-C
 
 
 def _start_worker(progress: "Connection[Any, Any]") -> None:

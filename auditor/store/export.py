@@ -1,11 +1,15 @@
 """Rows leave the store: as Python values, JSON, CSV or Parquet.
 
 A moment leaves as text in the form of ISO 8601 with every digit that its column holds: a nanosecond has no Python type.
+So does a length of time that has months or days (P1M2DT3.5S), which no number of seconds can tell. CSV is opened
+with spreadsheets: its texts are made safe for them (`csv_cell`).
 """
 
 import io
 import json
 import math
+from collections.abc import Callable, Iterable
+from decimal import Decimal
 from typing import Any
 
 import pyarrow as pa
@@ -14,6 +18,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from auditor.errors import QueryError
+from auditor.model.text import csv_cell
 
 Table = pa.Table
 """The form of every answer: an Arrow table."""
@@ -37,8 +42,8 @@ def rows_of(table: pa.Table) -> list[dict[str, Any]]:
 def encode(table: pa.Table, form: str) -> bytes:
     """The bytes of a table in the form 'json' (a list of objects), 'csv' or 'parquet'.
 
-    Parquet keeps the types of the columns; JSON and CSV hold the values of `rows_of`. Raises QueryError where the form
-    has no such type.
+    Parquet keeps the types of the columns, but for lengths of time, which it does not have; JSON and CSV hold the
+    values of `rows_of`, CSV lists and structs as JSON text. Raises QueryError for a type that the form does not have.
     """
     try:
         return _encoded(table, form)
@@ -50,14 +55,18 @@ def encode(table: pa.Table, form: str) -> bytes:
 
 def _encoded(table: pa.Table, form: str) -> bytes:
     if form == "json":
-        rows = [{name: _plain(value) for name, value in row.items()} for row in rows_of(table)]
-        return (json.dumps(rows, indent=2, default=str, allow_nan=False) + "\n").encode()
+        return as_json(rows_of(table))
     sink = io.BytesIO()
     if form == "csv":
-        pyarrow.csv.write_csv(_flattened(table), sink)
+        pyarrow.csv.write_csv(_for_csv(table), sink)
     else:
-        pq.write_table(table, sink, compression="zstd")
+        pq.write_table(_for_parquet(table), sink, compression="zstd")
     return sink.getvalue()
+
+
+def as_json(value: object) -> bytes:
+    """Rows, or what holds several lists of rows, as JSON text; it is ASCII, and what no number is becomes null."""
+    return (json.dumps(_plain(value), indent=2, default=str, allow_nan=False) + "\n").encode()
 
 
 def _values(column: pa.ChunkedArray) -> list[Any]:
@@ -82,17 +91,32 @@ def _value(scalar: pa.Scalar) -> object:
 
 def _times_as_text(times: pa.Array | pa.ChunkedArray) -> pa.Array | pa.ChunkedArray:
     """Times in the form of ISO 8601; a timestamp without a zone is UTC, as all of the store's are."""
+    if pa.types.is_interval(times.type):
+        return pa.array(
+            [None if length is None else _length_as_text(length) for length in times.to_pylist()], pa.string()
+        )
     if not pa.types.is_timestamp(times.type):
         return times.cast(pa.string())
     return pc.strftime(times.cast(pa.timestamp(times.type.unit)), format="%Y-%m-%dT%H:%M:%SZ")
 
 
 def _is_time(kind: pa.DataType) -> bool:
-    return any(is_one(kind) for is_one in (pa.types.is_timestamp, pa.types.is_time, pa.types.is_date))
+    kinds = (pa.types.is_timestamp, pa.types.is_time, pa.types.is_date, pa.types.is_interval)
+    return any(is_one(kind) for is_one in kinds)
+
+
+def _length_as_text(length: pa.MonthDayNano) -> str:
+    """A length of time as an ISO 8601 duration; each of its three parts has a sign of its own."""
+    seconds = f"{Decimal(length.nanoseconds).scaleb(-9):f}"
+    return f"P{length.months}M{length.days}DT{seconds.rstrip('0').rstrip('.') if '.' in seconds else seconds}S"
 
 
 def _holds_times(kind: pa.DataType) -> bool:
-    return _is_time(kind) or any(_holds_times(kind.field(part).type) for part in range(kind.num_fields))
+    return _holds(_is_time, kind)
+
+
+def _holds(wanted: Callable[[pa.DataType], bool], kind: pa.DataType) -> bool:
+    return wanted(kind) or any(_holds(wanted, kind.field(part).type) for part in range(kind.num_fields))
 
 
 def _plain(value: object) -> object:
@@ -106,13 +130,45 @@ def _plain(value: object) -> object:
     return value
 
 
-def _flattened(table: pa.Table) -> pa.Table:
-    """CSV has no lists or structs: they become JSON text."""
-    columns = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        if pa.types.is_nested(column.type):
-            texts = [None if v is None else json.dumps(_plain(v), default=str) for v in _values(column)]
-            columns[name] = pa.array(texts, pa.string())
-        else:
-            columns[name] = _times_as_text(column) if _is_time(column.type) else column
-    return pa.table(columns)
+def _for_csv(table: pa.Table) -> pa.Table:
+    """The columns of a table as CSV can have them: lists and structs as JSON text, bytes in hexadecimal digits."""
+    columns = [_csv_column(column) for column in table.columns]
+    return pa.table(columns, names=[csv_cell(name) for name in table.column_names])
+
+
+def _csv_column(column: pa.ChunkedArray) -> pa.Array | pa.ChunkedArray:
+    kind = column.type
+    if _is_time(kind):
+        return _times_as_text(column)
+    if pa.types.is_nested(kind):
+        return _as_json_texts(column)
+    if _is_text(kind):
+        return _each(csv_cell, column)
+    return _each(bytes.hex, column) if pa.types.is_binary(kind) or pa.types.is_large_binary(kind) else column
+
+
+def _for_parquet(table: pa.Table) -> pa.Table:
+    """A table without what Parquet does not have: lengths of time become text, and what holds them JSON text."""
+    for place, column in enumerate(table.columns):
+        if pa.types.is_interval(column.type):
+            table = table.set_column(place, table.column_names[place], _times_as_text(column))
+        elif _holds(pa.types.is_interval, column.type):
+            table = table.set_column(place, table.column_names[place], _as_json_texts(column))
+    return table
+
+
+def _as_json_texts(column: pa.ChunkedArray) -> pa.Array:
+    return _each(lambda value: json.dumps(_plain(value), default=str), _values(column))
+
+
+def _each(change: Callable[[Any], str], values: Iterable[Any]) -> pa.Array:
+    """The texts that values become; of none there is none."""
+    plain = values.to_pylist() if isinstance(values, pa.ChunkedArray) else values
+    return pa.array([None if value is None else change(value) for value in plain], pa.string())
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    if pa.types.is_dictionary(kind):
+        return _is_text(kind.value_type)
+    kinds = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
+    return any(is_one(kind) for is_one in kinds)

@@ -64,6 +64,21 @@ class RecordingRecord:
 
 
 @dataclass(frozen=True)
+class GivenLabel:
+    """A label that a person gave; one without a topic says that the recording is known to be clean.
+
+    From `from_ns` to `to_ns` (stamps, both included) the data of `topic` was attacked. `given_at` is UTC.
+    """
+
+    given_at: datetime.datetime
+    topic: str | None = None
+    sensor: int | None = None
+    attack: str | None = None
+    from_ns: int | None = None
+    to_ns: int | None = None
+
+
+@dataclass(frozen=True)
 class MeasurementRecord:
     """What makes the frames of a measurement finished. `measured_at` is UTC; `damage` has one sentence a piece.
 

@@ -29,6 +29,7 @@ TABLES = (
     "judgements",
     "verdicts",
     "labels",
+    "given_labels",
     "evaluations",
     "cases",
     "case_verdicts",

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from auditor.errors import QueryError, StoreError
 from auditor.model.measurement import Statistic
+from auditor.model.text import storable
 from auditor.resources import resource_folder
 
 _PARAMETER = re.compile(r"param (?P<name>\w+) (?P<type>[A-Z]+(?:\[\])?)(?: = (?P<default>.+?))?: (?P<sentence>.+)")
@@ -142,7 +143,7 @@ def _value(query: SqlFile, parameter: Parameter, given: Mapping[str, object]) ->
 def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError
-    return value
+    return storable(value)
 
 
 def _integer(value: object) -> int:

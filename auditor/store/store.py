@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from datetime import UTC
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,6 +12,7 @@ from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
 from auditor.model.rig import Rig
+from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
 from auditor.store.files import checked_id, finished, is_part, remove_abandoned
@@ -30,10 +32,12 @@ from auditor.store.pictures import Picture, pictured_frames, read_picture, write
 from auditor.store.records import (
     FrameErrors,
     FrameRatios,
+    GivenLabel,
     JudgementRecord,
     RecordingRecord,
     StoredJudgement,
     StoredMeasurement,
+    to_utc,
 )
 from auditor.store.rows import (
     judgement_row,
@@ -79,6 +83,8 @@ class Store:
         Raises StoreError where the folder holds something else, or a store of another version.
         """
         folder = Path(path).expanduser().resolve()
+        if storable(str(folder)) != str(folder):
+            raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
         if not (folder / MARKER).exists():
             _check_free(folder, create=create)
             write_marker(folder)
@@ -117,7 +123,8 @@ class Store:
         return [
             known
             for known in self.recordings()
-            if wanted and (wanted in (known.name, *known.other_names) or known.recording_id.startswith(wanted))
+            if wanted
+            and (storable(wanted) in (known.name, *known.other_names) or known.recording_id.startswith(wanted))
         ]
 
     def has_recording(self, recording_id: str) -> bool:
@@ -159,7 +166,7 @@ class Store:
         write_rows("labels", self.path("labels", recording_id), rows)
 
     def labels(self, recording_id: str) -> list[AttackLabel]:
-        """The ground truth of a recording; none where it carries none."""
+        """The ground truth that a recording carries; none where it carries none."""
         if not self.path("labels", recording_id).is_file():
             return []
         return [
@@ -171,6 +178,23 @@ class Store:
                 parameters=json.loads(row["parameters"]),
             )
             for row in read_rows("labels", self.path("labels", recording_id))
+        ]
+
+    def write_given_labels(self, recording_id: str, labels: Iterable[GivenLabel]) -> None:
+        """Keep all labels that persons gave to a recording, in place of those of before."""
+        rows = [{**vars(label), "recording_id": recording_id, "given_at": to_utc(label.given_at)} for label in labels]
+        write_rows("given_labels", self.path("given_labels", recording_id), rows)
+
+    def given_labels(self, recording_id: str) -> list[GivenLabel]:
+        """The labels that persons gave to a recording."""
+        path = self.path("given_labels", recording_id)
+        rows = read_rows("given_labels", path) if path.is_file() else []
+        return [
+            GivenLabel(
+                given_at=row.pop("given_at").replace(tzinfo=UTC),
+                **{k: v for k, v in row.items() if k != "recording_id"},
+            )
+            for row in rows
         ]
 
     # Measurements

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
+from auditor.model.text import storable
 from auditor.store.files import PartFile, part_file
 from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
 
@@ -59,7 +60,7 @@ class TableWriter:
 
     def _make_batch(self) -> None:
         if self._rows:
-            self._batches.append(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
+            self._batches.append(_batch(self._rows, self._schema))
             self._rows = []
         if len(self._batches) == self._group_batches:
             self._write_group()
@@ -70,6 +71,22 @@ class TableWriter:
             with self._part.reporting():
                 self._parquet.write_table(table, row_group_size=len(table))
             self._batches = []
+
+
+def _batch(rows: list[Row], schema: pa.Schema) -> pa.RecordBatch:
+    """Rows as a batch; text that UTF-8 cannot hold, as of a file's name, is written out."""
+    try:
+        return pa.RecordBatch.from_pylist(rows, schema=schema)
+    except UnicodeEncodeError:
+        return pa.RecordBatch.from_pylist(_storable(rows), schema=schema)
+
+
+def _storable(value: Any) -> Any:  # noqa: ANN401 - whatever a cell holds
+    if isinstance(value, str):
+        return storable(value)
+    if isinstance(value, Mapping):
+        return {name: _storable(item) for name, item in value.items()}
+    return [_storable(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 @contextmanager

@@ -6,11 +6,11 @@
 -- column frame: Number of the frame within the recording.
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column truth: The attacked sensors, ascending; empty where no label covers the frame.
--- column labelled: TRUE where the recording has labels at all.
+-- column labelled: TRUE where the recording has labels at all, of attacks or that it is clean.
 WITH step AS (
     SELECT measurement_id, stamp_ns - lag(stamp_ns) OVER (PARTITION BY measurement_id ORDER BY frame) AS step_ns
     FROM stored_frames
-    WHERE measurement_id IN (SELECT measurement_id FROM stored_measurements SEMI JOIN stored_labels USING (recording_id))
+    WHERE measurement_id IN (SELECT measurement_id FROM stored_measurements SEMI JOIN labels USING (recording_id))
 ),
 tolerance AS (
     SELECT measurement_id, coalesce(CAST(least(50000000, median(step_ns) / 2) AS BIGINT), 0) AS tolerance_ns
@@ -21,7 +21,7 @@ sensor AS (
 ),
 span AS (
     SELECT measurement_id, entry.sensor, position, from_ns - tolerance_ns AS from_ns, to_ns + tolerance_ns AS to_ns
-    FROM stored_labels AS label
+    FROM labels AS label
     JOIN stored_measurements AS measurement USING (recording_id)
     JOIN tolerance USING (measurement_id)
     JOIN sensor ON sensor.rig_id = measurement.rig_id AND sensor.entry.topic = label.topic
@@ -39,7 +39,7 @@ SELECT
     frame.frame,
     frame.stamp_ns,
     coalesce(covered.truth, []) AS truth,
-    measurement.recording_id IN (SELECT recording_id FROM stored_labels) AS labelled
+    measurement.recording_id IN (SELECT recording_id FROM labels) AS labelled
 FROM stored_frames AS frame
 JOIN stored_measurements AS measurement USING (measurement_id)
 LEFT JOIN covered USING (measurement_id, frame)

@@ -101,7 +101,11 @@ def test_only_what_was_judged_now_is_shown(store, capfd):
     assert "Incidents" not in shown.out
     assert "1 measurement keeps its verdicts from earlier" in shown.err
     assert run([*judge, "-r", "0.001", "--strict", "--format", "json"]) == 2
-    assert json.loads(capfd.readouterr().out) == []
+    said = json.loads(capfd.readouterr().out)
+    assert (said["recordings"], said["incidents"]) == ([], [])
+    [left] = said["not_audited"]
+    assert (left["recording"], left["path"]) == ("drive.mcap", "/logs/drive.mcap")
+    assert "not resolvable" in left["reason"]
 
 
 def test_what_a_store_finds_attacked_is_not_calibrated_on(store, capfd):
@@ -170,10 +174,14 @@ def test_a_wide_answer_cuts_ids_and_says_once_what_is_the_same(store, capfd, mon
     assert all(known in short for known in ids.values()), "what fits is not cut"
 
 
-def test_tables_of_an_audit_fit_eighty_columns(store, capfd):
+def test_tables_of_an_audit_fit_eighty_columns(store, capfd, monkeypatch):
     add_recording(store, attacks=ATTACK, r="0.001")
-    assert run(["judge", str(store.folder), "--method", "paper", "-r", "0.001"]) == 1
+    judge = ["judge", str(store.folder), "--method", "paper", "-r", "0.001"]
+    assert run(judge) == 1
+    assert "0.001*" in capfd.readouterr().out
+    monkeypatch.setattr(output, "WIDEST_TABLE", 80)
+    assert run(judge) == 1
     out = capfd.readouterr().out
-    assert "0.001*" in out
-    assert "* not resolvable" in out
+    assert [line.split()[-1] for line in out.splitlines() if line.startswith(" recording ")] == ["sensors", "gap"]
+    assert "* r = 0.001 is not resolvable: judged as at r = 0\n" in out
     assert max(len(line.rstrip()) for line in out.splitlines()) <= 80

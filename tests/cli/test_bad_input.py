@@ -230,8 +230,17 @@ def _heeds_ctrl_c() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_heeds_ctrl_c")
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, store: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("sent", "jobs", "code", "says"),
+    [
+        (signal.SIGINT, "1", 130, "interrupted"),
+        (signal.SIGINT, "2", 130, "interrupted"),
+        (signal.SIGTERM, "2", 143, "ended by SIGTERM"),
+    ],
+)
+def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
+    sent: signal.Signals, jobs: str, code: int, says: str, clean: Path, store: Path, tmp_path: Path
+) -> None:
     long = [str(write_drive(tmp_path / f"long{n}.mcap", count=80, seed=n)) for n in range(2)]
     command = [sys.executable, "-m", "auditor", "scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
     with subprocess.Popen(
@@ -244,15 +253,27 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(jobs: str, clean: Path, sto
             and time.monotonic() < deadline
         ):
             time.sleep(0.02)
-        os.kill(started.pid, signal.SIGINT)
+        os.kill(started.pid, sent)
         _, errors = started.communicate(timeout=300)
-    # Interrupted among its first imports, Python ends itself by the signal; a shell reports 130 for both.
-    assert started.returncode in {130, -signal.SIGINT}, errors
-    assert "interrupted" in errors
+    # Interrupted among its first imports, Python ends itself by the signal; a shell reports the same code for both.
+    assert started.returncode in {code, -sent}, errors
+    assert says in errors
     assert "Traceback" not in errors
+    while _lives(started.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _lives(started.pid), "no worker is left"
     again = subprocess.run(command, capture_output=True, text=True, check=False)
     assert again.returncode in (0, 1), again.stderr
     assert "80 frames" in again.stderr
+
+
+def _lives(session: int) -> bool:
+    """True while a process of the session is there; one that has ended may be, until it is reaped."""
+    try:
+        os.killpg(session, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_an_unforeseen_error_ends_in_2_and_not_in_the_code_of_findings(
@@ -266,3 +287,23 @@ def test_an_unforeseen_error_ends_in_2_and_not_in_the_code_of_findings(
     message = capfd.readouterr().err
     assert "ZeroDivisionError" in message
     assert message.rstrip().endswith("please report the lines above")
+
+
+@pytest.mark.parametrize("arguments", [["inspect"], ["calibrate", "-r", "0"], ["convert"]])
+def test_sigterm_ends_a_verb_that_works_in_its_own_process(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The signal comes while the recording is opened; the handler of before is back afterwards."""
+
+    def kill(*_: object, **__: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("auditor.recordings.open_recording", kill)
+    monkeypatch.setattr("auditor.pipeline.many.find_recordings", kill)
+    before = signal.getsignal(signal.SIGTERM)
+    drive = write_drive(tmp_path / "drive.mcap", count=2)
+    target = [str(tmp_path / "copy.mcap")] if arguments == ["convert"] else []
+    assert run([arguments[0], str(drive), *target, *arguments[1:]]) == 143
+    [line] = capfd.readouterr().err.splitlines()
+    assert line == "auditor: ended by SIGTERM; finished recordings are kept, run the same command again to go on"
+    assert signal.getsignal(signal.SIGTERM) is before

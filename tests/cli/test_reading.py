@@ -11,7 +11,7 @@ import pytest
 
 from auditor.cli import run
 from auditor.model.rig import Rig
-from auditor.recordings import Topic, schemas, write_mcap
+from auditor.recordings import Topic, open_recording, schemas, survey, write_mcap
 from auditor.recordings.decoding import video
 from auditor.recordings.decoding.sensor_types import UNREAD
 from auditor.recordings.recording import Definition
@@ -35,12 +35,18 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return drive
 
 
+def scan_of(path: Path, clean: Path) -> list[str]:
+    """A scan by the thresholds of the clean drive into a store of its own: there it conflicts with no other drive."""
+    [thresholds] = (clean.parent / "audit" / "calibrations").glob("*.parquet")
+    return ["scan", str(path), "-r", "0", "--store", str(path.parent / path.stem), "--calibration", str(thresholds)]
+
+
 @pytest.fixture
 def both(clean: Path, capfd: pytest.CaptureFixture[str]) -> Callable[[Path], tuple[int, str]]:
     """The exit code of a scan and its remarks; inspect must end alike where the scan has no findings."""
 
     def audit(path: Path) -> tuple[int, str]:
-        code = run(["scan", str(path), "-r", "0", "--store", str(clean.parent / "audit")])
+        code = run(scan_of(path, clean))
         remarks = capfd.readouterr().err
         inspected = run(["inspect", str(path)])
         capfd.readouterr()
@@ -95,7 +101,7 @@ def test_a_healthy_recording_ends_with_0_and_without_a_remark(
 ) -> None:
     code, remarks = both(clean)
     lines = [line for line in remarks.splitlines() if "WARNING: the LiDAR points and stereo" not in line]
-    assert (code, lines) == (0, [f"{clean}: {COUNT} frames measured before"])
+    assert (code, lines) == (0, [f"{clean}: {COUNT} frames measured"])
 
 
 @pytest.mark.parametrize(
@@ -120,9 +126,9 @@ def test_the_least_coverage_is_an_option_of_scan(tmp_path: Path, clean: Path) ->
     def one_late(told: Told) -> Iterator[Told]:
         yield told._replace(stamp_ns=-5) if told.number == 9 else told
 
-    scan = ["scan", str(rewritten(clean, tmp_path / "drive.mcap", one_late)), "--store", str(clean.parent / "audit")]
-    assert run([*scan, "-r", "0"]) == 3
-    assert run([*scan, "-r", "0", "--min-coverage", "0.9"]) == 0
+    scan = scan_of(rewritten(clean, tmp_path / "drive.mcap", one_late), clean)
+    assert run(scan) == 3
+    assert run([*scan, "--min-coverage", "0.9"]) == 0
 
 
 @pytest.mark.parametrize("schema", UNREAD)
@@ -185,7 +191,7 @@ def test_clouds_that_all_lie_about_their_width_are_an_unreadable_sensor(
 
 
 def test_video_without_the_extra_says_what_to_install(
-    tmp_path: Path, clean: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, clean: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     maker = MessageMaker("cdr")
     packet = next(iter(encoded([np.zeros((64, 64, 3), np.uint8)])))
@@ -197,9 +203,10 @@ def test_video_without_the_extra_says_what_to_install(
         raise video.DecodingError("video needs the package av: install auditor[video]")
 
     monkeypatch.setattr(video, "_av", absent)
-    path = rewritten(clean, tmp_path / "drive.mcap", same, [extra])
-    assert run(["inspect", str(path)]) == 3
-    assert "/other/compressed (camera): video needs the package av: install auditor[video]" in capfd.readouterr().out
+    with open_recording(rewritten(clean, tmp_path / "drive.mcap", same, [extra])) as recording:
+        [unreadable] = survey(recording).unreadable
+    assert (unreadable.topic.name, unreadable.kind) == ("/other/compressed", "camera")
+    assert unreadable.reason == "video needs the package av: install auditor[video]"
 
 
 @pytest.mark.parametrize(

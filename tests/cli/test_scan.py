@@ -66,7 +66,11 @@ def test_a_clean_scan_exits_with_0_in_every_format(
         assert run(["scan", str(fleet / "clean.mcap"), "-r", "0", "--store", str(store), "--format", form]) == 0
     capfd.readouterr()
     assert run(["scan", str(fleet / "attacked.db3"), "-r", "0", "--store", str(store), "--format", "json"]) == 1
-    assert [row["name"] for row in json.loads(capfd.readouterr().out)] == ["attacked.db3"]
+    said = json.loads(capfd.readouterr().out)
+    assert list(said) == ["recordings", "incidents", "not_audited"]
+    assert [row["name"] for row in said["recordings"]] == ["attacked.db3"]
+    assert [row["attacked"] for row in said["incidents"]] == [[2], [0]]
+    assert said["not_audited"] == []
 
 
 def test_recordings_are_scanned_side_by_side_with_the_same_result(
@@ -171,8 +175,8 @@ def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
     assert "no other can judge it" in capfd.readouterr().err
     assert run(["calibrate", clean, quiet, "-r", "0", "--store", str(tmp_path / "two")]) == 0
     shown = capfd.readouterr()
-    assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames raised" in shown.err
-    assert "raised by paper" in shown.out
+    assert "each of 2 recordings judged by the others at r = 0: 0 of 60 frames are findings" in shown.err
+    assert "findings by paper" in shown.out
     assert "60 clean frames resolve r = 0 and r from 0.017 up" in shown.err
 
 
@@ -221,7 +225,11 @@ def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 3
-    assert json.loads(done.stdout)[0]["frames"] == 30
+    said = json.loads(done.stdout)
+    assert said["recordings"][0]["frames"] == 30
+    assert said["incidents"] == []
+    [left] = said["not_audited"]
+    assert left["reason"] == "no thresholds for its rig kind and matcher"
 
 
 def test_a_scan_killed_before_it_kept_the_recording_itself_is_completed(

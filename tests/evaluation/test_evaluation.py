@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from auditor.cli import auditor
 from auditor.errors import RecordingError, RigError, SettingError
-from auditor.evaluation import EvaluateTask, Recorded, Street, chunks, evaluate_source, experiments_of, runner
+from auditor.evaluation import EvaluateTask, Recorded, Street, chunks, evaluate_source, experiments_of, runner, sources
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.chunks import CHUNK_FRAMES
 from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
@@ -318,10 +318,30 @@ def test_a_recording_with_labels_of_attacks_is_refused(tmp_path):
         run(path, tmp_path / "audit")
 
 
+def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, monkeypatch):
+    path = write_drive(tmp_path / "drive.mcap", count=2, positions_m=(0.6, 0.3, 0.0))
+    find = sources.rigs_through
+
+    def with_and_without_lidar(*arguments):
+        found = find(*arguments)
+        (one,) = found.rigs
+        return replace(found, rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
+
+    monkeypatch.setattr(sources, "rigs_through", with_and_without_lidar)
+    task = EvaluateTask(Recorded(path), tmp_path / "audit", attack_every=2)
+    first = evaluate_source(task, lambda what, done: None)
+    assert first.frames == 4
+    store = Store.open(tmp_path / "audit")
+    parts = run_sql(store, "SELECT rig_id, count(*) AS parts FROM evaluations GROUP BY rig_id").to_pylist()
+    assert {part["rig_id"] for part in parts} == set(store.ids("rigs"))
+    assert len(parts) == 2
+    assert not evaluate_source(task, lambda what, done: None).fresh
+
+
 def test_a_street_is_opened_without_making_a_frame():
-    with Street(7, 3).open(colour=False) as street:
+    with Street(7, 3).open(colour=False) as (street,):
         assert (street.synthetic, street.rig.n) == (True, 3)
-    with Street(8, 3).open(colour=False) as other:
+    with Street(8, 3).open(colour=False) as (other,):
         assert other.recording_id != street.recording_id
 
 

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from auditor.errors import QueryError
 from auditor.store import rows_of, run_sql
 from auditor.store.export import encode
 from tests.making.stores import new_store
@@ -65,3 +66,39 @@ def test_rows_are_in_their_order_and_none_are_none(tmp_path):
     some = run_sql(store, f"SELECT make_timestamp_ns({NS}::BIGINT + x) AS at, x FROM range(3) AS r(x) ORDER BY x DESC")
     assert rows_of(some) == [{"at": f"{TEXT[:-2]}{5 + x}Z", "x": x} for x in (2, 1, 0)]
     assert rows_of(some.slice(0, 0)) == []
+
+
+@pytest.mark.parametrize(
+    ("sql", "text"),
+    [
+        ("INTERVAL 90 MINUTES", "P0M0DT5400S"),
+        ("TIMESTAMP '2011-09-27' - TIMESTAMP '2011-09-26'", "P0M1DT0S"),
+        ("INTERVAL '1 year -2 days'", "P12M-2DT0S"),
+        ("INTERVAL '-0.000001 seconds'", "P0M0DT-0.000001S"),
+        ("NULL::INTERVAL", None),
+    ],
+)
+def test_a_length_of_time_is_text_in_every_form(tmp_path, sql, text):
+    table = answer(tmp_path, sql)
+    assert rows_of(table) == [{"x": text}]
+    assert json.loads(encode(table, "json")) == [{"x": text}]
+    assert encode(table, "csv").decode().splitlines()[1:] == ["" if text is None else f'"{text}"']
+    assert pq.read_table(pa.BufferReader(encode(table, "parquet"))).to_pylist() == [{"x": text}]
+
+
+def test_lengths_of_time_inside_lists_and_structs_are_text_too(tmp_path):
+    table = answer(tmp_path, "{'a': [INTERVAL 1 DAY]}")
+    assert rows_of(table) == [{"x": {"a": ["P0M1DT0S"]}}]
+    assert pq.read_table(pa.BufferReader(encode(table, "parquet"))).to_pylist() == [{"x": '{"a": ["P0M1DT0S"]}'}]
+
+
+def test_texts_of_csv_are_safe_for_a_spreadsheet_and_numbers_stay_numbers(tmp_path):
+    cells = "'=1+1' AS a, '-0.5' AS b, -0.5 AS c, ['=1'] AS d, '\u00e9', '=1'::ENUM('=1') AS e, '\\x1B\\x5B'::BLOB AS f"
+    [head, row] = list(csv.reader(io.StringIO(encode(answer(tmp_path, f"{cells}, -1"), "csv").decode())))
+    assert head == ["a", "b", "c", "d", "'\u00e9'", "e", "f", "x"]
+    assert row == ["'=1+1", "-0.5", "-0.5", '["=1"]', "\u00e9", "'=1", "1b5b", "-1"]
+
+
+def test_a_type_that_a_form_does_not_have_is_refused_with_a_way_out(tmp_path):
+    with pytest.raises(QueryError, match=r"cannot be written as parquet .*cast the column"):
+        encode(answer(tmp_path, "union_value(a := 1)"), "parquet")

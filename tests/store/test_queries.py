@@ -3,14 +3,19 @@ from decimal import Decimal
 import pytest
 
 from auditor.errors import QueryError
+from auditor.model.calibration import RobustThresholds, Scale
+from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Statistic
-from auditor.model.verdict import AttackLabel
+from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 from auditor.store.calibrations import make_calibration
 from auditor.store.queries import list_queries, query, run_query, run_sql
+from auditor.store.records import JudgementRecord
 from tests.making.clean_frames import clean_frames
 from tests.making.stores import (
+    NOON,
     PERIOD_NS,
     PROCEDURE,
+    RULES,
     add_judgement,
     add_measurement,
     make_measurement,
@@ -197,17 +202,86 @@ def test_everything_of_one_frame_is_told(store):
     store.write_labels("a" * 64, [AttackLabel("/cam1", "facula", 0, 10**12, {})], RIG)
     stamps = dict.fromkeys(range(8), 7 * PERIOD_NS)
     add_judgement(store, RIG, measurement_id, " " * 7 + "1", stamps=stamps, theta=0.1)
-    rows = run_query(store, "frame", {"frame": 7}).to_pylist()
-    facts = {(row["about"], row["fact"]): row["value"] for row in rows}
-    assert len(facts) == len(rows)
-    assert facts["frame", "stamp_ns"] == str(7 * PERIOD_NS)
-    assert facts["labels", "attacked"] == "[1]"
-    assert facts["verdict", "attacked"] == "[1]"
-    assert facts["S_2 cam2", "state"] == "present"
-    assert [facts[f"E_{triple}", "E_gated"] for triple in ("0,1,3", "0,2,3", "1,2,3")] == ["0.25", None, "0.1"]
-    assert [facts[f"E_{triple}", "e"] for triple in ("0,1,3", "0,2,3", "1,2,3")] == ["1", "-", "0"]
-    assert facts["E_0,1,3", "theta"] == "0.1"
+    answer = run_query(store, "frame", {"frame": 7})
+    assert answer.column_names == [
+        "part", "item", "value", "measured", "theta", "score", "note", "name", "measurement_id"
+    ]  # fmt: skip
+    rows = [tuple(row.values())[:7] for row in answer.to_pylist()]
+    checks = [
+        ("score", f"{one.check.value} S_{one.i} S_{one.k}", None, None, None, None, None)
+        for one in rig_pair_checks(RIG)
+    ]
+    camera = "skew +0.0 ms, 25.0 % saturated, 50.0 % without texture, 12.5 % unmatched"
+    assert rows == [
+        ("frame", "time", "0.700 s", None, None, None, "stamp 700000000 ns"),
+        ("frame", "skipped", "no", None, None, None, None),
+        ("frame", "labels", "S_1", None, None, None, None),
+        ("sensor", "S_0 velo", "present", None, None, None, "skew +0.0 ms, 1007 points"),
+        *(("sensor", f"S_{k} cam{k}", "present", None, None, None, camera) for k in (1, 2, 3)),
+        ("verdict", "kind", "attacked", None, None, None, None),
+        ("verdict", "attacked", "S_1", None, None, None, None),
+        ("verdict", "reached with", "S_0 and S_1 and S_2 and S_3", None, None, None, None),
+        ("verdict", "gap", None, 0.1, None, None, "the smallest distance of an E from its theta"),
+        ("verdict", "finding", None, None, None, None, None),
+        ("verdict", "method", "algorithm2", None, None, None, None),
+        ("error", "E_0,1,3", "1", 0.25, 0.1, None, "250 of 1000 px with texture inconsistent"),
+        ("error", "E_0,2,3", "-", None, 0.1, None, None),
+        ("error", "E_1,2,3", "0", 0.1, 0.1, None, "100 of 1000 px with texture inconsistent"),
+        *checks,
+    ]
     assert run_query(store, "frame", {"frame": 8}).num_rows == 0
+
+
+def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
+    ratios = [0.5, 0.1]
+    measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, ratios=ratios, missing=(1,))])
+    checks = rig_pair_checks(RIG)
+    scales_of = {one: Scale(0.2, 0.1, 50) for one in checks}
+    thresholds = RobustThresholds("c" * 32, Decimal(0), scales_of, {}, resolvable=True)
+    verdict = Verdict(
+        VerdictKind.SUSPECT,
+        "---",
+        out_of_system=(1,),
+        reason="too few sensors",
+        alternatives=(Alternative((), 1.5), Alternative((2, 3), 2.0)),
+        causes=(FaultHypothesis(Cause.LATE, 2, 0.75),),
+        finding=Finding(VerdictKind.SUSPECT, ()),
+    )
+    record = JudgementRecord(measurement_id, "robust", thresholds, RULES, judged_at=NOON)
+    store.write_judgement(record, [(0, 0, verdict)])
+    rows = [tuple(row.values())[:7] for row in run_query(store, "frame", {"frame": 0}).to_pylist()]
+    assert ("sensor", "S_1 cam1", "missing", None, None, None) in [row[:6] for row in rows]
+    assert ("verdict", "kind", "suspect", None, None, None, "too few sensors") in rows
+    assert ("verdict", "reached with", "S_0 and S_2 and S_3", None, None, None, "without S_1") in rows
+    scores = [row for row in rows if row[0] == "score"]
+    assert scores[0] == (
+        "score",
+        f"{checks[0].check.value} S_{checks[0].i} S_{checks[0].k}",
+        None,
+        0.5,
+        0.2,
+        pytest.approx(3.0),
+        None,
+    )
+    assert scores[1][3:6] == (0.1, 0.2, pytest.approx(-1.0))
+    assert rows[-3:] == [
+        ("cause", "late S_2", None, 0.75, None, None, "S_2 lags by a frame"),
+        ("alternative", "no attack", None, 1.5, None, None, "worse by so much"),
+        ("alternative", "S_2 and S_3", None, 2.0, None, None, "worse by so much"),
+    ]
+
+
+def test_a_frame_that_was_skipped_or_not_judged_says_so(store):
+    add_measurement(store, RIG, [skip(0), make_measurement(RIG, 1)])
+    rows = {row["item"]: row for row in run_query(store, "frame", {"frame": 0}).to_pylist()}
+    assert {item: (row["value"], row["note"]) for item, row in rows.items()} == {
+        "time": ("0.000 s", "stamp 0 ns"),
+        "skipped": ("yes", "no LiDAR (S_0)"),
+    }
+    rows = {row["item"]: row for row in run_query(store, "frame", {"frame": 1}).to_pylist()}
+    assert (rows["kind"]["value"], rows["kind"]["note"]) == (None, "not judged")
+    assert rows["labels"]["note"] == "the recording has no labels"
+    assert rows["reached with"]["value"] is None
 
 
 def test_a_frame_has_to_be_named(store):

@@ -1,7 +1,6 @@
 """`auditor attack`: a compromised copy of a recording, with its ground truth inside."""
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.output import answer
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -23,21 +23,11 @@ _LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
 _EITHER = ("delayed", "frozen")
 
 
-class _Sensor(click.ParamType[int]):
-    name = "S_k"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        found = re.fullmatch(r"(?:S_?)?(\d+)", str(value), re.IGNORECASE)
-        if not found:
-            self.fail(f"{value!r} is not a sensor: write S_0 for the LiDAR, S_1 for the rightmost camera", param, ctx)
-        return int(found[1])
-
-
 @click.command("attack", short_help="A compromised copy with its ground truth.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
 @click.option(
-    "--on", "sensors", type=_Sensor(), multiple=True, required=True, help="Sensor to attack; may be repeated."
+    "--on", "sensors", type=options.SENSOR, multiple=True, required=True, help="Sensor to attack; may be repeated."
 )
 @click.option(
     "--kind",
@@ -102,7 +92,7 @@ def command(
     wanted = _Wanted(sensors, kind, size, pattern, strength, seed, moving, from_s, to_s)
     with no_remains(target):
         run_within(limits(source), _attack, source, target, rig, wanted)
-    click.echo(target)
+    answer(target)
 
 
 @dataclass(frozen=True)

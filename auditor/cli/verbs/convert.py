@@ -23,7 +23,7 @@ def command(source: Path, target: Path, limits: "LimitsOf") -> None:
     auditor convert 2011_09_26_drive_0009_sync/ drive_0009.mcap
     auditor convert old_vehicle.bag old_vehicle.mcap
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.output import say  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.output import answer, say  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
     from auditor.recordings.writers.atomic import no_remains  # noqa: PLC0415
 
@@ -31,7 +31,7 @@ def command(source: Path, target: Path, limits: "LimitsOf") -> None:
         left_out = run_within(limits(source), _convert, source, target)
     for topic in left_out:
         say(topic)
-    click.echo(target)
+    answer(target)
 
 
 def _convert(source: Path, target: Path) -> Mapping[str, str]:

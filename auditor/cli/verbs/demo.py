@@ -1,6 +1,7 @@
 """`auditor demo`: the first thing a newcomer runs."""
 
 import re
+import shlex
 import shutil
 from collections.abc import Sequence
 from decimal import Decimal
@@ -11,7 +12,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
-from auditor.cli.output import print_rows, progress, say
+from auditor.cli.output import answer, print_rows, progress, say
 
 if TYPE_CHECKING:
     from auditor.pipeline.demo import Take
@@ -59,22 +60,22 @@ def command(folder: Path, method: str, jobs: int) -> int:
     clean, suspected = fleet(folder)
     _prepare(folder, (*clean, *suspected))
     store = folder / "audit"
-    tally = Tally()
+    of_clean, tally = Tally(), Tally()
     _record((*clean, *suspected), jobs)
     measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
-    references = show_measuring(find_batch([take.file for take in clean], store, measuring), tally)
+    references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
     kept = Store.open(store)
     calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
     kept.write_calibration(calibration)
     audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
     judging = JudgeSettings(Criteria(Decimal(0), Method(method), strict=True), calibration, min_coverage=1)
-    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), tally)
-    show_audit(kept, "table", {one.recording_id for one in audited})
+    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
+    show_audit(kept, "table", tally, {one.recording_id for one in audited})
     exact = _compare(kept, suspected)
     page = render_incident_report(kept, out=store / "reports" / "incident.html")
-    click.echo(f"The incident page: {page}")
-    click.echo(f"Query the store:   auditor query --store {store}")
-    return Exit.CLEAN if exact and not tally.failed else Exit.FINDINGS
+    answer(f"The incident page: {page}")
+    answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
+    return Exit.CLEAN if exact and not (of_clean.failed or tally.failed) else Exit.FINDINGS
 
 
 def _prepare(folder: Path, takes: "Sequence[Take]") -> None:
@@ -118,7 +119,7 @@ def _record(takes: "tuple[Take, ...]", jobs: int) -> None:
         for outcome in run_all(record, takes, jobs, advanced):
             if outcome.error:
                 raise outcome.error
-            finished("")
+            finished()
 
 
 def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:

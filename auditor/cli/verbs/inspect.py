@@ -69,6 +69,8 @@ def command(
     for where in found.recordings:
         try:
             description = run_within(limits(where), _describe, where, rig, write_rig)
+            if write_rig and description["rigs"]:
+                say(f"the rig is in {write_rig}")
         except LimitError as error:
             say(f"auditor: {error}")
             tally.incomplete = True
@@ -88,9 +90,9 @@ def command(
 
 
 def _describe(where: "Location", shown: Path | None, written: Path | None) -> dict[str, Any]:
-    from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.model.coverage import unread_line  # noqa: PLC0415
+    from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.measure import calibration_warnings_of, rigs_through  # noqa: PLC0415
     from auditor.recordings import (  # noqa: PLC0415
         RigsInForce,
@@ -116,7 +118,6 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-            say(f"the rig is in {written}")
         calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)
@@ -129,7 +130,7 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
         readings = [_reading(one, damage) for one in health]
         coverage = health[0].coverage if health else outside_topics(recording, surveyed)
         return {
-            "recording": str(where),
+            "recording": storable(str(where)),
             "recording_id": recording.recording_id,
             "clock": recording.clock,
             "metadata": dict(recording.metadata()),
@@ -258,20 +259,20 @@ def _show(description: dict[str, Any]) -> None:
     for name, value in description["metadata"].items():
         click.echo(shown(f"  {name}: {value}"))
     if description["labels"]:
-        click.echo(f"  carries ground truth of {description['labels']} attacks")
+        click.echo(shown(f"  carries ground truth of {description['labels']} attacks"))
     topics = sorted(description["topics"], key=lambda topic: topic["sensor"] is None)[:_MOST_TOPICS_SHOWN]
     print_rows(sorted(topics, key=lambda topic: topic["topic"]), ("topic", "schema", "messages", "sensor", "state"))
     if more := len(description["topics"]) - len(topics):
-        click.echo(f"  and {more} more topics: --format json lists all")
+        click.echo(shown(f"  and {more} more topics: --format json lists all"))
     for rig in description["rigs"]:
         columns = ("sensor", "name", "topic", "size_px", "focal_px", "baseline_m", "reference")
         rows = [{column: sensor.get(column) for column in columns} for sensor in rig["sensors"]]
         print_rows(rows, columns, title=f"Rig {rig['kind']}")
         for line in rig["capabilities"]:
-            click.echo(f"  {line}")
+            click.echo(shown(f"  {line}"))
         click.echo()
         for line in _geometry(rig):
-            click.echo(shown(f"  {line}\n"))
+            click.echo(shown(f"  {line}") + "\n")
         counted = ("sensor", "read", "used", "unused", "damaged", "skipped", "present", "from_s", "to_s", "offset_ms")
         print_rows(
             [
@@ -281,7 +282,7 @@ def _show(description: dict[str, Any]) -> None:
             counted,
             title="Messages, presence, and offset to the leftmost camera",
         )
-        click.echo(shown(f"  {_frames(rig)}\n"))
+        click.echo(shown(f"  {_frames(rig)}") + "\n")
         for remark in rig["reading"]:
             click.echo(shown(f"  {remark}"))
     for remark in _remarks(description):

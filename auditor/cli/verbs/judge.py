@@ -4,23 +4,25 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from auditor.cli import options
 from auditor.cli.output import format_option
 
 
 @click.command("judge", short_help="Verdicts again, without recordings.")
-@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@click.argument("place", metavar="[STORE]", required=False, type=click.Path(path_type=Path))
+@options.store_option
 @options.recount_option
 @options.judging_options
 @format_option
-def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library
+def command(place: Path | None, store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - handed on to the library
     """Judge everything in a store again: another r, other thresholds, no recordings needed.
 
     \b
     auditor judge -r 0
-    auditor judge night/audit -r 2% --statistic plain
-    auditor judge night/audit --recount
+    auditor judge --store night/audit -r 2% --method paper --statistic plain
+    auditor judge --store night/audit --recount
 
     The new verdicts become the current ones; earlier ones stay in the store. What could not be judged now is not shown.
 
@@ -33,7 +35,9 @@ def command(store: Path, form: str, **judging: Any) -> int:  # noqa: ANN401 - ha
     from auditor.pipeline.library import judge  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    kept, tally = Store.open(store), Tally()
-    judged = show_judging(judge(kept, **judging), tally)
-    show_audit(kept, form, judged=judged)
+    if place is not None and click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
+        raise click.UsageError("name the store once, with --store")
+    kept, tally = Store.open(place or store), Tally()
+    judged = show_judging(judge(kept, **judging), kept, tally)
+    show_audit(kept, form, tally, judged=judged)
     return tally.exit_code()

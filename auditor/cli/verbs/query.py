@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
-from auditor.cli.output import emit, format_option, say
+from auditor.cli.output import answer, emit, format_option, say
 
 if TYPE_CHECKING:
     from auditor.store import Store
     from auditor.store.export import Table
+    from auditor.store.sql_files import SqlFile
 
 _WIDEST_LIST = 110
 _OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements)\b")
@@ -21,7 +22,7 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 
 @click.command("query", short_help="Query the store.")
 @click.argument("name", required=False)
-@click.argument("parameters", nargs=-1, metavar="[PARAMETER=VALUE]...")
+@click.argument("parameters", nargs=-1, metavar="[[PARAMETER=]VALUE]...")
 @options.store_option
 @click.option("--sql", help="Your own SQL over the store's views, in a sandbox.")
 @click.option("--describe", is_flag=True, help="Say what the query answers, its parameters and columns; views too.")
@@ -34,12 +35,14 @@ def command(
     \b
     auditor query
     auditor query incidents gap_s=1
+    auditor query frame drive_0009.mcap 120
     auditor query identification_rate --describe
     auditor query --sql "SELECT name, count(*) FROM verdicts WHERE kind = 'attacked' GROUP BY name"
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.library import query  # noqa: PLC0415 - heavy
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
+    from auditor.store.sql_files import queries  # noqa: PLC0415
 
     if sql is not None:
         if name is not None:
@@ -51,7 +54,7 @@ def command(
     elif describe:
         _describe(name)
     else:
-        values = _values(parameters)
+        values = _values(parameters, queries().get(name))
         answer = query(store, name, **values)
         _show(Store.open(store), find_query(name).sql, answer, form)
 
@@ -86,19 +89,26 @@ def _describe(name: str) -> None:
     from auditor.store import describe  # noqa: PLC0415 - heavy
 
     description = describe(name)
-    click.echo(f"{description.text}\n")
+    answer(description.text)
+    click.echo()
     for parameter in description.parameters:
         default = "required" if parameter.required else f"default {parameter.default or 'none'}"
-        click.echo(f"  parameter {parameter.name}, {default}: {parameter.sentence}")
+        answer(f"  parameter {parameter.name}, {default}: {parameter.sentence}")
     for column in description.columns:
-        click.echo(f"  {column.name} {column.type}: {column.sentence}")
+        answer(f"  {column.name} {column.type}: {column.sentence}")
 
 
-def _values(parameters: tuple[str, ...]) -> dict[str, str]:
-    values = {}
-    for parameter in parameters:
+def _values(parameters: tuple[str, ...], asked: "SqlFile | None") -> dict[str, str]:
+    """The parameters by name; those of a query that needs some may be given without names, in their order."""
+    known = asked.parameters if asked is not None else ()
+    in_order = [one.name for one in known] if any(one.required for one in known) else []
+    values: dict[str, str] = {}
+    for place, parameter in enumerate(parameters):
         key, equals, value = parameter.partition("=")
-        if not equals:
+        if equals and (key in in_order or not in_order):
+            values[key] = value
+        elif place < len(in_order):
+            values[in_order[place]] = parameter
+        else:
             raise click.UsageError(f"{parameter!r} is not a parameter: write it as name=value")
-        values[key] = value
     return values

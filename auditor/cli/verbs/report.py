@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from auditor.cli import options
+from auditor.cli.output import answer
 
 _REPORTS = ("incident", "evaluation")
 
@@ -35,6 +36,6 @@ def command(name: str, store: Path, recording: str | None, out: Path | None) -> 
     if name == "evaluation":
         if recording is not None:
             raise click.UsageError("--recording is for the incident page; the evaluation page pools all recordings")
-        click.echo(render_evaluation_report(kept, out=target))
+        answer(render_evaluation_report(kept, out=target))
     else:
-        click.echo(render_incident_report(kept, out=target, recording=recording))
+        answer(render_incident_report(kept, out=target, recording=recording))

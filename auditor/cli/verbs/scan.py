@@ -38,8 +38,9 @@ def command(
     these. The parts of a split drive, given or found together, are one recording. What the store has measured already
     is not measured again, but with --measure-again.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
+    from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import find_batch, judge_all  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
@@ -48,16 +49,18 @@ def command(
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     tally, judged = Tally(), list[str]()
     measured = show_measuring(find_batch(recordings, store, measuring), tally)
-    if not measured:
-        return tally.exit_code()
-    kept = Store.open(store)
-    for superseded in relate(kept):
-        say(str(superseded))
-    ids = [known for one in measured for known in one.measurement_ids]
-    if measure_only:
+    kept = Store.open(store) if measured else None
+    if kept is not None:
+        for superseded in relate(kept):
+            say(str(superseded))
+    if kept is not None and not measure_only:
+        ids = [known for one in measured for known in one.measurement_ids]
+        judged = show_judging(judge_all(kept, ids, settings), kept, tally)
+    elif kept is not None:
         say("measured only: no verdicts were reached; auditor judge reaches them")
         tally.incomplete = True
-    else:
-        judged = show_judging(judge_all(kept, ids, settings), tally)
-    show_audit(kept, form, {one.recording_id for one in measured}, judged)
+        tally.not_audited += [
+            NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only") for one in measured
+        ]
+    show_audit(kept, form, tally, {one.recording_id for one in measured}, judged)
     return tally.exit_code()

@@ -1,6 +1,7 @@
 """`auditor train-matcher`: a stereo network of one's own, from clean recordings and synthetic streets."""
 
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
-from auditor.cli.output import print_rows, progress, say
+from auditor.cli.output import answer, print_rows, progress, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def command(
             say(_line(point))
     print_rows([_row(point) for point in points], _COLUMNS)
     say(f"the curve is in {out / CURVE}; use the network with")
-    click.echo(f"auditor scan RECORDING... --matcher psmnet --weights {out / WEIGHTS}")
+    answer(f"auditor scan RECORDING... --matcher psmnet --weights {shlex.quote(str(out / WEIGHTS))}")
     return Exit.CLEAN
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from auditor.cli.exit_codes import Exit
+from auditor.cli.output import answer, shown
 
 
 @click.group("weights", short_help="Inspect PSMNet checkpoints, convert them safely.")
@@ -22,12 +23,11 @@ def command() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 def inspect(file: Path) -> int:
     """Show what a checkpoint holds, and whether it can be used."""
-    from auditor.cli.output import shown  # noqa: PLC0415 - keeps --help quick
-    from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415
+    from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - keeps --help quick
 
     report = psmnet_module("weights").inspect_weights(file)
     for name, value in asdict(report).items():
-        click.echo(f"{name:>14}  {shown(value)}")
+        answer(f"{name:>14}  {shown(value)}")
     return Exit.FAILED if report.problems else Exit.CLEAN
 
 
@@ -45,4 +45,4 @@ def convert(file: Path, target: Path, *, align_corners: bool | None, max_dispari
     from auditor.measurement.disparity.matchers import psmnet_module  # noqa: PLC0415 - keeps --help quick
 
     psmnet_module("weights").convert_weights(file, target, align_corners=align_corners, max_disparity=max_disparity)
-    click.echo(target)
+    answer(target)

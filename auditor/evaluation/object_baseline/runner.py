@@ -11,7 +11,7 @@ from auditor.evaluation.object_baseline.agreement import AttackedObjects, in_vie
 from auditor.evaluation.object_baseline.average_precision import Scored, score_in_image, score_on_ground
 from auditor.evaluation.object_baseline.detectors import Detectors, find_detectors
 from auditor.evaluation.object_baseline.kitti_labels import LabelledDrive, ObjectLabel, read_object_labels
-from auditor.evaluation.runner import Evaluated, Progress, Run, Task
+from auditor.evaluation.runner import Evaluated, Progress, Run, Task, together
 from auditor.evaluation.sources import CleanDrive
 from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import Matcher, find_matcher
@@ -51,9 +51,9 @@ def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
     use_one_thread()
     matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
     store = Store.open(task.store, create=True)
-    with task.source.open(colour=matcher.colour or detectors.camera is not None) as drive:
-        labels = read_object_labels(task.labels, drive.name) if task.labels else None
-        return _Run(task, drive, matcher, store, detectors, labels).go(progress)
+    with task.source.open(colour=matcher.colour or detectors.camera is not None) as drives:
+        labels = read_object_labels(task.labels, drives[0].name) if task.labels else None
+        return together(_Run(task, drive, matcher, store, detectors, labels).go(progress) for drive in drives)
 
 
 class _Run(Run):

@@ -7,6 +7,7 @@ import jinja2
 from auditor.reporting.evaluation.loading import load_evaluation
 from auditor.reporting.evaluation.page import EvaluationPage, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, WIDTH_PX
+from auditor.reporting.page_text import shown_on_page
 from auditor.resources import resource_folder
 from auditor.store.files import write_whole
 from auditor.store.store import Store
@@ -28,6 +29,7 @@ def render_evaluation(page: EvaluationPage) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(resource_folder("reports")),
         autoescape=True,
+        finalize=shown_on_page,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
     )

@@ -295,8 +295,8 @@ def _measured(store: Store, audit: _Audit, errors: FrameErrors) -> Measured:
 
 def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:
     recording_id = audit.recording.recording_id
-    if recording_id not in store.ids("labels"):
-        return ()
+    carried = read_rows("labels", store.path("labels", recording_id)) if recording_id in store.ids("labels") else []
+    given = [vars(label) for label in store.given_labels(recording_id) if label.attack is not None]
     sensors = {audit.rig.topic(sensor): sensor for sensor in audit.rig.sensors}
     return tuple(
         Truth(
@@ -305,9 +305,9 @@ def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:
             attack=row["attack"],
             from_ns=row["from_ns"],
             to_ns=row["to_ns"],
-            parameters=_mapping(row["parameters"]),
+            parameters=_mapping(row.get("parameters") or "{}"),
         )
-        for row in read_rows("labels", store.path("labels", recording_id))
+        for row in (*carried, *given)
     )
 
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
 from auditor.reporting.incident.page import IncidentPage
+from auditor.reporting.page_text import shown_on_page
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
 from auditor.resources import resource_folder
 from auditor.store.files import write_whole
@@ -51,6 +52,7 @@ def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(resource_folder("reports")),
         autoescape=True,
+        finalize=shown_on_page,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
     )

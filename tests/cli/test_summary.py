@@ -1,0 +1,204 @@
+"""What the screen says after an audit: mixed verdicts, remarks once a rig kind, and a line that closes."""
+
+import json
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from auditor.cli import output, run, summary
+from auditor.cli.exit_codes import NotAudited, Tally
+from auditor.store import Store
+from tests.making.report_stores import add_recording, make_rig
+from tests.making.stores import add_judgement, add_measurement, make_measurement, new_store
+from tests.making.stores import make_rig as rig_of
+
+
+@pytest.fixture
+def store(tmp_path) -> Store:
+    return new_store(tmp_path)
+
+
+def table(text: str) -> list[list[str]]:
+    """The cells of a printed table."""
+    lines = [line for line in text.splitlines() if line.strip(" ─")]
+    return [re.split(r"\s{2,}", line.strip()) for line in lines]
+
+
+def judged_by_hand(store: Store, kinds: str, name: str, *, recording: str) -> str:
+    rig = rig_of(3)
+    frames = [make_measurement(rig, number) for number in range(len(kinds))]
+    known = add_measurement(store, rig, frames, recording=recording, name=name)
+    add_judgement(store, rig, known, kinds, r="0.01", resolvable=False)
+    return known
+
+
+def test_mixed_verdicts_are_shown_as_such_and_suspects_too(store, capfd):
+    known = judged_by_hand(store, "cc" + "2" * 4 + "1" * 2 + "s" + "u", "a.mcap", recording="a")
+    summary.show_audit(store, "table", Tally(), judged=[known])
+    head, row, *_ = table(capfd.readouterr().out)
+    assert head == [
+        "recording", "frames", "audited", "clean", "attacked", "unidentified", "suspect", "sensors", "r"
+    ]  # fmt: skip
+    assert row == ["a.mcap", "10", "100.0 %", "2", "6", "1", "1", "S_2 (4), S_1 (2)", "0.01*"]
+
+
+def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(store, capfd):
+    sets = [{"attacked": one, "frames": frames} for one, frames in (([2], 37), ([0, 2], 3), ([1], 2), ([0], 1))]
+    row = dict.fromkeys(("name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r"))
+    row |= {"audited_share": None, "resolvable": None, "attacked_sets": sets[:2]}
+    assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
+    row["attacked_sets"] = sets
+    assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3), S_1 (2) and 1 more"
+
+
+def test_vehicle_and_date_stand_in_the_table_where_they_are_known(store, capfd):
+    add_recording(store, "a.mcap", vehicle="car 7")
+    add_recording(store, "b.mcap", vehicle=None)
+    assert run(["judge", "--store", str(store.folder), "--method", "paper", "-r", "0"]) == 0
+    head, first, second, *_ = table(capfd.readouterr().out)
+    assert head[:3] == ["recording", "vehicle", "frames"]
+    assert (first[:2], second[:2]) == (["a.mcap", "car 7"], ["b.mcap", "-"])
+
+
+def test_what_holds_for_many_recordings_is_one_line_a_rig_kind(store, capfd):
+    for number in range(5):
+        add_recording(store, f"{number}.mcap", judged=False)
+    for number in range(2):
+        add_recording(store, f"no_lidar_{number}.mcap", rig=make_rig(lidar=False), judged=False)
+    assert run(["judge", "--store", str(store.folder)]) == 3
+    shown = capfd.readouterr()
+    remark = "measured, but not judged: the store has no thresholds for its rig kind and matcher; make some"
+    found = sorted(line for line in shown.err.splitlines() if remark in line)
+    assert [line.partition(": measured")[0] for line in found] == [
+        f"2 recordings of {make_rig(lidar=False).kind} (no_lidar_0.mcap, no_lidar_1.mcap)",
+        f"5 recordings of {make_rig().kind} (0.mcap, 1.mcap, 2.mcap and 2 more)",
+    ]
+    assert shown.out.splitlines()[-1] == (
+        "7 recordings: none with incidents, 7 not fully audited: no thresholds for its rig kind and matcher"
+    )
+
+
+def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
+    def measure_all(batch, advanced):
+        for task in batch.tasks:
+            result = SimpleNamespace(
+                recording=task, recording_id=task, frames=1, fresh=True, calibration_warnings=("it does not fit",)
+            )
+            yield SimpleNamespace(item=task, error=None, result=result)
+
+    monkeypatch.setattr("auditor.pipeline.many.measure_all", measure_all)
+    tally = Tally()
+    summary.show_measuring(SimpleNamespace(tasks=("a.mcap", "b.mcap"), errors=()), tally)
+    assert capfd.readouterr().err.splitlines() == [
+        "a.mcap: 1 frames measured",
+        "b.mcap: 1 frames measured",
+        "2 recordings (a.mcap, b.mcap): WARNING: it does not fit",
+    ]
+    assert tally.recordings == {"a.mcap", "b.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("tally", "line"),
+    [
+        (Tally(audited=True, recordings={"a"}), "1 recording: none with incidents, all fully audited"),
+        (
+            Tally(audited=True, recordings={"a", "b"}, with_incidents={"a"}),
+            "2 recordings: 1 with incidents, all fully audited",
+        ),
+        (
+            Tally(
+                audited=True,
+                recordings=set("abcdefg"),
+                not_audited=[
+                    NotAudited("a", "a", "no thresholds"),
+                    NotAudited("b", "b", "damaged: chunk 1"),
+                    NotAudited("c", "c", "damaged: chunk 2; and more"),
+                    NotAudited("d", "d", "25 of 40 frames audited"),
+                    NotAudited("e", "e", "the file is empty"),
+                ],
+            ),
+            "7 recordings: none with incidents, 5 not fully audited: damaged (2), no thresholds (1), "
+            "25 of 40 frames audited (1), and 1 other reason",
+        ),
+    ],
+)
+def test_the_closing_line_counts_recordings_and_says_why(tally, line):
+    assert summary.closing_line(tally) == line
+
+
+def test_the_json_of_an_audit_has_recordings_incidents_and_what_was_not_audited(store, capfd):
+    add_recording(store, "a.mcap", attacks=[((1,), 10, 19)])
+    add_recording(store, "b.mcap", rig=make_rig(lidar=False), judged=False)
+    assert run(["judge", "--store", str(store.folder), "--method", "paper", "-r", "0", "--format", "json"]) == 4
+    said = json.loads(capfd.readouterr().out)
+    assert list(said) == ["recordings", "incidents", "not_audited"]
+    assert [(row["name"], row["attacked"], row["attacked_sets"]) for row in said["recordings"]] == [
+        ("a.mcap", 10, [{"attacked": [1], "frames": 10}]),
+        ("b.mcap", None, []),
+    ]
+    assert [(row["name"], row["first_frame"], row["last_frame"]) for row in said["incidents"]] == [("a.mcap", 10, 19)]
+    assert said["not_audited"] == [
+        {"recording": "b.mcap", "path": "/logs/b.mcap", "reason": "no thresholds for its rig kind and matcher"}
+    ]
+
+
+def test_a_scan_of_nothing_says_so_in_every_form(tmp_path, capfd):
+    scan = ["scan", str(tmp_path / "none.mcap"), "--store", str(tmp_path / "audit")]
+    assert run(scan) == 2
+    reason = "there is no such file or folder"
+    assert capfd.readouterr().out == f"1 recording: none with incidents, 1 not fully audited: {reason}\n"
+    assert run([*scan, "--format", "json"]) == 2
+    left = {"recording": "none.mcap", "path": str(tmp_path / "none.mcap"), "reason": reason}
+    assert json.loads(capfd.readouterr().out) == {"recordings": [], "incidents": [], "not_audited": [left]}
+    assert run([*scan, "--format", "csv"]) == 2
+    assert capfd.readouterr().out == ""
+
+
+def test_judge_takes_its_store_either_way_but_once(store, capfd):
+    add_recording(store)
+    for where in ([str(store.folder)], ["--store", str(store.folder)]):
+        assert run(["judge", *where, "--method", "paper", "-r", "0"]) == 0
+    assert run(["judge", str(store.folder), "--store", str(store.folder)]) == 2
+    assert "name the store once" in capfd.readouterr().err
+
+
+def test_a_pipe_gets_a_line_now_and_then(capfd, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(output, "monotonic", lambda: now[0])
+    with output.progress(2, "evaluating") as (advanced, finished):
+        for frame in range(1, 8):
+            now[0] += 10
+            advanced("a.mcap", "a.mcap", frame)
+        finished("a.mcap: done")
+        now[0] += 30
+        advanced("b.mcap", "b.mcap", 5)
+        finished("b.mcap: done", "b.mcap: WARNING: it was slow")
+    assert capfd.readouterr().err.splitlines() == [
+        "evaluating: 0 of 2 done, 3 frames",
+        "evaluating: 0 of 2 done, 6 frames",
+        "a.mcap: done",
+        "evaluating: 1 of 2 done, 12 frames",
+        "b.mcap: done",
+        "b.mcap: WARNING: it was slow",
+    ]
+
+
+def test_a_table_wraps_and_leaves_out_before_it_breaks(monkeypatch, capfd):
+    rows = [
+        {"name": f"recording {n}", "number": 1000 + n, "words": "some words " * 4, "note": "x" * 30} for n in (1, 2)
+    ]
+    rows[1] = {**rows[1], "words": "other"}
+
+    def printed(width: int) -> str:
+        monkeypatch.setattr(output, "WIDEST_TABLE", width)
+        output.print_rows(rows, tuple(rows[0]), expendable=("note", "number"), wrapped=("words",))
+        return capfd.readouterr().out
+
+    assert "note" in printed(100).splitlines()[1]
+    assert [line.split() for line in printed(75).splitlines()[2:3]] == [["name", "number", "words"]]
+    assert printed(75).splitlines()[0] == f"the same in all 2 rows: note {'x' * 30}"
+    narrow = printed(40)
+    assert max(len(line) for line in narrow.splitlines()[1:]) <= 40
+    assert table(narrow)[1] == ["name", "number", "words"]
+    assert table(printed(30))[1] == ["name", "words"]
