@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column scenario: 1 with the LiDAR, 2 of three cameras.
 -- column i: First source camera, 0 where it is the LiDAR.
 -- column j: Second source camera.

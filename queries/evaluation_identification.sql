@@ -6,7 +6,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column system: The sensors that took part.
 -- column strength: Amplitude of the faculas by name.
 -- column attacked: The attacked sensors; NULL for all sets of this size together.

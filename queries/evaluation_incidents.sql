@@ -9,7 +9,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column system: The sensors that took part: all.
 -- column attacked: The attacked sensors; empty for clean drives.
 -- column variant: still or moving; NULL for clean drives.

@@ -8,7 +8,7 @@
 --
 -- column setup: What was pooled: one rig kind, one way of measuring, real or synthetic drives.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column sensor: What is attacked: lidar, reference or source.
 -- column strength: Amplitude of the faculas by name; NULL for walls.
 -- column size: The wall's width in m, or the facula's R in px on an image 1242 px wide.

@@ -5,12 +5,13 @@
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
 -- param block_frames BIGINT = 10: Frames that are left out together, in blocks of time.
+-- param left_out VARCHAR = all: Only by thresholds without this: nothing, block, recording or family; a family of one recording is that recording.
 --
 -- column kind: The rig kind in words.
 -- column synthetic: TRUE where the drives were made for the evaluation.
 -- column matcher: The stereo matcher.
 -- column method: How cases were judged: paper (E and Algorithm 2) or robust, which has been at r = 1 % only.
--- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, or its recording.
+-- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column strength: Amplitude of the faculas by name.
 -- column r: The designated false-alarm rate.
 -- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
@@ -110,6 +111,11 @@ described AS (
     SELECT setup, any_value(kind) AS kind, any_value(synthetic) AS synthetic, any_value(matcher) AS matcher
     FROM evaluations
     GROUP BY setup
+),
+chosen AS (
+    SELECT setup, CASE WHEN $left_out = 'family' AND NOT bool_or(left_out = 'family') THEN 'recording' ELSE $left_out END AS mode
+    FROM detection
+    GROUP BY setup
 )
 SELECT
     kind,
@@ -128,4 +134,6 @@ SELECT
 FROM detection
 LEFT JOIN identification USING (setup, method, left_out, strength, r)
 JOIN described USING (setup)
+JOIN chosen USING (setup)
+WHERE mode IN ('all', left_out)
 ORDER BY setup, method, left_out, strength, r

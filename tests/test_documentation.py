@@ -124,3 +124,13 @@ def test_every_benchmark_that_can_be_run_says_how() -> None:
     assert scripts
     docstrings = {path.stem: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "" for path in scripts}
     assert [name for name, text in docstrings.items() if f"python -m tests.benchmarks.{name}" not in text] == []
+
+
+def test_every_test_that_the_threat_model_names_exists() -> None:
+    text = (ROOT / "docs" / "threat-model.md").read_text(encoding="utf-8")
+    files = list((ROOT / "tests").rglob("test_*.py"))
+    known = {f"{path.stem}.py" for path in files}
+    known |= {name for path in files for name in re.findall(r"^def (test_\w+)", path.read_text("utf-8"), re.MULTILINE)}
+    named = set(re.findall(r"\b(test_\w+(?:\.py)?)", text))
+    assert named
+    assert sorted(named - known) == []

@@ -24,12 +24,12 @@ from auditor.measurement.parameters import (
 from auditor.model.measurement import COUNTING_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import RIG_FINDING, SYNCHRONISING, synchronising_digest
+from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING, synchronising_digest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "auditor"
 
-COUNTED = {4: ("78da6eae4208", "bc27e7641c4b"), 5: ("78da6eae4208", "bc27e7641c4b")}
+COUNTED = {4: ("78da6eae4208", "bc27e7641c4b"), 5: ("78da6eae4208", "3c6abd1dbf01")}
 """By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
 
 JUDGED = {1: "ead99d9c85b4", 2: "ead99d9c85b4"}
@@ -67,6 +67,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "identification/paper.py": ((3,), "N - 3"),
     "identification/naming.py": ((3,), "N - 3"),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
+    "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/brightness.py": ((255,), "white"),
     "measurement/checks/photometric_consistency.py": ((255,), "white"),
@@ -141,8 +142,10 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         (
             3,
             4,
+            8,
+            16,
         ),
-        "dimensions, and N - 3",
+        "dimensions, and N - 3; bits of a pixel",
     ),
 }
 """By module the numbers that are definitions, not choices."""
@@ -238,17 +241,17 @@ def test_a_parameter_is_listed_with_its_group_value_unit_and_source() -> None:
 
 
 def test_no_two_groups_have_one_name_and_no_list_has_a_group_twice() -> None:
-    for groups in ((*RIG_FINDING, *SYNCHRONISING), (*MEASURING, *WARNING), JUDGING):
+    for groups in ((*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING), (*MEASURING, *WARNING), JUDGING):
         assert not [name for name, times in Counter(type(group).__name__ for group in groups).items() if times > 1]
     groups_named: dict[str, set[int]] = {}
-    for group in (*RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
+    for group in (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING):
         groups_named.setdefault(type(group).__name__, set()).add(id(group))
     assert not [name for name, groups in groups_named.items() if len(groups) > 1]
 
 
 def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
-        ("recordings", (*RIG_FINDING, *SYNCHRONISING)),
+        ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING)),
         ("measurement", (*MEASURING, *WARNING)),
         ("identification", JUDGING),
     ):

@@ -48,13 +48,31 @@ class _Verbs(click.Group):
         return command
 
 
+def _show_versions(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:  # noqa: FBT001 - click's signature
+    if not wanted:
+        return
+    from auditor.resources import plug_ins  # noqa: PLC0415 - keeps --help quick
+
+    click.echo(f"auditor, version {__version__}")
+    for name, version in plug_ins().items():
+        click.echo(f"plug-in {name}, version {version}: its code is run")
+    ctx.exit()
+
+
 @click.group(
     cls=_Verbs,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="Exit codes: 0 audited, nothing found; 1 findings; 2 could not run; 3 nothing found but not everything "
     "audited; 4 findings and not everything audited; 130 interrupted; 143 ended.",
 )
-@click.version_option(__version__, prog_name="auditor")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_versions,
+    help="Show the version, and those of plug-ins.",
+)
 def auditor() -> None:
     """Detect optical attacks on cameras and LiDAR in recorded drives, and identify the attacked sensors.
 

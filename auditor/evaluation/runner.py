@@ -33,6 +33,7 @@ from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherO
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
 from auditor.pipeline.measure import procedure_by
+from auditor.resources import plug_ins
 from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
@@ -103,7 +104,7 @@ class Run(ABC):
     def versions(self) -> Mapping[str, str]:
         """The versions of auditor and of the libraries that can change a result."""
         named = {name: version(name) for name in _VERSIONED}
-        return {"auditor": __version__} | named | dict(libraries(self._matcher))
+        return plug_ins() | {"auditor": __version__} | named | dict(libraries(self._matcher))
 
     def go(self, progress: Progress) -> Evaluated:
         """Evaluate the chunks that are not finished. Raises RecordingError, RigError and StoreError."""
@@ -249,7 +250,8 @@ class _Run(Run):
         self._features = FeaturesOfCases()
 
     def part(self, experiment: Experiment, chunk: int) -> EvaluationPart:
-        return EvaluationPart(**self.shared_columns(experiment, chunk), inputs=experiment.inputs)
+        shared = self.shared_columns(experiment, chunk)
+        return EvaluationPart(**shared, inputs=experiment.inputs, family=self._drive.family)
 
     def results(self, now: InTime, experiment: Experiment, draw: int, cases: Sequence[Case]) -> Iterator[MeasuredCase]:
         attacked_frame, triples = now.attacked_frame, experiment.triples(now.attacked_frame.rig)

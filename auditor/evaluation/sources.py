@@ -2,14 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
 from auditor import __version__
 from auditor.errors import RecordingError
-from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.conditions import CONDITIONS
+from auditor.lab.simulation.drives import HEIGHT_PX, WIDTH_PX, make_drive
 from auditor.lab.simulation.streets import STYLES
+from auditor.measurement.disparity.half_resolution import grey
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
@@ -21,10 +23,14 @@ from auditor.store.records import content_id
 
 @dataclass(frozen=True, eq=False)
 class CleanDrive:
-    """Clean frames of one rig, in order; `frames` can be read once."""
+    """Clean frames of one rig, in order; `frames` can be read once.
+
+    Drives of one `family` are alike in what can be learnt from them (docs/protocol.md); None is a family of its own.
+    """
 
     recording_id: str
     name: str
+    family: str | None
     synthetic: bool
     rig: Rig
     frames: Iterator[Frame | Skipped]
@@ -69,28 +75,71 @@ def _clean_drive(recording: Recording, rig: Rig, frames: Iterator[Frame | Skippe
     seen = rectification(rig)
     if not seen.pairs:
         rig, frames = seen.rig, seen.frames(frames)
-    return CleanDrive(recording.recording_id, storable(recording.path.name), synthetic=False, rig=rig, frames=frames)
+    name = storable(recording.path.name)
+    return CleanDrive(recording.recording_id, name, family=None, synthetic=False, rig=rig, frames=frames)
 
 
 @dataclass(frozen=True)
 class Street:
-    """A synthetic drive of `frames` frames; `seed` determines all of it, and each has a vehicle of its own."""
+    """A synthetic drive of `frames` frames; `seed` determines all of it, and each has a vehicle of its own.
+
+    Style and condition follow from the seed in turn, so that a few streets hold all of them. The vehicle's cameras are
+    grey, colour or both; pictures are KITTI's size times `scale`.
+    """
 
     seed: int
     frames: int
     cameras: int = 3
+    scale: float = 1.0
     path: ClassVar[None] = None
 
     def __str__(self) -> str:
         return f"street {self.seed}"
 
+    @property
+    def style(self) -> str:
+        """One of STYLES."""
+        return list(STYLES)[self.seed % len(STYLES)]
+
+    @property
+    def condition(self) -> str:
+        """One of CONDITIONS."""
+        return list(CONDITIONS)[self.seed // len(STYLES) % len(CONDITIONS)]
+
+    @property
+    def family(self) -> str:
+        """Its style and condition."""
+        return f"{self.style}, {self.condition}"
+
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:  # noqa: ARG002 - its images are grey
-        """Its frames, each made when it is read."""
-        style = list(STYLES)[self.seed % len(STYLES)]
-        drive = make_drive(self.seed, self.frames, n_cameras=self.cameras, style=style, vehicle=self.seed)
-        known = content_id("street", __version__, self.seed, self.frames, self.cameras, style)
-        yield (CleanDrive(known, f"{style} {self.seed}", synthetic=True, rig=drive.rig, frames=drive.frames()),)
+    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
+        """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
+        drive = make_drive(
+            self.seed,
+            self.frames,
+            n_cameras=self.cameras,
+            style=self.style,
+            width_px=round(WIDTH_PX * self.scale),
+            height_px=round(HEIGHT_PX * self.scale),
+            vehicle=self.seed,
+            condition=self.condition,
+        )
+        given = (self.seed, self.frames, self.cameras, self.scale, self.family)
+        frames = drive.frames() if colour else map(_grey, drive.frames())
+        street = CleanDrive(
+            recording_id=content_id("street", __version__, *given),
+            name=f"{self.family} {self.seed}",
+            family=self.family,
+            synthetic=True,
+            rig=drive.rig,
+            frames=frames,
+        )
+        yield (street,)
+
+
+def _grey(frame: Frame) -> Frame:
+    images = {number: replace(image, pixels=grey(image.pixels)) for number, image in frame.images.items()}
+    return replace(frame, images=images)
 
 
 Source = Recorded | Street

@@ -94,6 +94,9 @@ def _thresholds(
     columns = [place for place, pair_check in enumerate(rig_pair_checks(cases.rig)) if pair_check in system.pair_checks]
     recordings = np.array([one.recording_id for one in cases.known])
     numbers = np.array([one.block[1] for one in cases.known])
+    families = np.array([one.family for one in cases.known])
+    family_of = {one.recording_id: one.family for one in cases.known}
+    shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
 
     def learnt(kept: Flags) -> RobustThresholds | None:
         clean = cases.clean & kept
@@ -104,11 +107,14 @@ def _thresholds(
 
     everything = learnt(np.ones_like(cases.clean))
     without_recording = cache(lambda recording: learnt(recordings != recording))
+    without_family = cache(lambda family: learnt(families != family))
 
     def of_block(block: Block) -> dict[str, RobustThresholds]:
         recording, number = block
         others = learnt((recordings != recording) | (numbers != number))
         folds = {"nothing": everything, "block": others, "recording": without_recording(recording)}
+        if shared:
+            folds["family"] = without_family(family_of[recording])
         return {left_out: found for left_out, found in folds.items() if found is not None}
 
     return of_block

@@ -38,14 +38,14 @@ class CommonView:
     seen_px: int
 
 
-def common_view(rig: Rig, *, widest: bool = False) -> CommonView:
+def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> CommonView:
     """The view of all cameras: what they all see whole, or the `widest` that holds all they see.
 
-    Raises RigError where they have none in common.
+    Rays `cell_px` apart are tried. Raises RigError where they have none in common.
     """
     view_SO3_rig = _orientation(rig)
     focal = min(camera.focal_px for camera in rig.cameras)
-    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, widest=widest)
+    left, top, width, height, seen_px = _window(rig, view_SO3_rig, focal, cell_px, widest=widest)
     K = np.array([[focal, 0, -left], [0, focal, -top], [0, 0, 1]])
     x, y = (np.arange(width) + left) / focal, (np.arange(height) + top) / focal
     cameras = tuple(
@@ -96,22 +96,24 @@ def _names(rig: Rig) -> str:
     return ", ".join(camera.name for camera in rig.cameras)
 
 
-def _window(rig: Rig, view_SO3_rig: Matrix, focal: float, *, widest: bool) -> tuple[int, int, int, int, int]:
+def _window(
+    rig: Rig, view_SO3_rig: Matrix, focal: float, cell_px: int, *, widest: bool
+) -> tuple[int, int, int, int, int]:
     """Left and top from the principal point, width and height, in pixels; and how many of them every camera sees."""
     # A damaged calibration may see next to nothing.
-    reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / _CELL_PX), 1)
-    places = np.arange(-reach, reach + 1) * _CELL_PX / focal
+    reach = max(int(min(COMMON_VIEW.widest * focal, COMMON_VIEW.farthest_px) / cell_px), 1)
+    places = np.arange(-reach, reach + 1) * cell_px / focal
     seen = np.ones((places.size, places.size), dtype=np.bool_)
     for camera in rig.cameras:
-        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, _CELL_PX)
+        seen &= sees(recorded_pixels(camera, view_SO3_rig, places, places), camera, cell_px)
     top, left, rows, columns = _bounds(seen) if widest else largest_rectangle(seen)
-    width, height = (columns - 1) * _CELL_PX + 1, (rows - 1) * _CELL_PX + 1
+    width, height = (columns - 1) * cell_px + 1, (rows - 1) * cell_px + 1
     if min(width, height) < COMMON_VIEW.fewest_px:
         raise RigError(
             f"{_names(rig)} have no view in common", where="rig", remedy="leave out the one that looks elsewhere"
         )
-    seen_px = int(np.count_nonzero(seen)) * _CELL_PX**2 if widest else width * height
-    return (left - reach) * _CELL_PX, (top - reach) * _CELL_PX, width, height, seen_px
+    seen_px = int(np.count_nonzero(seen)) * cell_px**2 if widest else width * height
+    return (left - reach) * cell_px, (top - reach) * cell_px, width, height, seen_px
 
 
 def sees(recorded: tuple[Matrix, Matrix], camera: Camera, step_px: int) -> NDArray[np.bool_]:

@@ -121,6 +121,17 @@ def unread_line(topics: Sequence[TopicCoverage]) -> str:
     return f"{count} cannot be read: {_first(texts)}"
 
 
+def left_out_line(topics: Sequence[TopicCoverage]) -> str:
+    """One line of the topics that are in no rig, and why; empty where there are none.
+
+    Of two topics of one camera only one is audited, and no recording says which of them its vehicle used.
+    """
+    texts = [f"{one.topic}: {one.reason}" for one in topics if one.state is TopicState.LEFT_OUT]
+    if not texts:
+        return ""
+    return f"{'1 topic is' if len(texts) == 1 else f'{len(texts)} topics are'} in no rig: {_first(texts)}"
+
+
 def _shortfalls(topic: TopicCoverage) -> Iterator[str]:
     for reason, count in topic.against.items():
         yield f"{count} {_MANY.get(reason, reason)}"

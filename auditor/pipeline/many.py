@@ -260,9 +260,12 @@ class Judge:
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         recording = store.recording(stored.recording_id)
-        gaps = (*_gaps(stored, judgement, self._settings.min_coverage), *conflicts_of(store, recording))
-        warnings = (
+        gaps = (
             *_as_a_part(judgement, calibration),
+            *_gaps(stored, judgement, self._settings.min_coverage),
+            *conflicts_of(store, recording),
+        )
+        warnings = (
             *_unresolved(judgement),
             *gaps,
             *told,
@@ -287,6 +290,7 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
 
 
 def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    """What of the calibrated rig was not there: whoever removes a sensor's topic must not get a clean recording."""
     if judgement.absent_sensors:
         absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
         yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"

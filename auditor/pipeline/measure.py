@@ -55,6 +55,7 @@ from auditor.recordings import (
     synchronise,
 )
 from auditor.recordings.parameters import synchronising_digest
+from auditor.resources import plug_ins
 from auditor.store import (
     FramesWriter,
     MeasurementRecord,
@@ -327,4 +328,4 @@ def _preflight(
 
 def _versions(matcher: Matcher) -> dict[str, str]:
     ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
-    return ours | dict(libraries(matcher))
+    return plug_ins() | ours | dict(libraries(matcher))

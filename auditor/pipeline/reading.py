@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from auditor.model.coverage import TopicCoverage, coverage_line, least_covered, unread_line
+from auditor.model.coverage import TopicCoverage, coverage_line, least_covered, left_out_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.recordings.synchronisation.counts import EDGE
 
@@ -52,4 +52,7 @@ def judge_reading(
     damaged = sum(topic.damaged for topic in balance)
     lost = f"damaged: {'; '.join(damage[:_MOST_DAMAGE]) or f'{damaged} damaged messages'}" if damage or damaged else ""
     enough = min(messages, time) >= min_coverage and frames.measured >= min_coverage * frames.due
-    return Reading(tuple(filter(None, (coverage_line(topics), unread, lost))), enough and not unread and not lost)
+    return Reading(
+        tuple(filter(None, (coverage_line(topics), unread, left_out_line(topics), lost))),
+        enough and not unread and not lost,
+    )

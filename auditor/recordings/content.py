@@ -7,7 +7,7 @@ so a later read takes nothing on trust: each block is hashed again before any of
 import hashlib
 import os
 from collections.abc import Iterable
-from io import SEEK_CUR, SEEK_END, SEEK_SET, BufferedReader, RawIOBase
+from io import SEEK_CUR, SEEK_END, SEEK_SET, BufferedReader, FileIO, RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -73,16 +73,19 @@ class FileContent:
 
     def open(self) -> BinaryIO:
         """The file for reading. A read raises ChangedError where the file is not what was hashed, and OSError."""
-        file = self.path.open("rb", buffering=0)
-        if _identity(os.fstat(file.fileno())) != self._identity:
-            file.close()
-            raise ChangedError(where=self.path)
-        return BufferedReader(_ProvenReader(self, file), _BUFFER_BYTES)
+        return BufferedReader(_ProvenReader(self, self._opened()), _BUFFER_BYTES)
 
     def read(self) -> bytes:
         """All of a small file. Raises ChangedError and OSError."""
-        with self.open() as file:
-            return file.read()
+        with self._opened() as file:
+            return b"".join(self.block(file.fileno(), number) for number in range(len(self._states)))
+
+    def _opened(self) -> FileIO:
+        file = FileIO(self.path)
+        if _identity(os.fstat(file.fileno())) != self._identity:
+            file.close()
+            raise ChangedError(where=self.path)
+        return file
 
     def block(self, descriptor: int, number: int) -> bytes:
         """One block, read anew. Raises ChangedError where it is not what was hashed, and OSError."""
@@ -144,7 +147,7 @@ class Contents:
 class _ProvenReader(RawIOBase):
     """A file of which no byte is given that was not hashed before."""
 
-    def __init__(self, content: FileContent, file: BinaryIO | RawIOBase) -> None:
+    def __init__(self, content: FileContent, file: FileIO) -> None:
         self._content = content
         self._file = file
         self._position = 0

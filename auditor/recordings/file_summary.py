@@ -15,7 +15,7 @@ from auditor.recordings.formats.mcap.reader import FileRead as McapRead
 from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import BagRead
 from auditor.recordings.formats.rosbag2.reader import Db3Read, journal_of
-from auditor.recordings.formats.topics import Names, Span
+from auditor.recordings.formats.topics import Names, Span, span_over
 from auditor.recordings.formats.unpacking import Source, source_of
 from auditor.recordings.parameters import DRIVE_PARTS
 
@@ -57,9 +57,9 @@ class FileSummary:
 
     @cached_property
     def span_ns(self) -> Span | None:
-        """The first and last log time; None where the file is empty or damaged beyond that."""
+        """The first and last log time; None where it has no message that can be read."""
         with suppress(RecordingError, OSError), self._read(Names()) as read:
-            return read.span_ns()
+            return read.span_ns() or span_over(message.log_time_ns for message in read.messages())
         return None
 
     @cached_property

@@ -105,6 +105,9 @@ class RigLimits:
     )
     most_rigs: int = parameter(24, unit="rigs a recording", source=_WORK)
     most_candidates: int = parameter(200, unit="calibrated cameras a recording", source=_WORK)
+    most_cells: int = parameter(
+        160, unit="rays from the middle of a view to its edge, where cameras are only compared", source=_WORK
+    )
     most_apart_m: float = parameter(
         30.0, unit="m between two cameras of a rig", source="longer than any road train; no experiment recorded"
     )

@@ -40,17 +40,6 @@ class _Drive:
     parts: list[FileSummary]
     number: int
 
-    def __post_init__(self) -> None:
-        self.last_number = self.number
-        """The number of the last part whose time is known."""
-
-    def add(self, part: FileSummary, number: int) -> None:
-        """Add the next part."""
-        self.parts.append(part)
-        self.number = number
-        if part.span_ns is not None:
-            self.last_number = number
-
     @property
     def files(self) -> tuple[Path, ...]:
         """Its files, in order."""
@@ -88,26 +77,31 @@ def _drives(files: Sequence[Path]) -> list[_Drive]:
 
 
 def _chains(members: Sequence[tuple[int, FileSummary]]) -> list[_Drive]:
+    """The drives that files of one series are; what cannot be read belongs to the drive whose parts lie around it."""
     if len(members) == 1:
         return [_Drive([members[0][1]], members[0][0])]
     chains: list[_Drive] = []
-    for number, part in sorted(members, key=lambda member: (member[0], member[1].span_ns or (0, 0))):
+    unreadable = [(number, part) for number, part in members if part.span_ns is None]
+    readable = [(number, part) for number, part in members if part.span_ns is not None]
+    for number, part in sorted(readable, key=lambda member: (member[0], member[1].span_ns or (0, 0))):
         fitting = [chain for chain in chains if _follows(part, number, chain)]
-        if fitting:
-            max(fitting, key=lambda chain: (chain.number, chain.span_ns or (0, 0))).add(part, number)
-        else:
+        if not fitting:
             chains.append(_Drive([part], number))
-    return chains
+            continue
+        chain = max(fitting, key=lambda chain: (chain.number, chain.span_ns or (0, 0)))
+        between = sorted((other for other in unreadable if chain.number < other[0] < number), key=lambda one: one[0])
+        unreadable = [other for other in unreadable if other not in between]
+        chain.parts += [*(other for _, other in between), part]
+        chain.number = number
+    return chains + [_Drive([part], number) for number, part in unreadable]
 
 
 def _follows(part: FileSummary, number: int, drive: _Drive) -> bool:
-    """True for the next part of a drive; what cannot be read has no time, and follows by its number alone."""
-    if not 1 <= number - drive.number <= 1 + DRIVE_PARTS.most_missing:
+    """True for the next part of a drive, of which a few before it may be missing."""
+    missing = number - drive.number - 1
+    if not 0 <= missing <= DRIVE_PARTS.most_missing or part.span_ns is None:
         return False
-    if part.span_ns is None or not drive.readable:
-        return number == drive.number + 1
-    in_time = _follows_in_time(part.span_ns, drive.spans_ns, number - drive.last_number - 1)
-    return in_time and _is_of_the_same_vehicle(drive.readable[0], part)
+    return _follows_in_time(part.span_ns, drive.spans_ns, missing) and _is_of_the_same_vehicle(drive.parts[0], part)
 
 
 def _follows_in_time(span: Span, before: Sequence[Span], missing: int) -> bool:

@@ -16,7 +16,9 @@ from auditor.store.measurement_tables import matched_pairs
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
 
-_KNOWN_BY = "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size"
+_KNOWN_BY = (
+    "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size, family"
+)
 _MEASURED = "ratios, present, fingerprint, level, saturated_share, fault_features, fault_features_after"
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
@@ -30,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Known:
-    """What a case is known by."""
+    """What a case is known by. `family` is what its recording is alike with, or the recording's id."""
 
     evaluation_id: str
     recording_id: str
@@ -43,6 +45,7 @@ class Known:
     attack: str | None
     strength: str | None
     size: float | None
+    family: str
 
     @property
     def block(self) -> tuple[str, int]:

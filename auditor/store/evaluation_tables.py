@@ -128,7 +128,8 @@ _PIXELS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 class EvaluationPart(Part):
     """One of the paper's experiments, or of those beyond it.
 
-    `inputs` tells apart the files that its attacks were made from, where there are any.
+    `inputs` tells apart the files that its attacks were made from, where there are any. `family` names what the
+    recording is alike with; None where it is like no other.
     """
 
     manifest = "evaluations"
@@ -136,6 +137,7 @@ class EvaluationPart(Part):
 
     _: KW_ONLY
     inputs: str | None = None
+    family: str | None = None
 
     @property
     def evaluation_id(self) -> str:

@@ -35,7 +35,8 @@ WITH step AS (
 SELECT setup, median(step_ns) FILTER (step_ns > 0) / 1e9 AS period_s FROM step GROUP BY setup;
 
 -- theta by triple for the frames of each block of each recording, in sample (left_out = 'nothing') and left out: from
--- the clean frames of all other blocks ('block') or of all other recordings ('recording'). `source` names the cases.
+-- the clean frames of all other blocks ('block'), of all other recordings ('recording') or of all other families
+-- ('family', where some family has more than one recording). `source` names the cases.
 CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
 WITH rate AS (
     SELECT DISTINCT unnest(CAST(rates AS DECIMAL(18, 17)[])) AS r
@@ -44,41 +45,56 @@ clean AS (
     SELECT
         setup,
         recording_id,
+        family,
         frame // block_frames AS block,
         errors_by(statistic, valid_px, inconsistent_px, gated_valid_px, gated_inconsistent_px) AS errors
     FROM query_table(source)
     WHERE experiment = 'clean'
 ),
 sample AS MATERIALIZED (
-    SELECT setup, recording_id, block, unnest(errors) AS E, generate_subscripts(errors, 1) AS position FROM clean
+    SELECT setup, recording_id, family, block, unnest(errors) AS E, generate_subscripts(errors, 1) AS position FROM clean
 ),
 block AS MATERIALIZED (
-    SELECT DISTINCT setup, recording_id, block FROM sample
+    SELECT DISTINCT setup, recording_id, family, block FROM sample
+),
+-- the families of setups in which some have more than one recording; elsewhere they are what recordings are
+family AS (
+    SELECT setup, unnest(list_distinct(list(family))) AS family
+    FROM block
+    GROUP BY setup
+    HAVING count(DISTINCT family) < count(DISTINCT recording_id)
 ),
 -- one fold is what is left out together, with the samples that are left
 fold AS (
-    SELECT 'nothing' AS left_out, setup, NULL AS fold_recording, NULL AS fold_block, position,
+    SELECT 'nothing' AS left_out, setup, NULL AS fold_family, NULL AS fold_recording, NULL AS fold_block, position,
         list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples
     FROM sample
     GROUP BY setup, position
     UNION ALL
-    SELECT 'block', block.setup, block.recording_id, block.block, position,
+    SELECT 'block', block.setup, NULL, block.recording_id, block.block, position,
         list(E ORDER BY E) FILTER (E IS NOT NULL)
     FROM block
     JOIN sample ON sample.setup = block.setup
         AND (sample.recording_id <> block.recording_id OR sample.block <> block.block)
     GROUP BY block.setup, block.recording_id, block.block, position
     UNION ALL
-    SELECT 'recording', recording.setup, recording.recording_id, NULL, position,
+    SELECT 'recording', recording.setup, NULL, recording.recording_id, NULL, position,
         list(E ORDER BY E) FILTER (E IS NOT NULL)
     FROM (SELECT DISTINCT setup, recording_id FROM block) AS recording
     JOIN sample ON sample.setup = recording.setup AND sample.recording_id <> recording.recording_id
     GROUP BY recording.setup, recording.recording_id, position
+    UNION ALL
+    SELECT 'family', family.setup, family.family, NULL, NULL, position,
+        list(E ORDER BY E) FILTER (E IS NOT NULL)
+    FROM family
+    JOIN sample ON sample.setup = family.setup AND sample.family <> family.family
+    GROUP BY family.setup, family.family, position
 ),
 theta AS (
     SELECT
         left_out,
         setup,
+        fold_family,
         fold_recording,
         fold_block,
         r,
@@ -90,6 +106,7 @@ theta AS (
 SELECT theta.setup, left_out, block.recording_id, block.block, r, theta, samples
 FROM theta
 JOIN block ON block.setup = theta.setup
+    AND (fold_family IS NULL OR fold_family = block.family)
     AND (fold_recording IS NULL OR fold_recording = block.recording_id)
     AND (fold_block IS NULL OR fold_block = block.block);
 

@@ -69,8 +69,8 @@ def test_vehicle_date_and_drive_come_from_the_path_from_options_and_from_the_rec
 ) -> None:
     folder, store = tmp_path / "fleet" / "alder" / "2026-01-31", tmp_path / "audit"
     folder.mkdir(parents=True)
-    for part in range(2):
-        write_drive(folder / f"part{part}.mcap", count=3, start_ns=START_NS + part * 3 * PERIOD_NS, seed=part)
+    for place, name in enumerate(("morning", "noon")):
+        write_drive(folder / f"{name}.mcap", count=3, start_ns=START_NS + place * 3 * PERIOD_NS, seed=place)
     pattern = ["--path-pattern", "{vehicle}/{date}/*.mcap"]
     scan = ["scan", str(folder), "--measure-only", "--store", str(store)]
     known = "SELECT name, vehicle, CAST(date AS VARCHAR) AS date, drive, drive_id FROM recordings ORDER BY name"

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
+from auditor.errors import RecordingError
 from auditor.store import Store
 from tests.making.small_drives import START_NS, write_drive
 
@@ -136,11 +137,11 @@ def test_what_was_measured_stays_while_it_is_measured_again_in_vain(audit, night
 
     def failing(*_given):
         yield 1
-        raise measure.RecordingError("it cannot be read any more")
+        raise RecordingError("it cannot be read any more")
 
     monkeypatch.setattr(measure, "_measure_frames", failing)
     task = measure.MeasureTask(night / "drive.mcap", audit, again=True)
-    with pytest.raises(measure.RecordingError):
+    with pytest.raises(RecordingError):
         measure.measure_recording(task, lambda *_: None)
     assert run(["store", "check", str(audit)]) == 0
     assert len(Store.open(audit).measurements()) == 2

@@ -362,6 +362,8 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr
     assert json.loads(second.stdout) == rows
+    alone = CliRunner().invoke(auditor, [*arguments, "--leave-out", "family"])
+    assert json.loads(alone.stdout) == []  # no other recording gives thresholds
 
 
 def test_the_command_needs_recordings_or_streets():

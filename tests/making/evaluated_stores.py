@@ -39,7 +39,7 @@ def evaluated(folder, rig, *, frames=12, names=("a.mcap", "b.mcap"), seen=0.9, e
 
 def measured(rig, frame, case, rng, seen):
     counts = []
-    for triple in rig.triples:
+    for triple in rig.measured_triples:
         raised = set(case.attacked) & set(triple) and rng.random() < seen
         E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
         counts.append(Counts(2000, E, 1000, E, 0))

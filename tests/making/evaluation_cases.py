@@ -37,7 +37,7 @@ def write(store, which, cases, *, last=True):
 def drawn_counts(rng, attacked, unmeasured):
     """Counts whose E mostly rises where a sensor of the triple is attacked; ties and gaps among them."""
     counts = []
-    for triple in RIG.triples:
+    for triple in RIG.measured_triples:
         level = rng.integers(0, 60) + (rng.integers(20, 200) if set(attacked) & set(triple) else 0)
         valid = 100 if rng.random() < unmeasured else 1000
         counts.append(Counts(2 * valid, int(level), valid, int(level), 0) if rng.random() > unmeasured / 3 else None)
@@ -117,7 +117,8 @@ def folds(cases, statistic):
 
 
 def errors(case, statistic):
-    return [c and c.disparity_error(statistic) for c in case.counts]
+    """By triple of e: the fallback, which is the last count, belongs to no query of the paper's figures."""
+    return [c and c.disparity_error(statistic) for c in case.counts[: len(RIG.triples)]]
 
 
 def state(E, theta):

@@ -123,7 +123,7 @@ def _measurement(rig, frame, *, attacks, missing, unmeasured):
     attacked = {s for sensors, first, last in attacks if first <= frame <= last for s in sensors}
     absent = {sensor for sensor, when in missing if when == frame}
     counts = []
-    for place, triple in enumerate(rig.triples):
+    for place, triple in enumerate(rig.measured_triples):
         inconsistent = 4000 + 37 * frame if attacked & set(triple) else 500 + (frame * 7 + place) % 50
         valid = 100 if frame in unmeasured else VALID_PX
         measured = Counts(valid, min(inconsistent, valid), valid, min(inconsistent, valid), 0)
@@ -165,7 +165,7 @@ def _judge(store, rig, measurement_id, r):
         frozenset(s for s, state in zip(rig.sensors, states, strict=True) if state != "present")
         for states in errors.states
     ]
-    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing)
+    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
     rows = zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, RULES, WHEN), rows)
 

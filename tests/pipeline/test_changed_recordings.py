@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from auditor.errors import RecordingError
 from auditor.pipeline import measure
 from auditor.store import Store
 from tests.making.small_drives import write_drive
@@ -56,7 +57,7 @@ def test_a_recording_that_changes_between_hashing_and_the_end_of_measuring_is_re
     else:
         monkeypatch.setattr(measure, "survey", changing_at_start)
     task = measure.MeasureTask(clean, tmp_path / "audit")
-    with pytest.raises(measure.RecordingError, match=r"changed while it was read.*scan it again"):
+    with pytest.raises(RecordingError, match=r"changed while it was read.*scan it again"):
         measure.measure_recording(task, lambda *_: None)
     store = Store.open(tmp_path / "audit")
     assert not any(store.ids(table) for table in ("measurements", "recordings", "labels"))

@@ -14,7 +14,7 @@ def test_a_scan_keeps_symptoms_of_every_frame_and_the_regions_of_damaged_sensors
     measured = measure_recording(MeasureTask(drive, tmp_path / "audit"), lambda what, done: None)
     store, [known] = Store.open(tmp_path / "audit"), measured.measurement_ids
     seen = store.load_fault_features(known)
-    assert (seen.frames.tolist(), seen.pairs, seen.cameras) == (list(range(6)), ((1, 3), (2, 3)), (1, 2, 3))
+    assert (seen.frames.tolist(), seen.pairs, seen.cameras) == (list(range(6)), ((1, 3), (2, 3), (1, 2)), (1, 2, 3))
     assert (seen.columns["agreeing"][:2] > 0.8).all()
     assert (seen.columns["inconsistent_px"][2:4, 0] > 10 * seen.columns["inconsistent_px"][[0, 1, 4, 5], 0].max()).all()
     assert (seen.columns["difference"][2:4, 0] < -60).all()  # S_1 is the brighter one

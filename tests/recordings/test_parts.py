@@ -199,6 +199,26 @@ def test_a_part_that_is_empty_or_damaged_does_not_lose_the_others(
     assert len(frames) == 8
 
 
+def test_what_cannot_be_read_behind_the_last_part_stays_by_itself(tmp_path: Path, in_mcap: list[Message]) -> None:
+    write_parts(tmp_path, ".mcap", in_mcap, (at(6),))
+    for name in ("drive_2.mcap", "drive_3.mcap", "drive_03.mcap"):
+        (tmp_path / name).write_bytes(bytes(100))
+    assert sorted(names(found(tmp_path))) == [
+        ["drive_0.mcap", "drive_1.mcap"],
+        ["drive_03.mcap"],
+        ["drive_2.mcap"],
+        ["drive_3.mcap"],
+    ]
+
+
+def test_cut_copies_of_one_recording_stay_apart(tmp_path: Path, suffix: str, recorded: list[Message]) -> None:
+    content = write_messages(tmp_path / f"whole{suffix}", recorded).read_bytes()
+    for place in range(1, 5):
+        (tmp_path / "cuts").mkdir(exist_ok=True)
+        (tmp_path / "cuts" / f"cut_{place}{suffix}").write_bytes(content[: len(content) * place // 5])
+    assert len(found(tmp_path / "cuts")) == 4
+
+
 def test_a_part_alone_says_that_the_others_hold_the_calibration(tmp_path: Path, in_mcap: list[Message]) -> None:
     _, second = write_parts(tmp_path, ".mcap", in_mcap, (at(6),))
     with open_recording(second) as recording, pytest.raises(RigError, match=r"give drive_0\.mcap too"):

@@ -57,7 +57,8 @@ def told(made):
                 ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
                 z = normalised_scores(ratios, [scales[place] for place in inside])
                 # Every sensor was there, and nothing speaks for another cause: a frame's verdict is its own alone.
-                verdicts = name_attacked(z, System(pair_checks, triples, system), [frozenset()] * len(z))
+                fallback = RIG.fallback if set(RIG.fallback) <= set(system) else None
+                verdicts = name_attacked(z, System(pair_checks, triples, system, fallback), [frozenset()] * len(z))
                 found += [(left_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 

@@ -25,7 +25,7 @@ from tests.making.stores import PERIOD_NS, new_store
 R = Decimal("0.05")
 ROBUST_R, ROBUST_BLOCK = Decimal("0.01"), 10
 ELEMENTS = rig_pair_checks(RIG)
-SYSTEM = System(ELEMENTS, RIG.triples, RIG.sensors)
+SYSTEM = System(ELEMENTS, RIG.triples, RIG.sensors, RIG.fallback)
 SETS = [((1,), "still"), ((1,), "moving"), ((0, 4), "still")]
 
 

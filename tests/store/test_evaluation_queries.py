@@ -1,16 +1,18 @@
 """The SQL tables of an evaluation equal the same tables computed in Python from the stored counts, exactly."""
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
 import pytest
 
+from auditor.evaluation.verdicts import judge_cases
 from auditor.identification.thresholds import resolvable
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.store.evaluation_tables import finished_part, part_writer
-from auditor.store.queries import run_query
+from auditor.store.queries import run_query, run_sql
 from tests.making.evaluation_cases import (
     BLOCK,
     FRAMES,
@@ -214,6 +216,13 @@ def test_the_summary_agrees_with_the_tables(made):
             assert short[name[len(row["system"]), row["attacked_sensors"]]] == row["rate"]
 
 
+def test_the_summary_can_be_of_one_way_of_leaving_out_alone(made):
+    everything = answer(made, "evaluation_summary", r=R)
+    for left_out, shown in (("block", "block"), ("recording", "recording"), ("family", "recording")):
+        chosen = answer(made, "evaluation_summary", r=R, left_out=left_out)
+        assert chosen == [row for row in everything if row["left_out"] == shown] != []
+
+
 def test_the_cost_of_a_case_stands_beside_that_of_a_clean_frame(made):
     rows = {row["experiment"]: row for row in run_query(made[0], "evaluation_cost").to_pylist()}
     cases = {name: sum(len(made[1][name, recording]) for recording in FRAMES) for name in rows}
@@ -233,6 +242,24 @@ def test_one_recording_alone_is_never_held_out_as_a_whole(tmp_path):
     write(store, part("a", "combinations"), hit)
     rows = run_query(store, "evaluation_detection", {"r": "0"}).to_pylist()
     assert {row["left_out"] for row in rows} == {"nothing", "block"}
+
+
+def test_a_family_is_left_out_with_all_its_recordings(tmp_path):
+    store, frames = new_store(tmp_path), {"a": 17, "b": 9, "c": 5}
+    store.write_rig(RIG)
+    rng = np.random.default_rng(8)
+    for recording, family in (("a", "city, wet"), ("b", "city, wet"), ("c", None)):
+        whole = replace(part(recording, "clean", synthetic=True), family=family)
+        write(store, whole, [case_of(rng, frame, ()) for frame in range(frames[recording])])
+    rows = run_query(store, "evaluation_false_alarms", {"r": "0.05"}).to_pylist()
+    samples = {row["left_out"]: row["samples"] for row in rows if row["method"] == "paper"}
+    assert samples == {"nothing": 31, "block": 21, "recording": 14, "family": 5}
+    judge_cases(store)
+    table = run_sql(store, "SELECT DISTINCT left_out, recording_id, samples FROM case_verdicts").to_pylist()
+    robust = {(row["left_out"], row["recording_id"][0]): row["samples"] for row in table if row["left_out"] != "block"}
+    assert {key: n for key, n in robust.items() if key[0] == "family"} == {
+        ("family", "a"): 5, ("family", "b"): 5, ("family", "c"): 26,
+    }  # fmt: skip
 
 
 def test_real_and_synthetic_drives_are_not_pooled(tmp_path):

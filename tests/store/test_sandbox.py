@@ -43,6 +43,11 @@ def test_the_views_answer(store):
         "COPY (SELECT * FROM frames) TO '{out}'",
         "COPY frames TO '{inside}'",
         "EXPLAIN ANALYZE COPY (SELECT 1) TO '{out}'",
+        "WITH x AS (COPY (SELECT 1) TO '{out}' (FORMAT csv, USE_TMP_FILE false)) FROM x",
+        "SELECT * FROM (WITH x AS (COPY (SELECT 1) TO '{out}') FROM x)",
+        "WITH x AS (INSERT INTO stored_recordings FROM stored_recordings RETURNING 1) FROM x",
+        "WITH x AS (UPDATE stored_recordings SET name = 'clean' RETURNING name) FROM x",
+        "WITH x AS (DELETE FROM stored_recordings RETURNING name) FROM x",
         "ATTACH '{out}'",
         "ATTACH ':memory:' AS other",
         "CREATE TABLE x AS SELECT 1",
@@ -93,6 +98,8 @@ def test_even_finished_files_cannot_be_written_over(store):
     for text in (
         f"COPY (SELECT 1) TO '{path}'",
         f"COPY (SELECT 1 AS x) TO '{path}' (FORMAT parquet, OVERWRITE_OR_IGNORE)",
+        f"WITH x AS (COPY (SELECT 1) TO '{path}' (FORMAT parquet, USE_TMP_FILE false)) SELECT frames.* FROM frames, x",
+        f"FROM frames, (WITH y AS (COPY (SELECT 1) TO '{path}' (FORMAT csv, USE_TMP_FILE false)) FROM y)",
     ):
         with pytest.raises(QueryError):
             run_sql(store, text)

@@ -59,6 +59,12 @@ _FIRST_STREET = 1000
     type=click.Path(path_type=Path),
     help="Folder of KITTI's object labels, to score the detectors of --detector by.",
 )
+@click.option(
+    "--leave-out",
+    type=click.Choice(["recording", "family"]),
+    help="Print only figures whose thresholds come from other recordings, or from other families: a street's family is "
+    "its style and condition, a recording is a family of its own.",
+)
 @options.store_option
 @options.matcher_options
 @options.rig_option
@@ -74,6 +80,7 @@ def command(
     patterns: tuple[Path, ...],
     detectors: tuple[str, ...],
     labels: Path | None,
+    leave_out: str | None,
     store: Path,
     matcher: str,
     network: "MatcherOptions",
@@ -87,7 +94,7 @@ def command(
     \b
     auditor evaluate clean_logs/*.mcap
     auditor evaluate clean_drive.mcap --draws 3 --store evaluation
-    auditor evaluate --synthetic 40 --attack-every 10
+    auditor evaluate --synthetic 40 --attack-every 10 --leave-out family
     auditor evaluate clean_logs/*.mcap --detector geometric
     auditor evaluate clean_logs/*.mcap --matcher psmnet --weights network/psmnet.safetensors
 
@@ -132,7 +139,7 @@ def command(
                 f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
                 "evaluate their recordings again"
             )
-        emit(run_query(kept, "evaluation_summary"), form)
+        emit(run_query(kept, "evaluation_summary", {"left_out": leave_out or "all"}), form)
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 
 

@@ -69,6 +69,8 @@ def command(
     for where in found.recordings:
         try:
             description = run_within(limits(where), _describe, where, rig, write_rig)
+            if write_rig and description["rigs"]:
+                say(f"the rig is in {write_rig}")
         except LimitError as error:
             say(f"auditor: {error}")
             tally.incomplete = True
@@ -88,7 +90,6 @@ def command(
 
 
 def _describe(where: "Location", shown: Path | None, written: Path | None) -> dict[str, Any]:
-    from auditor.cli.output import say  # noqa: PLC0415
     from auditor.errors import RigError  # noqa: PLC0415
     from auditor.model.coverage import unread_line  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
@@ -117,7 +118,6 @@ def _describe(where: "Location", shown: Path | None, written: Path | None) -> di
         rigs = tuple(one.rig for one in found.rigs)
         if rigs and written:
             write_rig(rigs[0], written)
-            say(f"the rig is in {written}")
         calibration_warnings = [calibration_warnings_of(recording, one) for one in found.rigs]
         health = [
             check_health(synchronise(recording, one.rig, one.survey, stretches=one.stretches), one.rig)

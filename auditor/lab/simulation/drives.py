@@ -1,34 +1,43 @@
 """Synthetic drives along a street: frames of cameras and LiDAR with the true depths."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.lab.simulation.raycasting import Floats, Hits, Rays, cast, placed
+from auditor.lab.simulation.conditions import condition_named
+from auditor.lab.simulation.daylight import draw_day, emissions, overgrown, street_lamps, watered
+from auditor.lab.simulation.raycasting import Floats, cast, placed
+from auditor.lab.simulation.responses import CameraKind, Response, draw_changes, draw_responses, kinds_of
+from auditor.lab.simulation.scenery import Scenery, View, smaller
 from auditor.lab.simulation.sensors import camera_rays, echoes, expose, lidar_directions, lidar_rays
 from auditor.lab.simulation.shading import Light, radiance
+from auditor.lab.simulation.spectra import reflectances
 from auditor.lab.simulation.streets import street, style_named, traffic
-from auditor.lab.simulation.surfaces import Surfaces, gather
+from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
 from auditor.lab.simulation.vehicles import Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.geometry import Matrix, compose, invert, motion
-from auditor.model.rig import Rig
+from auditor.model.rig import Camera, Rig
 
+WIDTH_PX, HEIGHT_PX = 1242, 375
 PERIOD_NS = 100_000_000
 START_NS = 1_600_000_000_000_000_000
 _CAMERA_HEIGHT_M = 1.65
 _SWAY = np.deg2rad([0.25, 0.35])
 _SPEEDS_M_S = (6.0, 10.0)
-_STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4}
+_STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4, "scenery": 5}
 
 
 @dataclass(frozen=True, eq=False)
 class SyntheticDrive:
-    """A drive of `frame_count` frames at 10 Hz. A frame is made when it is requested, and is always the same."""
+    """A drive of `frame_count` frames at 10 Hz. A frame is made when it is requested, and is always the same.
+
+    Without a `scenery` all cameras are grey and see one spectrum.
+    """
 
     seed: int
     trip: int
@@ -41,6 +50,7 @@ class SyntheticDrive:
     light: Light
     atlas: Atlas = field(repr=False)
     surfaces: Surfaces = field(repr=False)
+    scenery: Scenery | None = field(repr=False, default=None)
 
     @property
     def rig(self) -> Rig:
@@ -52,7 +62,7 @@ class SyntheticDrive:
         return (self.frame(number) for number in range(self.frame_count))
 
     def frame(self, number: int) -> Frame:
-        """One frame; its images are grey."""
+        """One frame."""
         stamp_ns = self.start_ns + number * PERIOD_NS
         images = {camera.number: self.image(number, camera.number) for camera in self.rig.cameras}
         cloud = self.cloud(number) if self.rig.lidar else None
@@ -60,16 +70,21 @@ class SyntheticDrive:
         return Frame(number, stamp_ns, dict.fromkeys(self.rig.sensors, present), cloud, images)
 
     def image(self, number: int, camera: int) -> CameraImage:
-        """The image of S_camera in a frame: (H, W) uint8."""
+        """The image of S_camera in a frame: (H, W) uint8, or (H, W, 3) BGR of a colour camera."""
         flaws = self.vehicle.cameras[camera - 1]
-        world_SE3_rig, rays, surfaces, hits = self._seen(number, camera)
-        light = radiance(rays, hits, surfaces, self.atlas, self.light, world_SE3_rig)
+        view = self._seen(number, self.rig.camera(camera))
         rng = np.random.default_rng([self.seed, self.trip, _STREAMS["camera"], camera, number])
-        return CameraImage(camera, self._stamp_ns(number), expose(light, flaws, rng))
+        if self.scenery is None:
+            world_SE3_rig, rays, surfaces, hits = view
+            pixels = expose(radiance(rays, hits, surfaces, self.atlas, self.light, world_SE3_rig), flaws, rng)
+        else:
+            metered, time_s = self._metered[camera], number * PERIOD_NS / 1e9
+            pixels = self.scenery.pixels(self.rig.camera(camera), view, self.atlas, flaws, metered, time_s, rng)
+        return CameraImage(camera, self._stamp_ns(number), pixels)
 
     def depth_m(self, number: int, camera: int) -> Floats:
         """The true (H, W) depths of S_camera's pixels in a frame; inf where it sees the sky."""
-        return self._seen(number, camera)[3].distance
+        return self._seen(number, self.rig.camera(camera))[3].distance
 
     def cloud(self, number: int) -> PointCloud:
         """The LiDAR's scan of a frame. Raises SettingError where the rig has none."""
@@ -92,12 +107,19 @@ class SyntheticDrive:
     def _stamp_ns(self, number: int) -> int:
         return self.start_ns + number * PERIOD_NS
 
-    def _seen(self, number: int, camera: int) -> tuple[Matrix, Rays, Surfaces, Hits]:
-        flaws = self.vehicle.cameras[camera - 1]
+    @cached_property
+    def _metered(self) -> dict[int, Floats]:
+        """The exposures of each camera's channels, by what it sees in the middle of the drive."""
+        assert self.scenery is not None
+        views = {camera.number: self._seen(self.frame_count // 2, smaller(camera)) for camera in self.rig.cameras}
+        return {number: self.scenery.metered(number, view, self.atlas) for number, view in views.items()}
+
+    def _seen(self, number: int, camera: Camera) -> View:
+        flaws = self.vehicle.cameras[camera.number - 1]
         time_s = number * PERIOD_NS / 1e9 + flaws.stamp_error_s
         world_SE3_rig = self._world_SE3_rig(time_s)
         surfaces = placed(self.surfaces, invert(world_SE3_rig), time_s)
-        rays = camera_rays(self.rig.camera(camera), flaws.row_shift_px)
+        rays = camera_rays(camera, flaws.row_shift_px)
         return world_SE3_rig, rays, surfaces, cast(rays, surfaces, self.atlas)
 
     def _world_SE3_rig(self, time_s: float) -> Matrix:
@@ -116,31 +138,43 @@ def make_drive(
     n_cameras: int = 3,
     lidar: bool = True,
     style: str = "city",
-    width_px: int = 1242,
-    height_px: int = 375,
+    width_px: int = WIDTH_PX,
+    height_px: int = HEIGHT_PX,
     vehicle: int = 0,
     trip: int = 0,
     positions_m: tuple[float, ...] | None = None,
     start_ns: int = START_NS,
+    condition: str | None = None,
+    kinds: Sequence[CameraKind] | None = None,
 ) -> SyntheticDrive:
     """A drive along a street.
 
     `seed` determines the street and the parked vehicles; `trip` the light, the traffic, the speed and the noise: trips
     of one seed, and of as many frames, go along the same street on different days. `vehicle` determines the calibration
     and the flaws of the sensors, which drives of one vehicle share; vehicle 0 is built exactly as designed.
-    `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras. Raises SettingError for an
-    unknown style, no frames, or positions that do not fit.
+    `positions_m` are x of S_1, S_2, ... in metres, KITTI's where it has as many cameras.
+
+    With a `condition` (see CONDITIONS) the street has colours, and each camera a spectrum, a tone curve, a lens and an
+    exposure of its own; `kinds` says which are grey and which colour, drawn by the vehicle where it is None. Raises
+    SettingError for an unknown style or condition, no frames, or positions or kinds that do not fit.
     """
     if frames < 1:
         raise SettingError(f"{frames} frames are too few", where="synthetic drive", remedy="give at least one")
+    if kinds is not None and (condition is None or len(kinds) != n_cameras):
+        raise SettingError(
+            f"{len(kinds)} kinds for {n_cameras} cameras, condition {condition}",
+            where="synthetic drive",
+            remedy="give one kind a camera, and a condition",
+        )
     look = style_named(style)
     rig = make_rig(n_cameras, lidar=lidar, width_px=width_px, height_px=height_px, positions_m=positions_m)
     still = np.random.default_rng([seed, _STREAMS["scene"]])
     day = np.random.default_rng([seed, _STREAMS["day"], trip])
     speed = float(day.uniform(*_SPEEDS_M_S))
     length_m = frames * PERIOD_NS / 1e9 * _SPEEDS_M_S[1]
-    pieces = [*street(look, length_m, seed), *traffic(look, length_m, speed, day)]
-    return SyntheticDrive(
+    planted = look if condition is None else overgrown(look, condition_named(condition))
+    pieces = [*street(planted, length_m, seed), *traffic(look, length_m, speed, day)]
+    drive = SyntheticDrive(
         seed=seed,
         trip=trip,
         frame_count=frames,
@@ -153,6 +187,32 @@ def make_drive(
         atlas=make_atlas(still),
         surfaces=gather(pieces, still),
     )
+    if condition is None:
+        return drive
+    responses = draw_responses(kinds or kinds_of(vehicle, n_cameras), vehicle)
+    return _in_colour(drive, pieces, condition, responses)
+
+
+def _in_colour(
+    drive: SyntheticDrive, pieces: Sequence[Piece], condition: str, responses: tuple[Response, ...]
+) -> SyntheticDrive:
+    """The drive with a scenery; `pieces` are its own, and lamps come after them."""
+    rng = np.random.default_rng([drive.seed, _STREAMS["scenery"], drive.trip])
+    day, look = draw_day(condition_named(condition), rng), style_named(drive.style)
+    duration_s = drive.frame_count * PERIOD_NS / 1e9
+    everything = [*pieces, *street_lamps(day, look, duration_s * _SPEEDS_M_S[1], rng)]
+    surfaces = drive.surfaces if len(everything) == len(pieces) else gather(everything, rng)
+    surfaces, atlas = watered(surfaces, drive.atlas, day, rng)
+    scenery = Scenery(
+        condition=condition,
+        day=day,
+        road_m=look.road_m,
+        reflectance=reflectances(everything, drive.seed),
+        emission=emissions(everything, day, drive.seed),
+        responses=responses,
+        changes=draw_changes(len(responses), duration_s, rng),
+    )
+    return replace(drive, surfaces=surfaces, atlas=atlas, light=day.light, scenery=scenery)
 
 
 def _light(street: np.random.Generator, day: np.random.Generator) -> Light:

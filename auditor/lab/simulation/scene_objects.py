@@ -1,7 +1,10 @@
 """The objects of a street, built of pieces. World frame: x right, y down with the road at 0, z along the road."""
 
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import wraps
+from typing import ParamSpec
 
 import numpy as np
 
@@ -11,6 +14,20 @@ from auditor.lab.simulation.textures import Tile
 _CAMERA_HEIGHT_M = 1.65
 
 Span = tuple[float, float]
+Given = ParamSpec("Given")
+
+
+def one_body(maker: Callable[Given, Iterator[Piece]]) -> Callable[Given, Iterator[Piece]]:
+    """Mark all pieces of an object as one body, by the place of its first one; nothing else changes."""
+
+    @wraps(maker)
+    def marked(*given: Given.args, **more: Given.kwargs) -> Iterator[Piece]:
+        body = 0
+        for piece in maker(*given, **more):
+            body = body or zlib.crc32(np.array(piece.corner).tobytes())
+            yield replace(piece, body=body)
+
+    return marked
 
 
 @dataclass(frozen=True)
@@ -63,6 +80,7 @@ def box(x: Span, z: Span, y: Span, look: Look) -> Iterator[Piece]:
         yield look.piece((left, -high, near), (right - left, 0, 0), (0, 0, far - near))
 
 
+@one_body
 def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0) -> Iterator[Piece]:
     """A car whose middle is at x and whose nearer end is at z."""
     length, width = rng.uniform(3.8, 4.8), rng.uniform(1.66, 1.85)
@@ -96,6 +114,7 @@ def car(x_m: float, z_m: float, rng: np.random.Generator, *, speed: float = 0.0)
         yield face((at, 0.0, wheel), (0, 0, 0.62), (0, -0.62, 0), Tile.WHEEL, albedo=0.08, gloss=0.0, oval=True)
 
 
+@one_body
 def crown(
     middle: Vector, radius_m: float, height_m: float, layers: int, rng: np.random.Generator, *, tile: Tile = Tile.LEAVES
 ) -> Iterator[Piece]:
@@ -126,6 +145,7 @@ def crown(
             )
 
 
+@one_body
 def tree(x_m: float, z_m: float, layers: int, rng: np.random.Generator) -> Iterator[Piece]:
     """A trunk and a crown."""
     thick, bare = rng.uniform(0.2, 0.5), rng.uniform(1.9, 3.0)
@@ -135,6 +155,7 @@ def tree(x_m: float, z_m: float, layers: int, rng: np.random.Generator) -> Itera
     yield from crown((x_m, -(bare + tall), z_m), reach, tall, layers, rng)
 
 
+@one_body
 def hedge(x_m: float, start_m: float, end_m: float, height_m: float, rng: np.random.Generator) -> Iterator[Piece]:
     """A rough face along the road, four leaves deep, with a rough top and an end."""
     side = 1 if x_m > 0 else -1
@@ -159,6 +180,7 @@ def hedge(x_m: float, start_m: float, end_m: float, height_m: float, rng: np.ran
     yield leaves
 
 
+@one_body
 def house(
     x_m: float, start_m: float, end_m: float, height_m: float, look: Look, *, roof: Look | None = None
 ) -> Iterator[Piece]:
@@ -176,6 +198,7 @@ def house(
         yield replace(gable, taper=0.49)
 
 
+@one_body
 def pole(x_m: float, z_m: float, height_m: float, rng: np.random.Generator) -> Iterator[Piece]:
     """A lamp post or a sign's post."""
     thick = rng.uniform(0.07, 0.18)
@@ -183,6 +206,7 @@ def pole(x_m: float, z_m: float, height_m: float, rng: np.random.Generator) -> I
     yield from box((x_m - thick / 2, x_m + thick / 2), (z_m, z_m + thick), (0, height_m), look)
 
 
+@one_body
 def sign(
     x_m: float, z_m: float, low_m: float, width_m: float, height_m: float, rng: np.random.Generator
 ) -> Iterator[Piece]:
@@ -193,6 +217,7 @@ def sign(
     yield look.piece((x_m - width_m / 2, -low_m, z_m), (width_m, 0, 0), (0, -height_m, 0))
 
 
+@one_body
 def fence(x_m: float, start_m: float, end_m: float, height_m: float, rng: np.random.Generator) -> Iterator[Piece]:
     """Bars along the road, all alike."""
     yield Piece(

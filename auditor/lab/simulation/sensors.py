@@ -66,7 +66,7 @@ def expose(light: Floats, flaws: CameraFlaws, rng: np.random.Generator) -> NDArr
     """(H, W) radiances to grey levels: lens, gain, noise, saturation."""
     height, width = light.shape
     image = np.minimum(light, np.float32(2)) * np.float32(_WHITE * flaws.gain)
-    image = _blurred(_blurred(image, flaws.blur).T, flaws.blur).T
+    image = blurred(blurred(image, flaws.blur).T, flaws.blur).T
     across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
     down = np.linspace(-1, 1, height, dtype=np.float32)[:, None] ** 2 * np.float32((height / width) ** 2)
     image = image * (1 - np.float32(flaws.vignetting) * (across + down))
@@ -75,7 +75,7 @@ def expose(light: Floats, flaws: CameraFlaws, rng: np.random.Generator) -> NDArr
     return np.asarray(np.clip(np.rint(image + np.float32(flaws.offset)), 0, 255), dtype=np.uint8)
 
 
-def _blurred(image: Floats, share: float) -> Floats:
+def blurred(image: Floats, share: float) -> Floats:
     """Each row's value shared with the rows above and below."""
     result = image * np.float32(1 - 2 * share)
     result[1:] += np.float32(share) * image[:-1]

@@ -1,5 +1,6 @@
 """The radiance along a camera's rays: from textured, shaded, shadowed and glossy pieces, or from the sky."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,9 +16,9 @@ _PART = 1 << 15  # rays at a time: their data fit into the processor's cache
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ
 _HAZE_M = np.float32(400.0)
 _HAZE = np.float32(0.7)
-_GRAZING = np.float32(0.2)
 _DULL = np.float32(0.02)
 _HALF = np.float32(0.5)
+_SIDE_M = 4.0  # from the middle of the road to where one-sided shade is full
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -28,6 +29,8 @@ class Light:
     """`sun` is the unit direction to the sun in the world frame; strengths are radiances of a white surface.
 
     `shade` is the share of the sun's light kept out where trees stand; `shade_m` the size of a shadow's tile.
+    `one_sided` is how much more of it is kept out towards the right, or the left where it is negative; 1 is all of it.
+    `grazing` is how much more glossy surfaces mirror at grazing angles.
     """
 
     sun: tuple[float, float, float]
@@ -36,9 +39,11 @@ class Light:
     sky: float = 1.3
     shade: float = 0.8
     shade_m: float = 18.0
+    one_sided: float = 0.0
+    grazing: float = 0.2
 
 
-class _Met(NamedTuple):
+class Met(NamedTuple):
     """Rays that met a piece, (N,) each: direction (its z is 1), depth, piece, place on it, and n . direction."""
 
     x: Floats
@@ -49,16 +54,23 @@ class _Met(NamedTuple):
     t: Floats
     facing: Floats
 
-    def chosen(self, rows: NDArray[np.intp]) -> "_Met":
+    def chosen(self, rows: NDArray[np.intp]) -> "Met":
         """Some of the rays."""
         x, y, depth, s, t, facing = (v.take(rows) for v in (self.x, self.y, self.depth, self.s, self.t, self.facing))
-        return _Met(x, y, depth, self.piece.take(rows), s, t, facing)
+        return Met(x, y, depth, self.piece.take(rows), s, t, facing)
 
 
 def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> Floats:
     """(H, W) radiances that a camera sees; `surfaces` are those that were cast at, in the rig frame."""
-    result = _sky(rays, light)
-    scene = _Scene(rays, surfaces, atlas, light, world_SE3_rig)
+    result = sky(rays, light)
+    scene = Scene(rays, surfaces, atlas, light, world_SE3_rig)
+    for part, met in parts(rays, hits, scene):
+        result.ravel()[part] = scene.light_from(met)
+    return result
+
+
+def parts(rays: Rays, hits: Hits, scene: "Scene") -> Iterator[tuple[NDArray[np.intp], Met]]:
+    """The rays that met a piece, some at a time, with their (flat) places in the grid."""
     at = np.flatnonzero(hits.piece >= 0)
     for first in range(0, at.size, _PART):
         part = at[first : first + _PART]
@@ -70,11 +82,28 @@ def radiance(rays: Rays, hits: Hits, surfaces: Surfaces, atlas: Atlas, light: Li
             row, column = np.divmod(part, rays.shape[1])
             x, y = rays.x.take(column), rays.y.take(row)
         nx, ny, nz = (axis.take(piece) for axis in scene.normal)
-        result.ravel()[part] = scene.light_from(_Met(x, y, depth, piece, s, t, nx * x + ny * y + nz))
-    return result
+        yield part, Met(x, y, depth, piece, s, t, nx * x + ny * y + nz)
 
 
-class _Scene:
+class Lit(NamedTuple):
+    """Rays that met a piece: (N,) the share of light that each reflects, and the light that falls there.
+
+    `place` are places in the world frame; of the rays `glossy` the `share` is `mirrored` instead; `haze` is the share
+    of each ray that the air between adds.
+    """
+
+    reflected: Floats
+    layer: NDArray[np.uint8]
+    ambient: Floats
+    sun: Floats
+    place: tuple[Floats, Floats, Floats]
+    glossy: NDArray[np.intp]
+    share: Floats
+    mirrored: Floats
+    haze: Floats
+
+
+class Scene:
     """The columns of a table of pieces as shading needs them, one after the other in memory."""
 
     def __init__(self, rays: Rays, surfaces: Surfaces, atlas: Atlas, light: Light, world_SE3_rig: Matrix) -> None:
@@ -93,25 +122,40 @@ class _Scene:
         self._repeats = np.ascontiguousarray(surfaces.repeats.T)
         self._shift = np.ascontiguousarray(surfaces.shift.T)
 
-    def light_from(self, met: _Met) -> Floats:
+    def light_from(self, met: Met) -> Floats:
         """(N,) radiances."""
-        length = np.sqrt(met.x * met.x + met.y * met.y + 1)
-        slant = np.maximum(np.abs(met.facing) / length, _DULL)
-        value, mask = self._texture(met, slant)
-        bright = self._surfaces.albedo.take(met.piece) * value
-        bright *= self._ambient.take(met.piece) + self._sun(met)
-        gloss = self._surfaces.gloss.take(met.piece) * mask
-        glossy = np.flatnonzero(gloss > _DULL)
-        if glossy.size:
-            mirrored = self._mirrored(met.chosen(glossy))
-            # Schlick's approximation: a surface reflects more at grazing angles.
-            share = gloss.take(glossy) + _GRAZING * (1 - slant.take(glossy)) ** 5
-            bright[glossy] += share * (mirrored - bright.take(glossy))
-        bright += (1 - np.exp(met.depth / -_HAZE_M)) * (_HAZE - bright)
+        lit = self.lit(met)
+        bright = lit.reflected
+        bright *= lit.ambient + lit.sun
+        if lit.glossy.size:
+            bright[lit.glossy] += lit.share * (lit.mirrored - bright.take(lit.glossy))
+        bright += lit.haze * (_HAZE - bright)
         return np.asarray(bright)
 
-    def _texture(self, met: _Met, slant: Floats) -> tuple[Floats, Floats]:
-        """(N,) texture values, stains included, and masks."""
+    def lit(self, met: Met) -> Lit:
+        """What light there is, and what becomes of it."""
+        length = np.sqrt(met.x * met.x + met.y * met.y + 1)
+        slant = np.maximum(np.abs(met.facing) / length, _DULL)
+        value, texel = self._texture(met, slant)
+        place = self._place(met)
+        gloss = self._surfaces.gloss.take(met.piece) * self._atlas.mask.take(texel)
+        glossy = np.flatnonzero(gloss > _DULL)
+        # Schlick's approximation: a surface reflects more at grazing angles.
+        grazing = np.float32(self._light.grazing)
+        return Lit(
+            reflected=self._surfaces.albedo.take(met.piece) * value,
+            layer=self._atlas.layer.take(texel),
+            ambient=self._ambient.take(met.piece),
+            sun=self._sun(met, place),
+            place=place,
+            glossy=glossy,
+            share=gloss.take(glossy) + grazing * (1 - slant.take(glossy)) ** 5,
+            mirrored=self._mirrored(met.chosen(glossy)) if glossy.size else np.empty(0, dtype=np.float32),
+            haze=1 - np.exp(met.depth / -_HAZE_M),
+        )
+
+    def _texture(self, met: Met, slant: Floats) -> tuple[Floats, Ints]:
+        """(N,) texture values, stains included, and the nearest texels."""
         level = level_of(met.depth * self._footprint.take(met.piece) / np.sqrt(slant))
         tile = self._surfaces.tile.take(met.piece)
         across = met.s * self._repeats[0].take(met.piece) + self._shift[0].take(met.piece)
@@ -120,21 +164,28 @@ class _Scene:
         coarse = np.maximum(level - 2, 0)
         stain = self._atlas.bilinear(Tile.STAINS, across * _STAIN_SHARE, up * _STAIN_SHARE, coarse)
         value *= 1 + self._surfaces.stains.take(met.piece) * (stain - 1)
-        return np.maximum(value, _DULL), self._atlas.masks(tile, across, up, level)
+        return np.maximum(value, _DULL), self._atlas.nearest(tile, across, up, level)
 
-    def _sun(self, met: _Met) -> Floats:
-        """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
+    def _place(self, met: Met) -> tuple[Floats, Floats, Floats]:
+        """(N,) x, y and z in the world frame."""
         R, start = self._R, self._start
         x, y, z = (start[row] + (R[row, 0] * met.x + R[row, 1] * met.y + R[row, 2]) * met.depth for row in range(3))
+        return x, y, z
+
+    def _sun(self, met: Met, place: tuple[Floats, Floats, Floats]) -> Floats:
+        """(N,) light from the sun: a side is lit if it is the sun's, leaves let it through, crowns throw shadows."""
+        x, y, z = place
         sx, sy, sz = (np.float32(axis) for axis in self._light.sun)
         scale = np.float32(1 / self._light.shade_m)
         across, along = (x - y * (sx / sy)) * scale, (z - y * (sz / sy)) * (scale * np.float32(0.7))
         open_ = self._atlas.bilinear(Tile.SHADE, across, along, 0)
+        if self._light.one_sided:
+            open_ = np.clip(open_ - np.float32(self._light.one_sided / _SIDE_M) * x, 0, 1)
         to_sun = self._to_sun.take(met.piece)
         sun = np.where(self._surfaces.cut.take(met.piece), np.abs(to_sun), to_sun * -np.sign(met.facing))
         return np.asarray(np.maximum(sun, 0) * (1 - np.float32(self._light.shade) * (1 - open_)))
 
-    def _mirrored(self, met: _Met) -> Floats:
+    def _mirrored(self, met: Met) -> Floats:
         """(N,) radiances that glossy pieces mirror: far surroundings, and closer the more a piece bulges."""
         nx, ny, nz = (axis.take(met.piece) for axis in self.normal)
         double = 2 * met.facing
@@ -146,7 +197,7 @@ class _Scene:
         return self._atlas.bilinear(Tile.SURROUNDINGS, azimuth / np.float32(2 * np.pi), row, 0)
 
 
-def _sky(rays: Rays, light: Light) -> Floats:
+def sky(rays: Rays, light: Light) -> Floats:
     """(H, W) sky, brightest near the horizon."""
     up = np.broadcast_to(-rays.y, rays.shape)
     return np.asarray(np.float32(light.sky) * (1 - np.float32(0.8) * np.clip(up, 0, 1)), dtype=np.float32)

@@ -23,7 +23,7 @@ class Piece:
     `taper` of its width on either side. A tile spans `tile_m` (across, up). `gloss` is the share of the tile's mask
     that mirrors; with `cut` the mask marks instead where the piece exists. An `oval` piece ends at its ellipse.
     Of a LiDAR's beams the share `see_through` passes where the tile is glass, and `lost` never comes back. `speed`
-    moves the piece along the road, in m/s.
+    moves the piece along the road, in m/s. Pieces of one `body` (any number) and material have one colour.
     """
 
     corner: Vector
@@ -43,6 +43,7 @@ class Piece:
     lost: float = 0.0
     speed: float = 0.0
     ambient: float = 1.0
+    body: int = 0
 
 
 @dataclass(frozen=True, eq=False)

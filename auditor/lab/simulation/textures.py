@@ -1,5 +1,6 @@
 """Procedural surfaces: one atlas of square, periodic tiles with all their reductions."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -9,6 +10,11 @@ from numpy.typing import NDArray
 
 SIZE = 256
 _LEVELS = 9
+
+LAYERS = 3
+"""Layers of a tile: its body, its detail (lamps of a car, panes, dry or woody parts of plants), the rest."""
+
+_BODY, _DETAIL, _REST = range(LAYERS)
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -43,10 +49,11 @@ class Tile(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """All tiles: `value` (mean about 1) and `mask` (0..1), flat, and where each tile's reductions start."""
+    """All tiles: `value` (mean about 1), `mask` (0..1) and `layer`, flat, and where each tile's reductions start."""
 
     value: Floats
     mask: Floats
+    layer: NDArray[np.uint8]
     starts: Ints  # (levels,): within a tile
     sizes: Ints  # (levels,): of a side
     tile_size: int
@@ -70,10 +77,14 @@ class Atlas:
 
     def masks(self, tile: Ints | int, s: Floats, t: Floats, level: Ints) -> Floats:
         """The masks of the nearest texels at (N,) coordinates."""
+        return np.asarray(self.mask.take(self.nearest(tile, s, t, level)))
+
+    def nearest(self, tile: Ints | int, s: Floats, t: Floats, level: Ints) -> Ints:
+        """The places of the nearest texels at (N,) coordinates."""
         size, first = self._places(tile, level)
         column = np.floor(s * size).astype(np.int32) & (size - 1)
         row = np.floor(t * size).astype(np.int32) & (size - 1)
-        return np.asarray(self.mask.take(first + row * size + column))
+        return np.asarray(first + row * size + column)
 
     def _places(self, tile: Ints | int, level: Ints | int) -> tuple[Ints, Ints]:
         """Sizes and starts of the reductions."""
@@ -88,12 +99,13 @@ def level_of(footprint: Floats) -> Ints:
 def make_atlas(rng: np.random.Generator) -> Atlas:
     """Draw all tiles."""
     values, masks = zip(*(_draw(tile, rng) for tile in Tile), strict=True)
-    value = [np.concatenate([level.ravel() for level in _reductions(tile)]) for tile in values]
-    mask = [np.concatenate([level.ravel() for level in _reductions(tile)]) for tile in masks]
+    value = [np.concatenate([level.ravel() for level in reductions(tile)]) for tile in values]
+    mask = [np.concatenate([level.ravel() for level in reductions(tile)]) for tile in masks]
+    layer = [_layers(*drawn) for drawn in zip(Tile, values, masks, strict=True)]
     sizes = [(SIZE >> level) ** 2 for level in range(_LEVELS)]
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int32)
     sides = np.array([SIZE >> level for level in range(_LEVELS)], dtype=np.int32)
-    return Atlas(np.concatenate(value), np.concatenate(mask), starts, sides, sum(sizes))
+    return Atlas(np.concatenate(value), np.concatenate(mask), np.concatenate(layer), starts, sides, sum(sizes))
 
 
 def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Floats:
@@ -105,12 +117,21 @@ def cloud_noise(rng: np.random.Generator, slope: float, size: int = SIZE) -> Flo
     return np.asarray(noise / noise.std(), dtype=np.float32)
 
 
-def _reductions(tile: Floats) -> list[Floats]:
+def reductions(tile: Floats) -> list[Floats]:
+    """The tile and its halvings."""
     levels = [tile]
     while levels[-1].shape[0] > 1:
         fine = levels[-1]
         levels.append((fine[::2, ::2] + fine[1::2, ::2] + fine[::2, 1::2] + fine[1::2, 1::2]) * np.float32(0.25))
     return levels
+
+
+def _layers(tile: Tile, value: Floats, mask: Floats) -> NDArray[np.uint8]:
+    """The layer of each texel of a tile and of its reductions, one after the other."""
+    layer = np.zeros((SIZE, SIZE), dtype=np.uint8)
+    for number, chosen in _LAYERS.get(tile, {}).items():
+        layer[chosen(value, mask)] = number
+    return np.concatenate([layer[:: 1 << level, :: 1 << level].ravel() for level in range(_LEVELS)])
 
 
 def _draw(tile: Tile, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -301,3 +322,18 @@ _DRAWERS = {
     Tile.SHADE: _shade,
     Tile.SURROUNDINGS: _surroundings,
 }
+
+_LAYERS: dict[Tile, dict[int, Callable[[Floats, Floats], NDArray[np.bool_]]]] = {
+    Tile.WINDOWS: {_REST: lambda value, _: value > 1.2, _DETAIL: lambda _, mask: mask > 0},
+    Tile.PAINT: {_REST: lambda value, _: (value < 0.5) | (value > 1.8)},
+    Tile.REAR: {
+        _REST: lambda value, _: (value < 0.5) | (value > 4),
+        _DETAIL: lambda value, _: (value > 2.1) & (value < 2.3),
+    },
+    Tile.BRICKS: {_REST: lambda value, _: value > 1.3},
+    Tile.SIGN: {_REST: lambda value, _: value < 0.5},
+    Tile.GRASS: {_DETAIL: lambda value, _: value > 1.3},
+    Tile.LEAVES: {_DETAIL: lambda value, _: value < 0.55},
+    Tile.HEDGE: {_DETAIL: lambda value, _: value < 0.6},
+}
+"""Which texels of a tile, by value and mask, are of another layer than the body's; the last that fits holds."""

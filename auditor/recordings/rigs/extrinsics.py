@@ -12,7 +12,9 @@ import numpy as np
 from auditor.errors import RigError
 from auditor.model.common_view import common_view, upright
 from auditor.model.geometry import Matrix, motion
+from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
+from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.ordering import MIN_BASELINE_M
 
 _LEAST_SHARED = 0.25
@@ -129,7 +131,10 @@ def _aside(a: Camera, b: Camera) -> float:
 
 def _seen_px(cameras: Sequence[Camera], *, widest: bool = False) -> int:
     """The number of pixels of the common view that all see."""
+    focal_px = min(camera.focal_px for camera in cameras)
+    reach_px = min(COMMON_VIEW.widest * focal_px, COMMON_VIEW.farthest_px)
+    cell_px = max(COMMON_VIEW.cell_px, int(reach_px / RIG_LIMITS.most_cells))
     try:
-        return common_view(_numbered(cameras), widest=widest).seen_px
+        return common_view(_numbered(cameras), widest=widest, cell_px=cell_px).seen_px
     except RigError:
         return 0

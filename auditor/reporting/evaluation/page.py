@@ -9,6 +9,7 @@ LEFT_OUT = {
     "nothing": "in sample, as in the paper",
     "block": "left out by blocks of ten frames",
     "recording": "left out by recording",
+    "family": "left out by family",
 }
 """What the page calls the ways of taking theta, in its order."""
 

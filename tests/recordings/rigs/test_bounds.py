@@ -58,9 +58,9 @@ def test_the_search_does_not_work_more_for_more_cameras_than_a_rig_has(
     views: list[int] = []
     usual = extrinsics.common_view
 
-    def counted(rig: Rig, *, widest: bool = False) -> object:
+    def counted(rig: Rig, *, widest: bool = False, cell_px: int = 8) -> object:
         views.append(rig.n)
-        return usual(rig, widest=widest)
+        return usual(rig, widest=widest, cell_px=cell_px)
 
     monkeypatch.setattr(extrinsics, "common_view", counted)
     made = []

@@ -63,14 +63,17 @@ class Db3Read:
         self.channels.note_unknown()
 
     def span_ns(self) -> Span | None:
-        """The times of the first and the last row: a recorder writes them in this order.
+        """The times of the first and the last row: a recorder writes them in this order. None where one is not there.
 
         Raises RecordingError where the file is not a recording.
         """
         with self._pages() as pages:
             root = self._catalogue(pages).get("messages")
-            ends = (pages.end_leaf(root, last=last) for last in (False, True)) if root is not None else ()
-            return span_over(time_ns for page in ends if page is not None for time_ns in self._times_ns(pages, page))
+            ends = [pages.end_leaf(root, last=last) for last in (False, True)] if root is not None else [None]
+            pages_at_ends = [page for page in ends if page is not None]
+            if len(pages_at_ends) < len(ends):
+                return None
+            return span_over(time_ns for page in pages_at_ends for time_ns in self._times_ns(pages, page))
 
     def _times_ns(self, pages: Pages, page: int) -> Iterator[int]:
         for row in self._rows(pages, page):

@@ -1,0 +1,24 @@
+import numpy as np
+import pytest
+
+from tests.benchmarks.clustered import clustered_interval, effective_size
+
+
+def test_clusters_that_are_all_or_nothing_give_a_wider_interval_than_mixed_ones() -> None:
+    low, high = clustered_interval([12, 0] * 10, [12] * 20)
+    mixed_low, mixed_high = clustered_interval([6] * 20, [12] * 20)
+    assert (mixed_low, mixed_high) == (0.5, 0.5)
+    assert low == pytest.approx(0.3, abs=0.05)
+    assert high == pytest.approx(0.7, abs=0.05)
+
+
+def test_no_hit_is_bounded_by_the_number_of_clusters_not_of_cases() -> None:
+    assert clustered_interval([0] * 10, [50] * 10) == pytest.approx((0, 0.3085), abs=1e-3)
+    assert clustered_interval([50] * 10, [50] * 10) == pytest.approx((0.6915, 1), abs=1e-3)
+
+
+def test_a_series_that_repeats_itself_is_worth_less() -> None:
+    independent = np.random.default_rng(1).normal(size=400)
+    assert effective_size(independent) > 300
+    assert effective_size(np.repeat(independent[:40], 10)) < 80
+    assert effective_size(np.ones(9)) == 9

@@ -1,0 +1,171 @@
+"""Every verb and every output format, on recordings as strangers' recorders write them."""
+
+import csv
+import io
+import json
+import shutil
+from collections.abc import Callable
+from itertools import cycle
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from auditor.cli import VERBS, run
+from auditor.cli.exit_codes import Exit
+from auditor.cli.output import FORMATS
+from auditor.store import list_queries
+from tests.making.audits import Audit
+from tests.making.logs_of_strangers import DAY_NS, PERIOD_NS, START_NS, record, write
+from tests.making.vehicles_of_strangers import VAN, WAGON
+from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL
+
+BEGAN_NS = START_NS + SPOT.moments.start * PERIOD_NS
+
+
+@pytest.fixture(scope="module")
+def fleet(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a clean and an attacked recording of each vehicle, in three containers."""
+    folder = tmp_path_factory.mktemp("fleet")
+    write(folder / "wagon_clean.db3", record(WAGON, range(MOMENTS), seed=SEED))
+    write(folder / "wagon_spot.mcap", record(WAGON, range(MOMENTS), attack=SPOT, seed=SEED, start_ns=START_NS + DAY_NS))
+    write(folder / "van_clean.mcap", record(VAN, range(MOMENTS), seed=SEED))
+    write(folder / "van_wall.bag", record(VAN, range(MOMENTS), attack=WALL, seed=SEED, start_ns=START_NS + DAY_NS))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def audited(calibrated: Path, fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The store in which the fleet was scanned."""
+    store = tmp_path_factory.mktemp("audited") / "audit"
+    shutil.copytree(calibrated, store)
+    assert run(["scan", str(fleet), "-r", "0", "--store", str(store)]) == Exit.FINDINGS
+    return store
+
+
+@pytest.fixture
+def verbs(audited: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Audit:
+    return Audit(audited, capfdbinary.readouterr)
+
+
+def rows_of(form: str, printed: bytes) -> list[dict[str, object]]:
+    """The rows that were printed in a format for programs."""
+    match form:
+        case "json":
+            return json.loads(printed)
+        case "csv":
+            return list(csv.DictReader(io.StringIO(printed.decode())))
+        case _:
+            table = pq.read_table(pa.BufferReader(printed))
+            moments = [column.name for column in table.schema if pa.types.is_timestamp(column.type)]
+            return table.drop_columns(moments).to_pylist()  # Python alone has no type for their nanoseconds
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_scan_names_what_was_attacked_in_every_format(form: str, verbs: Audit, fleet: Path):
+    answer = verbs("scan", fleet / "wagon_spot.mcap", "-r", "0", "--format", form)
+    assert answer.code == Exit.FINDINGS
+    assert all(text in answer.out for text in (b"wagon_spot.mcap", b"S_1"))
+
+
+@pytest.mark.parametrize(("method", "form"), [("paper", "table"), *(("robust", form) for form in FORMATS)])
+def test_judge_answers_in_every_format(method: str, form: str, verbs: Audit):
+    answer = verbs("judge", "-r", "0", "--method", method, "--format", form)
+    assert answer.code == Exit.FINDINGS
+    assert b"wagon_spot.mcap" in answer.out
+
+
+@pytest.mark.parametrize(("name", "form"), list(zip((known.name for known in list_queries()), cycle(FORMATS))))
+def test_every_query_answers(name: str, form: str, verbs: Audit):
+    answer = verbs("query", name, *(["frame=7"] if name == "frame" else []), "--format", form)
+    assert answer.code == Exit.CLEAN
+    assert answer.out
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_incidents_name_the_nanosecond_in_which_they_began(form: str, verbs: Audit):
+    printed = verbs("query", "incidents", "--format", form).out
+    if form == "table":
+        assert b"2011-09-27T13:02:26" in printed
+    else:
+        began = {int(row["from_ns"]) for row in rows_of(form, printed)}
+        assert any(abs(at - DAY_NS - BEGAN_NS) < PERIOD_NS // 2 for at in began)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"), [("wagon_clean.db3", "table"), ("wagon_spot.mcap", "json"), ("van_wall.bag", "json")]
+)
+def test_inspect_gives_a_whole_recording_exit_code_0(name: str, form: str, verbs: Audit, fleet: Path):
+    answer = verbs("inspect", fleet / name, "--format", form, store=False)
+    assert answer.code == Exit.CLEAN
+    assert "/lidar_top/points" in answer.out.decode()
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_parameters_are_listed_in_every_format(form: str, verbs: Audit):
+    assert verbs("parameters", "--format", form, store=False).out
+
+
+def test_report_writes_pages(verbs: Audit, tmp_path: Path):
+    assert verbs("report", "--out", tmp_path / "incident.html").code == Exit.CLEAN
+    page = (tmp_path / "incident.html").read_text()
+    assert "wagon_spot.mcap" in page
+    assert "2011-09-27 13:02:26" in page
+
+
+@pytest.mark.parametrize("name", ["wagon_clean.db3", "van_wall.bag"])
+def test_convert_writes_a_recording_that_is_judged_alike(name: str, fleet: Path, audit: Audit, tmp_path: Path):
+    assert audit("convert", fleet / name, tmp_path / "converted.mcap", store=False).code == Exit.CLEAN
+    assert audit.scan(tmp_path / "converted.mcap").code == (Exit.FINDINGS if "wall" in name else Exit.CLEAN)
+
+
+def test_attack_writes_a_recording_in_which_the_attack_is_found(fleet: Path, audit: Audit, tmp_path: Path):
+    attacked = tmp_path / "attacked.mcap"
+    assert audit("attack", fleet / "wagon_clean.db3", attacked, "--on", "S_0", store=False).code == Exit.CLEAN
+    assert audit.scan(attacked).code == Exit.FINDINGS
+
+
+EVALUATE = ("--attack-every", "12", "--jobs", "1")
+
+
+@pytest.fixture(scope="module")
+def evaluated(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The store in which attacks on a clean recording were evaluated."""
+    store = tmp_path_factory.mktemp("evaluated") / "audit"
+    assert run(["evaluate", str(fleet / "van_clean.mcap"), *EVALUATE, "--store", str(store)]) == Exit.CLEAN
+    return store
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_evaluate_answers_in_every_format(form: str, fleet: Path, evaluated: Path, capfdbinary):
+    audit = Audit(evaluated, capfdbinary.readouterr)
+    answer = audit("evaluate", fleet / "van_clean.mcap", *EVALUATE, "--format", form)
+    assert answer.code == Exit.CLEAN
+    assert answer.out
+
+
+def test_the_evaluation_page_is_written(evaluated: Path, capfdbinary, tmp_path: Path):
+    audit = Audit(evaluated, capfdbinary.readouterr)
+    assert audit("report", "evaluation", "--out", tmp_path / "evaluation.html").code == Exit.CLEAN
+    assert "van_clean.mcap" in (tmp_path / "evaluation.html").read_text()
+
+
+REFUSED: dict[str, Callable[[Path], list[object]]] = {
+    "demo": lambda fleet: [fleet],
+    "weights": lambda fleet: ["inspect", fleet / "van_clean.mcap"],
+    "train-matcher": lambda fleet: [fleet / "van_clean.mcap"],
+}
+"""What a verb is given that it must refuse: a demo that would write among recordings, weights that are none."""
+
+
+@pytest.mark.parametrize("verb", REFUSED)
+def test_what_a_verb_cannot_do_is_said_in_one_line(verb: str, fleet: Path, verbs: Audit):
+    answer = verbs(verb, *REFUSED[verb](fleet), store=False)
+    assert answer.code == Exit.FAILED
+    assert len((answer.err.strip() or answer.out.decode()).splitlines()) <= 10
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_a_page_of_help(verb: str, verbs: Audit):
+    assert b"Usage:" in verbs(verb, "--help", store=False).out

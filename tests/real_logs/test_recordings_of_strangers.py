@@ -1,0 +1,183 @@
+"""Recordings as strangers' recorders write them: containers, sub-rigs, split drives and odd stamps are audited."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from auditor.cli.exit_codes import Exit
+from tests.making.audits import Audit
+from tests.making.logs_of_strangers import (
+    DAY_NS,
+    NO_ATTACK,
+    START_NS,
+    Attack,
+    Calibration,
+    Cloud,
+    Log,
+    Mounts,
+    Sent,
+    record,
+    write,
+)
+from tests.making.vehicles_of_strangers import VAN, WAGON, Vehicle
+from tests.making.ways_to_hide import MOMENTS, SEED, SPOT, WALL
+
+FOUND = {Exit.FINDINGS, Exit.FINDINGS_INCOMPLETE}
+NOTHING_FOUND = {Exit.CLEAN, Exit.INCOMPLETE}
+CONTAINERS = (".mcap", ".bag", ".db3")
+VERDICTS = "SELECT stamp_ns, kind, attacked FROM verdicts ORDER BY stamp_ns"
+
+
+Audits = Callable[[str], Audit]
+
+
+def a_log(vehicle: Vehicle = WAGON, attack: Attack = NO_ATTACK, start_ns: int = START_NS) -> Log:
+    return record(vehicle, range(MOMENTS), attack=attack, seed=SEED, start_ns=start_ns)
+
+
+def summary(audit: Audit) -> dict[str, dict[str, Any]]:
+    return {row["name"]: row for row in audit("query", "summary", "--format", "json").rows}
+
+
+def clean_and_attacked(vehicle: Vehicle) -> tuple[Log, Log]:
+    """Two logs, a day apart."""
+    return a_log(vehicle), a_log(vehicle, SPOT, START_NS + DAY_NS)
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_two_kinds_of_rig_in_three_containers_are_clean_or_attacked(container: str, audit: Audit, tmp_path: Path):
+    clean, attacked = [], []
+    for vehicle in (WAGON, VAN):
+        for logs, log in zip((clean, attacked), clean_and_attacked(vehicle), strict=True):
+            logs.append(write(tmp_path / f"{vehicle.name}_{len(attacked)}{container}", log))
+    assert audit.scan(*clean).code == Exit.CLEAN
+    assert audit.scan(*attacked).code == Exit.FINDINGS
+    rows = summary(audit)
+    assert [rows[log.name]["clean"] for log in clean] == [MOMENTS] * 2
+    assert [rows[log.name]["clean"] for log in attacked] == [SPOT.moments.start] * 2
+    assert [rows[log.name]["attacked_sensors"] for log in attacked] == [[1]] * 2
+
+
+# Sub-rigs
+
+WITHOUT = {
+    "a camera": (WAGON, ("inner_left",)),
+    "the leftmost camera": (WAGON, ("left",)),
+    "the LiDAR": (WAGON, ("lidar",)),
+    "two cameras": (WAGON, ("inner_left", "inner_right")),
+    "a camera and the LiDAR": (WAGON, ("inner_left", "lidar")),
+    "a camera of the van": (VAN, ("middle",)),
+    "the LiDAR of the van": (VAN, ("lidar",)),
+}
+
+
+def reduced(log: Log, vehicle: Vehicle, missing: tuple[str, ...]) -> Log:
+    """The log of a vehicle that lacks some sensors, and what calibrates them."""
+    topics = {vehicle.lidar_topic if sensor == "lidar" else vehicle.topic(sensor) for sensor in missing}
+    topics |= {vehicle.info(sensor) for sensor in missing if sensor != "lidar"}
+    return [sent for sent in log if sent.topic not in topics]
+
+
+@pytest.mark.parametrize("which", WITHOUT)
+def test_who_unplugs_a_sensor_is_judged_by_those_that_remain(which: str, audit: Audit, tmp_path: Path):
+    vehicle, missing = WITHOUT[which]
+    clean, attacked = (
+        write(tmp_path / f"log_{number}.mcap", reduced(log, vehicle, missing))
+        for number, log in enumerate(clean_and_attacked(vehicle))
+    )
+    assert audit.scan(clean, attacked).code in FOUND
+    rows = summary(audit)
+    assert (rows[clean.name]["clean"], rows[attacked.name]["clean"]) == (MOMENTS, SPOT.moments.start)
+
+
+@pytest.mark.parametrize("which", ["a camera", "a camera and the LiDAR"])
+def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_alone(
+    which: str, audit: Audit, new_audit: Audit, tmp_path: Path
+):
+    vehicle, missing = WITHOUT[which]
+    clean = [
+        write(
+            tmp_path / f"clean_{seed}.mcap",
+            reduced(record(vehicle, range(MOMENTS), seed=seed, start_ns=START_NS - day * DAY_NS), vehicle, missing),
+        )
+        for day, seed in ((1, 11), (2, 14))
+    ]
+    assert new_audit("calibrate", *clean, "-r", "0").code == Exit.CLEAN
+    log = write(tmp_path / "log.mcap", reduced(a_log(vehicle, SPOT), vehicle, missing))
+    assert new_audit.scan(log).code in FOUND
+    assert audit.scan(log).code in FOUND
+    assert audit.ask(VERDICTS) == new_audit.ask(VERDICTS)
+
+
+# Split drives
+
+
+def parts(log: Log, *begins: int) -> list[Log]:
+    """A log split at some moments; what is latched is written into the first part only."""
+    first, *others = [
+        [sent for sent in log if begin <= sent.moment < end]
+        for begin, end in zip((0, *begins), (*begins, MOMENTS), strict=True)
+    ]
+    latched = (Mounts, Calibration)
+    return [first, *([sent for sent in part if not isinstance(sent.body, latched)] for part in others)]
+
+
+@pytest.mark.parametrize(("container", "attack"), [(".mcap", NO_ATTACK), (".bag", SPOT)], ids=["mcap", "bag"])
+def test_a_split_drive_is_audited_as_the_whole(container: str, attack: Attack, audits: Audits, tmp_path: Path):
+    of_whole, of_parts = audits("whole"), audits("parts")
+    log, code = a_log(attack=attack), Exit.FINDINGS if attack.moments else Exit.CLEAN
+    assert of_whole.scan(write(tmp_path / f"whole{container}", log)).code == code
+    split = [write(tmp_path / f"drive_{number}{container}", part) for number, part in enumerate(parts(log, 2, 5))]
+    assert of_parts.scan(*split).code == code
+    assert of_parts.ask(VERDICTS) == of_whole.ask(VERDICTS)
+
+
+def test_a_split_drive_equals_its_folder(audits: Audits, tmp_path: Path):
+    of_folder, of_files, of_both = audits("folder's"), audits("files'"), audits("both's")
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    split = [write(folder / f"drive_{number}.mcap", part) for number, part in enumerate(parts(a_log(attack=SPOT), 4))]
+    assert of_folder.scan(folder).code == Exit.FINDINGS
+    assert of_files.scan(*split).code == Exit.FINDINGS
+    assert len(of_files.ask(VERDICTS)) == MOMENTS
+    assert of_files.ask(VERDICTS) == of_folder.ask(VERDICTS)
+    assert of_both.scan(folder).code == Exit.FINDINGS
+    assert of_both.scan(*split).code in FOUND
+    assert len(of_both("query", "incidents", "--format", "json").rows) == 1, "what came twice is counted once"
+
+
+def test_cameras_and_lidar_in_two_files_of_one_drive(audit: Audit, tmp_path: Path):
+    log = a_log(attack=WALL)
+    clouds = [sent for sent in log if isinstance(sent.body, Cloud)]
+    cameras = write(tmp_path / "drive_cameras.mcap", [sent for sent in log if sent not in clouds])
+    lidar = write(tmp_path / "drive_lidar.mcap", clouds)
+    assert audit.scan(cameras, lidar, how=("-r", "0", "--drive", "one")).code in FOUND
+
+
+# Odd stamps
+
+
+def without_stamps(sent: Sent) -> Sent:
+    return sent.restamped(0)
+
+
+def since_boot(sent: Sent) -> Sent:
+    return sent.restamped(sent.stamp_ns - START_NS + 5 * 10**9)
+
+
+def a_clock_of_its_own(sent: Sent) -> Sent:
+    """The LiDAR's clock is a third of a second behind."""
+    return sent.restamped(sent.stamp_ns - 333_333_333) if isinstance(sent.body, Cloud) else sent
+
+
+@pytest.mark.parametrize("odd", [without_stamps, since_boot, a_clock_of_its_own])
+def test_odd_stamps_are_audited(odd, audit: Audit, tmp_path: Path):
+    clean, attacked = (
+        write(tmp_path / f"log_{number}.mcap", [odd(sent) for sent in log])
+        for number, log in enumerate(clean_and_attacked(WAGON))
+    )
+    assert audit.scan(clean).code in NOTHING_FOUND
+    assert audit.scan(attacked).code in FOUND
