@@ -12,7 +12,7 @@ import click
 
 from auditor import __version__
 from auditor.cli.exit_codes import Exit
-from auditor.cli.output import say
+from auditor.cli.output import answer, say
 from auditor.errors import AuditorError
 
 _GO_ON = "finished recordings are kept, run the same command again to go on"
@@ -53,9 +53,9 @@ def _show_versions(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         return
     from auditor.resources import plug_ins  # noqa: PLC0415 - keeps --help quick
 
-    click.echo(f"auditor, version {__version__}")
+    answer(f"auditor, version {__version__}")
     for name, version in plug_ins().items():
-        click.echo(f"plug-in {name}, version {version}: its code is run")
+        answer(f"plug-in {name}, version {version}: its code is run")
     ctx.exit()
 
 

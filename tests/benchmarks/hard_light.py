@@ -30,12 +30,12 @@ _JUDGED = """
 """
 
 
-def measure(street: Street, store: Path, matcher_name: str = "sgbm") -> None:
+def measure(street: Street, store: Path) -> None:
     """Measure the clean frames of a street."""
     use_one_thread()
-    matcher = find_matcher(matcher_name)
+    matcher = find_matcher("sgbm")
     task = EvaluateTask(street, store)
-    with street.open(colour=matcher.colour) as (drive,):
+    with street.open(colour=matcher.colour) as [drive]:
         run = _Run(task, drive, matcher, Store.open(store, create=True), EXPERIMENTS[:1])
         run.go(lambda what, done: None)
 
@@ -45,7 +45,7 @@ def main() -> None:
     parser.add_argument("--store", type=Path, required=True)
     parser.add_argument("--streets", type=int, default=18, help="one after the other hold all styles and conditions")
     parser.add_argument("--frames", type=int, default=12)
-    parser.add_argument("--first", type=int, default=1008)
+    parser.add_argument("--first", type=int, default=1012)
     parser.add_argument("--scale", type=float, default=1.0)
     options = parser.parse_args()
     for number in range(options.first, options.first + options.streets):

@@ -129,7 +129,7 @@ def test_the_closing_line_counts_recordings_and_says_why(tally, line):
 
 def test_the_json_of_an_audit_has_recordings_incidents_and_what_was_not_audited(store, capfd):
     add_recording(store, "a.mcap", attacks=[((1,), 10, 19)])
-    add_recording(store, "b.mcap", rig=make_rig(lidar=False), judged=False)
+    add_recording(store, "b.mcap", rig=make_rig(("velo", "a", "b", "c", "d")), judged=False)
     assert run(["judge", "--store", str(store.folder), "--method", "paper", "-r", "0", "--format", "json"]) == 4
     said = json.loads(capfd.readouterr().out)
     assert list(said) == ["recordings", "incidents", "not_audited"]

@@ -9,7 +9,7 @@ SCALE = 0.2
 
 
 def shapes(street: Street, *, colour: bool) -> set[tuple[int, ...]]:
-    with street.open(colour=colour) as (drive,):
+    with street.open(colour=colour) as [drive]:
         frame = next(drive.frames)
     assert isinstance(frame, Frame)
     return {image.pixels.shape for image in frame.images.values()}
@@ -22,7 +22,7 @@ def test_a_few_streets_hold_every_style_under_every_condition() -> None:
 
 def test_a_street_says_its_family_and_gives_it_in_its_name() -> None:
     street = Street(1003, 1, scale=SCALE)
-    with street.open(colour=False) as (drive,):
+    with street.open(colour=False) as [drive]:
         assert (drive.family, drive.name) == (street.family, f"{street.family} 1003")
 
 
@@ -34,7 +34,7 @@ def test_streets_have_grey_cameras_and_colour_cameras_and_both() -> None:
 
 
 def test_a_street_of_smaller_pictures_is_another_recording() -> None:
-    with Street(1003, 1).open(colour=False) as (full,), Street(1003, 1, scale=0.5).open(colour=False) as (half,):
+    with Street(1003, 1).open(colour=False) as [full], Street(1003, 1, scale=0.5).open(colour=False) as [half]:
         assert full.recording_id != half.recording_id
         assert (full.rig.camera(1).width_px, half.rig.camera(1).width_px) == (1242, 621)
         assert half.rig.camera(1).focal_px < 0.51 * full.rig.camera(1).focal_px

@@ -227,6 +227,7 @@ def test_everything_of_one_frame_is_told(store):
         ("error", "E_0,1,3", "1", 0.25, 0.1, None, "250 of 1000 px with texture inconsistent"),
         ("error", "E_0,2,3", "-", None, 0.1, None, None),
         ("error", "E_1,2,3", "0", 0.1, 0.1, None, "100 of 1000 px with texture inconsistent"),
+        ("error", "E_0,1,2", None, None, None, None, None),  # the fallback, which was not needed
         *checks,
     ]
     assert run_query(store, "frame", {"frame": 8}).num_rows == 0

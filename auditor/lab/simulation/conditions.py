@@ -59,7 +59,7 @@ CONDITIONS: Mapping[str, Condition] = MappingProxyType(
             shade=(0.3, 0.6), one_sided=(0.0, 0.3),
         ),
         "low sun": Condition(
-            elevation_deg=(4.0, 13.0), azimuth_deg=(-32.0, 32.0), direct=(1.2, 2.2), ambient=(0.15, 0.3),
+            elevation_deg=(5.0, 14.0), azimuth_deg=(-15.0, 15.0), direct=(1.2, 2.2), ambient=(0.15, 0.3),
             sky=(0.8, 1.4), blue=(0.2, 0.6), glow=(2.0, 6.0), one_sided=(0.0, 0.6),
         ),
         "wet": Condition(
