@@ -325,7 +325,7 @@ def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, m
     def with_and_without_lidar(*arguments):
         found = find(*arguments)
         (one,) = found.rigs
-        return replace(found, rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
+        return found._replace(rigs=(one, replace(one, rig=replace(one.rig, lidar=None))))
 
     monkeypatch.setattr(sources, "rigs_through", with_and_without_lidar)
     task = EvaluateTask(Recorded(path), tmp_path / "audit", attack_every=2)
