@@ -52,10 +52,12 @@ def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matc
     rig = make_drive(2, 1, **SMALL).rig
     assert not rectification(moved(rig, ON_THE_LINE)).pairs
     off = rectification(moved(rig, ONE_ABOVE_ONE_AHEAD))
-    assert list(off.pairs) == [(1, 3), (2, 3)]
+    assert list(off.pairs) == [(1, 3), (2, 3), (1, 2)]
     for pair in off.pairs.values():
         assert pair.seen.rig.is_rectified
-        assert all(mask.mean() > 0.5 for mask in pair.valid_masks.values())
+        # The line of S_1 and S_2, 7 cm apart of which S_2 stands 15 cm ahead, points far from where the cameras look.
+        least = 0.3 if pair.cameras == (1, 2) else 0.5
+        assert all(mask.mean() > least for mask in pair.valid_masks.values())
 
 
 def test_a_street_measures_like_the_same_street_along_one_line() -> None:
@@ -65,7 +67,11 @@ def test_a_street_measures_like_the_same_street_along_one_line() -> None:
         for name, offsets in (("line", ON_THE_LINE), ("beside", ONE_ABOVE_ONE_AHEAD)):
             drive = beside(seed, 2, offsets, width_px=621, height_px=188)
             counts = [measure(frame, drive.rig, SgbmMatcher())[0].counts for frame in drive.frames()]
-            assert all(c is not None and c.gated_valid_px > 2000 for row in counts for c in row)
+            assert all(c is not None and c.gated_valid_px > 500 for row in counts for c in row)
+            # Neighbours of which one stands ahead see little in common in a view along their own line: the fallback's
+            # few pixels are measured, but say nothing of a mean.
+            counts = [row[: len(drive.rig.triples)] for row in counts]
+            assert all(c.gated_valid_px > 2000 for row in counts for c in row)
             E[name] = np.mean([[[c.disparity_error(s) for s in Statistic] for c in row] for row in counts], axis=(0, 1))
         apart.append(E["beside"] - E["line"])
     print("mean E, all and gated, beside the line less along it:", np.round(apart, 4).tolist())
@@ -113,7 +119,7 @@ def test_a_matcher_of_many_pairs_sees_those_of_several_frames_at_once(bent: Synt
     plain = [measure(frame, bent.rig, SgbmMatcher())[0] for frame in frames]
     streamed = [item[0] for item in measure_stream(frames, bent.rig, matcher)]
     assert [m.counts for m in streamed] == [m.counts for m in plain]
-    assert matcher.pairs_matched == [4]
+    assert matcher.pairs_matched == [3 + 2]  # without a LiDAR the pair (S_1, S_2) is in no triple
     attacked_frame = AttackedFrame(frames[0], bent.rig, matcher)
     attacked_frame.match_together(list(cases()))
     before = sum(matcher.pairs_matched)
@@ -162,7 +168,8 @@ def test_fault_features_are_those_of_the_pairs_own_views_and_a_pair_that_was_mis
         watch.update(measure(frame, bent.rig, SgbmMatcher())[1])
         for frame in (bent.frame(0), without(bent.frame(1), 1), bent.frame(1))
     ]
-    assert [set(fault_features) for fault_features in seen] == [{(1, 3), (2, 3)}, {(2, 3)}, {(1, 3), (2, 3)}]
+    every = {(1, 2), (1, 3), (2, 3)}
+    assert [set(fault_features) for fault_features in seen] == [every, {(2, 3)}, every]
     assert seen[0][1, 3].rows.row_aligned > 0.45
     assert np.isnan(seen[2][1, 3].rows.lagged_i)
     assert not np.isnan(seen[2][2, 3].rows.lagged_i)
