@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auditor.errors import RigError
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.statistics import windowed_ratios
 from auditor.lab.attacks.paper import BogusWall, Facula
@@ -14,10 +15,12 @@ from auditor.measurement import FaultFeatures, draw, localise, measure, measure_
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.checks import rig_pair_checks
+from auditor.model.common_view import common_view
 from auditor.model.frames import Frame, Presence, SensorState
 from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig
+from auditor.training.samples import lidar_sample
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import moved
 
@@ -58,6 +61,20 @@ def test_cameras_on_one_line_share_a_view_and_others_have_one_for_each_pair_matc
         # The line of S_1 and S_2, 7 cm apart of which S_2 stands 15 cm ahead, points far from where the cameras look.
         least = 0.3 if pair.cameras == (1, 2) else 0.5
         assert all(mask.mean() > least for mask in pair.valid_masks.values())
+
+
+def test_a_camera_far_ahead_of_its_neighbour_is_measured_without_the_pair_of_the_two() -> None:
+    drive = beside(2, 1, ((0.0, 0.0, 3.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.0)), **SMALL)
+    rig, frame = drive.rig, drive.frame(0)
+    with pytest.raises(RigError, match="no view in common"):
+        common_view(rig.pair(1, 2), widest=True)
+    measured, evidence = measure(frame, rig, SgbmMatcher())
+    *usual, fallback = measured.counts
+    assert None not in usual
+    assert fallback is None
+    assert FaultFeatures().update(evidence).keys() == {(1, 3), (2, 3)}
+    assert AttackedFrame(frame, rig, SgbmMatcher()).counts({}, rig.measured_triples) == measured.counts
+    assert lidar_sample(replace(frame, number=rig.pairs.index((1, 2))), rig) is None
 
 
 def test_a_street_measures_like_the_same_street_along_one_line() -> None:
