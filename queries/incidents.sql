@@ -168,4 +168,4 @@ LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
 GROUP BY line, incident.kind, incident.attacked, run
 HAVING bool_or(wanted)
-ORDER BY name, from_ns, incident.kind, incident.attacked
+ORDER BY name, from_ns, incident.kind, incident.attacked, first_frame

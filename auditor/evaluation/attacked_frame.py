@@ -178,10 +178,11 @@ class AttackedFrame:
             pair.forget_attacks()
 
     def _measurable(self, triples: Collection[Triple] | None) -> tuple[Triple, ...]:
-        """The requested triples whose sensors are all present."""
+        """The requested triples that the rig can measure, and whose sensors are all present."""
         present = frozenset(self.sensors)
-        wanted = self.rig.measured_triples if triples is None else triples
-        return tuple(triple for triple in wanted if present.issuperset(triple))
+        measured = self._seen.triples
+        wanted = measured if triples is None else triples
+        return tuple(triple for triple in wanted if triple in measured and present.issuperset(triple))
 
     def _counts(self, triple: Triple, attacks: Attacks) -> Counts:
         def count() -> Counts:

@@ -139,7 +139,7 @@ def _matched(
 def _prepare(frame: Frame, rig: Rig, matcher: Matcher) -> _PreparedFrame:
     seen = rectification(rig)
     rectified = seen.frame(frame)
-    triples = present(seen.rig.measured_triples, rectified)
+    triples = present(seen.triples, rectified)
     pairs = matched(triples)
     whole = prepare(rectified, seen.rig, triples, pairs, colour=matcher.colour)
     parts = {pair: _prepare_pair(seen.pairs[pair], frame, matcher) for pair in pairs if seen.pairs}

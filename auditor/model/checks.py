@@ -84,7 +84,7 @@ def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
 
 def usual_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
     """The pair checks of a rig without those that only the fallback brings."""
-    pairs = [pair for pair in rig.pairs if rig.fallback is None or pair != rig.fallback[1:]]
+    pairs = rig.required_pairs
     return pair_checks_of(rig.n, pairs, _checking_lidar(rig, pairs), rig.references if rig.lidar else ())
 
 

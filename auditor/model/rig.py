@@ -190,7 +190,12 @@ class Rig:
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Cameras (i, k) that are compared in the view of k: all that measured triples name, in their order."""
-        named = ((source, triple.k) for triple in self.measured_triples for source in triple[:2] if source != LIDAR)
+        return self.required_pairs if self.fallback is None else (*self.required_pairs, self.fallback[1:])
+
+    @cached_property
+    def required_pairs(self) -> tuple[tuple[int, int], ...]:
+        """`pairs` without that of the fallback, without which a rig is measured too."""
+        named = ((source, triple.k) for triple in self.triples for source in triple[:2] if source != LIDAR)
         return tuple(dict.fromkeys(named))
 
     def camera(self, number: int) -> Camera:
@@ -322,8 +327,7 @@ def triples_of(n: int, *, lidar: bool) -> tuple[Triple, ...]:
 def fallback_of(n: int, *, lidar: bool) -> Triple | None:
     """The LiDAR with S_1 and S_2, which no triple of `triples_of` compares where there are three cameras or more.
 
-    It is the paper's Scenario 1 for frames without any other reference camera: with it every three sensors of a rig
-    can be compared.
+    It is the paper's Scenario 1 for frames without any other reference: with it every three sensors can be compared.
     """
     return Triple(LIDAR, 1, 2) if lidar and n >= 3 else None
 
@@ -392,6 +396,5 @@ def _offset_to_dict(offset_ns: int | None) -> dict[str, Any]:
 
 def _lens_to_dict(lens: Lens) -> dict[str, Any]:
     """Empty where there is no distortion, so that the ids of rectified rigs do not depend on lenses."""
-    if lens.model == PINHOLE:
-        return {}
-    return {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
+    bent = {"distortion_model": lens.model, "distortion": list(lens.coefficients)}
+    return {} if lens.model == PINHOLE else bent

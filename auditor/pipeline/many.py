@@ -249,9 +249,10 @@ class Judge:
     def judge(self, measurement: str) -> Judged:
         """Judge one measurement and keep its verdicts. Raises StoreError where the store does not have it."""
         store, criteria = self._store, self._settings.criteria
-        name, stored = recording_name(store, measurement), store.measurement(measurement)
-        reading = _reading(stored, self._settings.min_coverage)
-        told = (*reading.remarks, *self._missing(stored))
+        stored = store.measurement(measurement)
+        recording = store.recording(stored.recording_id)
+        name, reading = recording.name, _reading(stored, self._settings.min_coverage)
+        told = (*reading.remarks, *self._missing(recording, stored))
         calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
         if calibration is None:
             return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
@@ -259,7 +260,6 @@ class Judge:
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
-        recording = store.recording(stored.recording_id)
         gaps = (
             *_as_a_part(judgement, calibration),
             *_gaps(stored, judgement, self._settings.min_coverage),
@@ -276,10 +276,10 @@ class Judge:
         missing = (*gaps, *unread)
         return Judged(name, measurement, judgement, warnings=warnings, complete=not missing, gaps=missing)
 
-    def _missing(self, measurement: StoredMeasurement) -> tuple[str, ...]:
+    def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""
         rig = self._store.rig(measurement.rig_id)
-        lacking = self._usual.missing(measurement.recording_id, frozenset(map(rig.topic, rig.sensors)))
+        lacking = self._usual.missing(recording, frozenset(map(rig.topic, rig.sensors)))
         return (lacking,) if lacking else ()
 
 

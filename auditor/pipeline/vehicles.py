@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from auditor.store import Store, rows_of, run_sql
+from auditor.store import RecordingRecord, Store, rows_of, run_sql
 
 _RIGS = """
     SELECT DISTINCT vehicle, recording_id, [entry.topic for entry in sensors] AS topics
@@ -28,12 +28,12 @@ class UsualRigs:
         self._store = store
         self._seen: list[_Seen] = []
 
-    def missing(self, recording_id: str, topics: frozenset[str]) -> str:
+    def missing(self, recording: RecordingRecord, topics: frozenset[str]) -> str:
         """A sentence on the topics that a rig of these topics lacks; empty where it lacks none, or that is not known.
 
         Of several rigs of a recording only the largest are compared, with all that any of them has.
         """
-        vehicle = self._store.recording(recording_id).vehicle
+        recording_id, vehicle = recording.recording_id, recording.vehicle
         if vehicle is None:
             return ""
         if not any(one.recording_id == recording_id for one in self._seen):

@@ -109,9 +109,14 @@ def pair_of(number: int, rig: Rig) -> Pair:
 
 
 def lidar_sample(frame: Frame, rig: Rig) -> Sample | None:
-    """The sample of a frame, rectified, its disparities those of the LiDAR's points; None where a sensor is missing."""
+    """The sample of a frame, rectified, its disparities those of the LiDAR's points; None where a sensor is missing.
+
+    None also where the two cameras have no view in common.
+    """
     seen, (i, k) = rectification(rig), pair_of(frame.number, rig)
     own = seen.pairs.get((i, k))
+    if seen.pairs and own is None:
+        return None
     if own is not None:
         seen, frame, (i, k) = own.seen, own.recorded(frame), OF_TWO
     frame, rig = seen.frame(frame), seen.rig

@@ -12,7 +12,7 @@ from auditor.model.frames import Skipped
 from tests.making.scenes import plane_frame, plane_rig
 
 RIG = plane_rig((0.6, 0.3, 0.0))
-PAIRS = 2  # of three cameras, in the view of the leftmost
+PAIRS = 3  # of three cameras: two in the view of the leftmost, and (S_1, S_2)
 
 
 class Batching:
@@ -50,7 +50,7 @@ def frames(count: int, skipped: int | None = None):
             yield replace(plane_frame(RIG, 8.0 + number, frozenset({1} if number == 4 else ())), number=number)
 
 
-@pytest.mark.parametrize(("pairs_at_once", "groups"), [(4, [4, 2, 3, 2]), (100, [11]), (2, [2, 2, 2, 1, 2, 2])])
+@pytest.mark.parametrize(("pairs_at_once", "groups"), [(6, [6, 3, 4, 3]), (100, [16]), (2, [3, 3, 3, 1, 3, 3])])
 def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pairs_at_once, groups) -> None:
     matcher = Batching(pairs_at_once)
     found = list(measure_stream(frames(7, skipped=2), RIG, matcher))
@@ -59,7 +59,7 @@ def test_groups_of_frames_are_counted_like_single_ones_and_keep_their_order(pair
     for one, other in zip(found, plain, strict=True):
         if not isinstance(other, Skipped):
             assert flat(one[0]) == flat(other[0])
-    assert sum(matcher.pairs_matched) == 11
+    assert sum(matcher.pairs_matched) == 16
     assert [count for count in matcher.pairs_matched if count] == groups
     assert threading.main_thread().name not in matcher.threads
 

@@ -53,9 +53,9 @@ def test_the_other_two_cameras_find_the_wall_and_name_nobody(tmp_path, method):
     assert {len(row["e"]) for row in rows[:LOST]} == {3}
     assert found.found
     facts = run_query(store, "frame", {"frame": LOST, "recording": "lost.mcap"}).to_pylist()
-    told = {(row["about"], row["fact"]): row["value"] for row in facts}
-    assert told["verdict", "out_of_system"] == "[3]"
-    assert "judged without S_3" in told["verdict", "reason"]
+    told = {(row["part"], row["item"]): row["note"] for row in facts}
+    assert told["verdict", "reached with"] == "without S_3"
+    assert "judged without S_3" in told["verdict", "kind"]
 
 
 def test_two_cameras_too_close_together_to_check_the_lidar_leave_the_frames_unaudited(tmp_path):

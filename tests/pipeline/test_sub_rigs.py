@@ -13,6 +13,7 @@ from auditor.model.frames import PointCloud
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS, Cause, Method
 from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement
+from auditor.pipeline.labels import label_attack
 from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.recordings import write_mcap
@@ -127,10 +128,14 @@ def test_rates_in_sql_take_the_thresholds_of_the_sensors_that_are_there(drives, 
     attacked = measured(drives, "attacked", tmp_path / "audit", (1,))
     judge_measurement(store, attacked, whole, Criteria(R, Method.PAPER))
     [one] = run_sql(store, "SELECT theta FROM judgements").to_pylist()
+    assert run_query(store, "identification_rate", {"r": "0.01"}).num_rows == 0, "nobody said what was attacked"
+    [recording] = store.recordings()
+    for sensor, frames in {3: (2, 4), 0: (6, 8), 1: (10, 12)}.items():  # without S_1 the others move up
+        label_attack(store, recording, "facula", sensor=sensor, first=str(frames[0]), last=str(frames[1]))
     rows = run_query(store, "identification_rate", {"r": "0.01"}).to_pylist()
-    counted = sum(row["frames"] for row in rows)
+    counted = {tuple(row["attacked"]): row["frames"] for row in rows}
     raised = run_sql(store, "SELECT count(*) AS n FROM verdicts WHERE contains(e, '1')").to_pylist()[0]["n"]
-    assert counted == FRAMES
+    assert counted == {(): FRAMES - 9, (3,): 3, (0,): 3, (1,): 3}
     assert sum((row["detected"] or 0) + (row["false_alarms"] or 0) for row in rows) == raised
     assert {row["transferred"] for row in rows} == {False}
     assert None not in one["theta"]

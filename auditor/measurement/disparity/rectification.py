@@ -7,19 +7,21 @@ pair's view is wide enough for all that both see, and valid masks mark what that
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import cv2
 import numpy as np
 
+from auditor.errors import RigError
 from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import RECTIFICATION
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
 from auditor.model.common_view import CommonView, common_view, recorded_pixels, sees
 from auditor.model.frames import CameraImage, Frame, Skipped
-from auditor.model.rig import LIDAR, Camera, Rig
+from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)
 
@@ -48,6 +50,12 @@ class Rectification:
     rig: Rig
     remaps: Mapping[int, _Remap]
     pairs: Mapping[Pair, "PairView"] = field(default_factory=dict)
+
+    @property
+    def triples(self) -> tuple[Triple, ...]:
+        """The triples that can be measured: the rig's, but for a fallback whose cameras see nothing in common."""
+        measured = self.rig.measured_triples
+        return tuple(one for one in measured if not self.pairs or one != self.rig.fallback or one[1:] in self.pairs)
 
     def frames(self, frames: Iterable[Frame | Skipped]) -> Iterator[Frame | Skipped]:
         """Frames as `frame` gives them, and those that were skipped."""
@@ -112,8 +120,17 @@ def rectification(rig: Rig) -> Rectification:
     if rig.is_rectified:
         return Rectification(rig, {})
     view = common_view(rig)
-    pairs = {} if rig.shares_view else {pair: _pair_view(rig, pair, view) for pair in rig.pairs}
+    pairs = {} if rig.shares_view else _pair_views(rig, view)
     return Rectification(view.rig, _remaps(rig, view), pairs)
+
+
+def _pair_views(rig: Rig, whole: CommonView) -> dict[Pair, PairView]:
+    views = {pair: _pair_view(rig, pair, whole) for pair in rig.required_pairs}
+    if rig.fallback is not None:
+        pair = rig.fallback[1:]
+        with suppress(RigError):  # as of a camera that stands behind the other: the rig is measured without it
+            views[pair] = _pair_view(rig, pair, whole)
+    return views
 
 
 def _pair_view(rig: Rig, pair: Pair, whole: CommonView) -> PairView:

@@ -215,7 +215,7 @@ def check_rig(rig: Rig, survey: Survey) -> None:
     if not rig.is_rectified:
         common_view(rig)
     if not rig.shares_view:
-        for pair in rig.pairs:
+        for pair in rig.required_pairs:
             common_view(rig.pair(*pair), widest=True)
 
 

@@ -31,8 +31,24 @@ def attacked_frame():
     [
         ({}, set()),
         ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"lidar_conflict 1 3", "lidar_conflict 2 3"}),
-        ({1: FACULA}, {"photometric_inconsistency 1 3", "brightness_difference 1 2", "brightness_difference 1 3"}),
-        ({2: FACULA}, {"photometric_inconsistency 2 3", "brightness_difference 1 2", "brightness_difference 2 3"}),
+        (
+            {1: FACULA},
+            {
+                "photometric_inconsistency 1 2",
+                "photometric_inconsistency 1 3",
+                "brightness_difference 1 2",
+                "brightness_difference 1 3",
+            },
+        ),
+        (
+            {2: FACULA},
+            {
+                "photometric_inconsistency 1 2",
+                "photometric_inconsistency 2 3",
+                "brightness_difference 1 2",
+                "brightness_difference 2 3",
+            },
+        ),
         (
             {3: FACULA},
             {

@@ -139,6 +139,6 @@ def test_before_the_work_begins_its_cost_and_what_looks_wrong_are_told(monkeypat
         lambda matcher, rig, frames: (f"{len(frames)} checked",),
     )
     lines = preflight(matcher, rig, [plane_frame(rig)], 7200)
-    # Three images, and two pairs in the view of the leftmost.
-    assert lines == ("psmnet on cuda:0: about 5.5 s a frame, 11.0 h for 7200 frames", "1 checked")
+    # Three images, two pairs in the view of the leftmost, and (S_1, S_2).
+    assert lines == ("psmnet on cuda:0: about 7.5 s a frame, 15.0 h for 7200 frames", "1 checked")
     assert preflight(SgbmMatcher(), rig, [plane_frame(rig)], 7200) == ()
