@@ -59,7 +59,9 @@ class Vehicle:
 
 @dataclass
 class Remembered:
-    """A recording of messages in memory."""
+    """A recording of messages in memory; it has no file."""
+
+    files = ()
 
     maker: MessageMaker
     sent: list[Message] = field(default_factory=list)
