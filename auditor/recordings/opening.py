@@ -1,6 +1,7 @@
 """Paths of a command line -> recordings: the table of readers, tried in order."""
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -27,6 +28,9 @@ READERS: tuple[tuple[str, Reader], ...] = (
     ("kitti_odometry", KittiOdometryReader()),
 )
 """Built-in readers, each with its name; those of the entry points group `auditor.readers` are tried after them."""
+
+_ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_].*)?$", re.IGNORECASE)
+"""Names of recordings, also hidden ones or with something behind: logs are so renamed, and would be overlooked."""
 
 KINDS = "an .mcap, .bag or .db3 file, a rosbag2 folder or a KITTI drive folder"
 
@@ -84,7 +88,10 @@ def _within(folder: Path) -> list[Location]:
 
 @dataclass(frozen=True)
 class Found:
-    """The recordings of a command line, each once, in its order, and one error for each path that gave none."""
+    """The recordings of a command line, each once, in its order, and one error for each path that gave none.
+
+    Files of searched folders that are named almost like recordings are errors as well.
+    """
 
     recordings: tuple[Location, ...]
     errors: tuple[RecordingError, ...]
@@ -101,6 +108,7 @@ def find_recordings(paths: Sequence[Path]) -> Found:
     for path in paths:
         try:
             found.update(dict.fromkeys(_recordings_at(path)))
+            errors.update({file: _misnamed(file) for file in _almost_recordings(path)} if path not in found else {})
         except RecordingError as error:
             errors[path] = error
         except OSError as error:
@@ -113,7 +121,23 @@ def find_recordings(paths: Sequence[Path]) -> Found:
             recordings.append(location)
         except RecordingError as error:
             errors[location.path] = error
-    return Found(tuple(recordings), tuple(errors[path] for path in dict.fromkeys(paths) if path in errors))
+    return Found(tuple(recordings), tuple(errors[path] for path in dict.fromkeys((*paths, *errors)) if path in errors))
+
+
+def _almost_recordings(folder: Path) -> Iterator[Path]:
+    """The files below a searched folder that are no recordings by their names, and seem to have been some."""
+    for place, _, names in os.walk(folder):
+        for name in sorted(names):
+            file = Path(place, name)
+            apple_double = name.startswith("._")
+            if _ALMOST.search(name) and not apple_double and (name.startswith(".") or reader_of(file) is None):
+                yield file
+
+
+def _misnamed(file: Path) -> RecordingError:
+    return RecordingError(
+        "it is named almost like a recording, and was not read", where=file, remedy="rename it, or move it elsewhere"
+    )
 
 
 def _put_together(paths: Sequence[Path]) -> list[Location]:

@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
@@ -65,6 +66,7 @@ class Remembered:
 
     maker: MessageMaker
     sent: list[Message] = field(default_factory=list)
+    files: tuple[Path, ...] = ()
 
     def add(self, topic: str, schema: str, data: bytes) -> None:
         """Add a message."""

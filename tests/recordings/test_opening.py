@@ -55,6 +55,17 @@ def test_each_path_without_a_recording_gives_an_error_and_the_others_are_found(f
     assert all(error.remedy and "\n" not in str(error) for error in found.errors)
 
 
+def test_files_of_a_searched_folder_that_are_named_almost_like_recordings_are_told(fleet: Path, tmp_path: Path) -> None:
+    shutil.copy(fleet / "b" / "two.mcap", tmp_path / "two.mcap")
+    overlooked = [tmp_path / name for name in (".att.mcap", "att.bag~", "att.db3.old", "att.mcap.1")]
+    for path in (*overlooked, tmp_path / "._two.mcap", tmp_path / "mcap.txt", tmp_path / "two.mcap-notes"):
+        path.touch()
+    found = find_recordings([tmp_path])
+    assert names(found.recordings) == ["two.mcap"]
+    assert [error.where for error in found.errors] == [str(path) for path in overlooked]
+    assert all("named almost like a recording" in error.what and "rename it" in error.remedy for error in found.errors)
+
+
 def test_the_format_of_a_recording_is_the_name_of_its_reader(fleet: Path, tmp_path: Path) -> None:
     (tmp_path / "drive" / "image_00" / "data").mkdir(parents=True)
     places = ("b/one.MCAP", "a/deep/three.bag", "c", "c/c.db3", "notes.txt", ".hidden")

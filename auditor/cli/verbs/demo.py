@@ -145,5 +145,6 @@ def _compare(store: "Store", takes: "tuple[Take, ...]") -> bool:
                 "exact": found["attacked_sensors"] == planted,
             }
         )
+    click.echo()
     print_rows(rows, tuple(rows[0]), title="Planted and found")
     return all(row["exact"] for row in rows)
