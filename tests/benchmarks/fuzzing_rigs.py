@@ -60,9 +60,7 @@ class Vehicle:
 
 @dataclass
 class Remembered:
-    """A recording of messages in memory; it has no file."""
-
-    files = ()
+    """A recording of messages in memory."""
 
     maker: MessageMaker
     sent: list[Message] = field(default_factory=list)
