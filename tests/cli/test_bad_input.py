@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from tests.making.small_drives import write_drive
+from tests.making.small_drives import DAY_NS, START_NS, write_drive
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +63,10 @@ def test_what_is_no_recording_is_named_and_the_others_go_on(
 
 def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(store: Path, tmp_path: Path, capfd) -> None:
     cut = tmp_path / "cut.mcap"
-    whole = write_drive(tmp_path / "whole.mcap", count=60)
-    assert run(["calibrate", str(whole), "-r", "0", "--store", str(store)]) == 0
+    calibrated, whole = (
+        write_drive(tmp_path / f"whole{day}.mcap", count=60, start_ns=START_NS + day * DAY_NS) for day in (1, 2)
+    )
+    assert run(["calibrate", str(calibrated), "-r", "0", "--store", str(store)]) == 0
     content = whole.read_bytes()
     cut.write_bytes(content[: len(content) * 7 // 10])
     assert scan(store, cut) == 3
@@ -99,7 +101,8 @@ def test_a_rig_file_that_names_other_topics_is_refused_with_their_names(
 def test_thresholds_of_another_rig_kind_are_refused_without_transfer(
     clean: Path, store: Path, tmp_path: Path, capfd
 ) -> None:
-    other = write_drive(tmp_path / "other.mcap", count=6, positions_m=(0.9, 0.7, 0.4, 0.0))
+    positions_m = (0.9, 0.7, 0.4, 0.0)
+    other = write_drive(tmp_path / "other.mcap", count=6, positions_m=positions_m, start_ns=START_NS + DAY_NS)
     thresholds = tmp_path / "thresholds.parquet"
     assert run(["calibrate", str(clean), "-r", "0", "--store", str(store), "--out", str(thresholds)]) == 0
     assert scan(store, other, "--calibration", thresholds) == 2
@@ -202,7 +205,7 @@ def test_attacking_a_sensor_that_is_not_there_writes_nothing(clean: Path, tmp_pa
 def test_a_full_disk_is_one_line_and_leaves_finished_tables_whole(clean: Path, store: Path, tmp_path: Path) -> None:
     """A file-size limit stands in for the full disk: writing past it fails in the same place."""
     before = {path: path.read_bytes() for path in store.rglob("*.parquet")}
-    another = write_drive(tmp_path / "another.mcap", count=12, seed=5)
+    another = write_drive(tmp_path / "another.mcap", count=12, seed=5, start_ns=START_NS + DAY_NS)
     program = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)); "
@@ -229,6 +232,28 @@ def _heeds_ctrl_c() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+SIGNALLED = """
+import os, sys, time
+from pathlib import Path
+from auditor.cli import run
+from auditor.pipeline import workers
+
+frames, number, arguments = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+before, wait = set(frames.iterdir()), workers.wait
+
+def send_and_wait(*futures, **how):
+    while set(frames.iterdir()) == before:
+        time.sleep(0.01)
+    os.killpg(0, number)
+    return wait(*futures, **how)
+
+if __name__ == "__main__":
+    workers.wait = send_and_wait
+    sys.exit(run(arguments))
+"""
+"""Sends itself and its workers the signal when they have begun to write, and before it takes any result."""
+
+
 @pytest.mark.usefixtures("_heeds_ctrl_c")
 @pytest.mark.parametrize(
     ("sent", "jobs", "code", "says"),
@@ -241,30 +266,24 @@ def _heeds_ctrl_c() -> Iterator[None]:
 def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     sent: signal.Signals, jobs: str, code: int, says: str, clean: Path, store: Path, tmp_path: Path
 ) -> None:
-    long = [str(write_drive(tmp_path / f"long{n}.mcap", count=80, seed=n)) for n in range(2)]
-    command = [sys.executable, "-m", "auditor", "scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as started:
-        deadline = time.monotonic() + 300  # which only a failing test waits for
-        while (
-            not list((store / "frames").glob("*.part*"))
-            and not list((store / "frames").glob(".*"))
-            and time.monotonic() < deadline
-        ):
-            time.sleep(0.02)
-        os.kill(started.pid, sent)
-        _, errors = started.communicate(timeout=300)
-    # Interrupted among its first imports, Python ends itself by the signal; a shell reports the same code for both.
-    assert started.returncode in {code, -sent}, errors
+    (tmp_path / "signalled.py").write_text(SIGNALLED)
+    long = [
+        str(write_drive(tmp_path / f"long{day}.mcap", count=30, start_ns=START_NS + day * DAY_NS)) for day in (1, 2)
+    ]
+    scanning = ["scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
+    signalled = [sys.executable, str(tmp_path / "signalled.py"), str(store / "frames"), str(int(sent)), *scanning]
+    with subprocess.Popen(signalled, stderr=subprocess.PIPE, text=True, start_new_session=True) as started:
+        _, errors = started.communicate()
+    assert started.returncode == code, errors
+    assert len(errors.strip().splitlines()) == 1, errors
     assert says in errors
-    assert "Traceback" not in errors
+    deadline = time.monotonic() + 300  # which only a failing test waits for
     while _lives(started.pid) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _lives(started.pid), "no worker is left"
-    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    again = subprocess.run([sys.executable, "-m", "auditor", *scanning], capture_output=True, text=True, check=False)
     assert again.returncode in (0, 1), again.stderr
-    assert "80 frames" in again.stderr
+    assert "30 frames" in again.stderr
 
 
 def _lives(session: int) -> bool:
@@ -293,13 +312,12 @@ def test_an_unforeseen_error_ends_in_2_and_not_in_the_code_of_findings(
 def test_sigterm_ends_a_verb_that_works_in_its_own_process(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The signal comes while the recording is opened; the handler of before is back afterwards."""
+    """The signal comes while that process works; the handler of before is back afterwards."""
 
     def kill(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr("auditor.recordings.open_recording", kill)
-    monkeypatch.setattr("auditor.pipeline.many.find_recordings", kill)
+    monkeypatch.setattr("auditor.pipeline.workers.wait", kill)
     before = signal.getsignal(signal.SIGTERM)
     drive = write_drive(tmp_path / "drive.mcap", count=2)
     target = [str(tmp_path / "copy.mcap")] if arguments == ["convert"] else []

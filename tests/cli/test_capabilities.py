@@ -7,8 +7,14 @@ def test_four_sensors_name_one_and_close_cameras_do_not_check_the_lidar():
     assert short_pairs(rig) == [(2, 3)]
     first, checked, short = capabilities(rig)
     assert "up to 1 attacked sensor at once" in first
-    assert checked.startswith("only S_1 and S_3 can check the LiDAR")
+    assert checked == "the LiDAR is checked by S_1 and S_3, S_1 and S_2"
     assert short.endswith("S_2 and S_3")
+
+
+def test_one_wide_pair_leaves_the_lidar_unchecked_while_its_cameras_are_attacked():
+    _, checked, short = capabilities(plane_rig((0.4, 0.2, 0.0)))
+    assert checked.startswith("only S_1 and S_3 can check the LiDAR")
+    assert short.endswith("S_2 and S_3, S_1 and S_2")
 
 
 def test_three_sensors_identify_none():
@@ -17,7 +23,8 @@ def test_three_sensors_identify_none():
 
 
 def test_wide_pairs_check_the_lidar_and_narrow_ones_alone_cannot():
-    assert capabilities(plane_rig((0.9, 0.6, 0.0)))[1] == "the LiDAR is checked by S_1 and S_3, S_2 and S_3"
+    lines = capabilities(plane_rig((0.9, 0.6, 0.0)))
+    assert lines[1] == "the LiDAR is checked by S_1 and S_3, S_2 and S_3, S_1 and S_2"
     assert capabilities(plane_rig((0.1, 0.05, 0.0)))[1].startswith("no pair of cameras is wide enough")
 
 

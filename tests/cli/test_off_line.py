@@ -16,6 +16,7 @@ from auditor.model.rig import LIDAR
 from auditor.recordings import write_mcap
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import moved
+from tests.making.small_drives import DAY_NS, START_NS
 
 OFFSETS_M = ((0.0, -0.1, 0.0), (0.0, 0.0, 0.15), (0.0, 0.0, 0.0))
 LENSES = (Lens("plumb_bob", (-0.2, 0.05, 0.001, 0.0)), NO_LENS, NO_LENS)
@@ -23,7 +24,7 @@ ATTACKED = {1: range(4), 2: range(6, 10), 3: range(12, 16), LIDAR: range(18, 22)
 
 
 def street(trip: int) -> SyntheticDrive:
-    drive = make_drive(3, 22, width_px=414, height_px=126, trip=trip)
+    drive = make_drive(3, 22, width_px=414, height_px=126, trip=trip, start_ns=START_NS + trip * DAY_NS)
     return replace(drive, vehicle=replace(drive.vehicle, rig=moved(perturbed(drive.rig, LENSES, 1), OFFSETS_M)))
 
 

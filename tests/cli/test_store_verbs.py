@@ -150,6 +150,8 @@ def test_what_was_measured_stays_while_it_is_measured_again_in_vain(audit, night
 def test_removing_takes_all_that_is_of_a_recording_and_says_which_calibration_was_made_of_it(audit, capfd):
     store = Store.open(audit)
     [record] = store.recordings_called("clean.mcap")
+    assert run(["label", "clean.mcap", "--clean", "--store", str(audit)]) == 0
+    assert run(["store", "check", str(audit)]) == 0
     assert run(["store", "remove", record.recording_id[:10], "--store", str(audit), "--yes"]) == 0
     says = capfd.readouterr().err
     assert "removed clean.mcap" in says

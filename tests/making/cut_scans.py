@@ -36,7 +36,10 @@ class CutScan(NamedTuple):
 
 
 def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable[[], str]) -> CutScan:
-    """Scan a drive of so many frames, cut at so many places; `shown` gives the output since its last call."""
+    """Scan a drive of so many frames, cut at so many places; `shown` gives the output since its last call.
+
+    Cuts of one drive hold each other's frames, and the views leave all but the longest out: its tables are asked.
+    """
     rig = plane_rig((0.6, 0.3, 0.0))
     drive = list(drive_frames(rig, frames, seed=1))
     if kind == "mcap":
@@ -59,9 +62,10 @@ def scan_cuts(folder: Path, kind: str, frames: int, places: int, shown: Callable
     code = run(["scan", *(str(cuts / name) for name in names), "-r", "0", "--method", "paper", "--store", store])
     shown()
     sql = """
-        SELECT name, measured, len(damage) AS damage,
-            (SELECT bool_and(adds_up) FROM balance WHERE balance.measurement_id = measurements.measurement_id) AS whole
-        FROM measurements
+        SELECT name, measured, len(measurement.damage) AS damage, list_bool_and(list_transform(balance, lambda topic:
+            topic.read = topic.used + topic.unused + topic.damaged
+                + coalesce(list_sum(map_values(topic.skipped)), 0))) AS whole
+        FROM stored_measurements AS measurement JOIN stored_recordings USING (recording_id)
     """
     assert run(["query", "--sql", sql, "--store", store, "--format", "json"]) == 0
     rows: dict[str, dict[str, Any]] = {row["name"]: row for row in json.loads(shown())}

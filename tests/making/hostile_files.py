@@ -426,7 +426,7 @@ HOSTILE = (
         "not accepted",
     ),
     Hostile(
-        "mcap: a PNG of 16-bit RGBA at the limit", one(schemas.COMPRESSED_IMAGE, picture(png(5000, 5000, 6, 16))), 2, ""
+        "mcap: a PNG of 16-bit RGBA at the limit", one(schemas.COMPRESSED_IMAGE, picture(png(6000, 4000, 6, 16))), 2, ""
     ),
     Hostile(
         "mcap: a JPEG that declares 65,535 x 65,535",

@@ -12,6 +12,8 @@ from tests.making.scenes import plane_cloud, plane_images, plane_rig
 
 START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 10**8
+DAY_NS = 86_400 * 10**9
+"""Drives of one vehicle that differ begin days apart: at the same stamps they are in conflict."""
 FOUR_CAMERAS = (0.6, 0.45, 0.3, 0.0)
 WRITERS = {".mcap": write_mcap, ".bag": write_bag, ".db3": write_db3}
 

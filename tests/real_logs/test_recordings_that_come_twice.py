@@ -1,7 +1,11 @@
 """Recordings of the same moments: copies, growing files, and twins with other bytes."""
 
+import shutil
 from pathlib import Path
 
+import pytest
+
+from auditor.cli import run
 from auditor.cli.exit_codes import Exit
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import record, write
@@ -12,12 +16,28 @@ INCIDENTS = ("query", "incidents", "--format", "json")
 ATTACKED = record(WAGON, range(MOMENTS), attack=SPOT, seed=SEED)
 
 
-def test_a_cleaned_twin_with_equal_stamps_does_not_take_the_place_of_the_attacked_one(audit: Audit, tmp_path: Path):
-    log = write(tmp_path / "log.mcap", ATTACKED)
-    assert audit.scan(log).code == Exit.FINDINGS
-    write(log, record(WAGON, range(MOMENTS), seed=SEED))
-    assert audit.scan(log).code in {Exit.INCOMPLETE, Exit.FINDINGS_INCOMPLETE}
-    assert len(audit(*INCIDENTS).rows) == 1, "the attack that was found stays"
+@pytest.fixture(scope="module")
+def scanned(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the attacked recording, log.mcap, and the store in which it was scanned."""
+    folder = tmp_path_factory.mktemp("scanned")
+    shutil.copytree(calibrated, folder / "audit")
+    log = write(folder / "log.mcap", ATTACKED)
+    assert run(["scan", str(log), "-r", "0", "--store", str(folder / "audit")]) == Exit.FINDINGS
+    return folder
+
+
+@pytest.fixture
+def audit_of_log(scanned: Path, tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> Audit:
+    """Verbs beside a store of the test's own, in which the attacked recording was scanned."""
+    return Audit(shutil.copytree(scanned / "audit", tmp_path / "audit"), capfdbinary.readouterr)
+
+
+def test_a_cleaned_twin_with_equal_stamps_does_not_take_the_place_of_the_attacked_one(
+    audit_of_log: Audit, tmp_path: Path
+):
+    twin = write(tmp_path / "log.mcap", record(WAGON, range(MOMENTS), seed=SEED))
+    assert audit_of_log.scan(twin).code in {Exit.INCOMPLETE, Exit.FINDINGS_INCOMPLETE}
+    assert len(audit_of_log(*INCIDENTS).rows) == 1, "the attack that was found stays"
 
 
 def test_an_attacked_twin_of_a_clean_recording_is_found(audit: Audit, tmp_path: Path):
@@ -34,20 +54,16 @@ def test_a_growing_file_gives_one_incident(audit: Audit, tmp_path: Path):
     assert incident["last_frame"] == MOMENTS - 1
 
 
-def test_a_copy_under_another_name_gives_one_incident_and_both_names_are_kept(audit: Audit, tmp_path: Path):
-    log = write(tmp_path / "log.mcap", ATTACKED)
-    copy = tmp_path / "copy.mcap"
-    copy.write_bytes(log.read_bytes())
-    assert audit.scan(log, copy).code == Exit.FINDINGS
-    assert len(audit(*INCIDENTS).rows) == 1
-    assert {"log.mcap", "copy.mcap"} <= set(
-        str(audit.ask("FROM recordings")).replace("'", " ").replace("/", " ").split()
-    )
+def test_a_copy_under_another_name_gives_one_incident_and_both_names_are_kept(
+    audit_of_log: Audit, scanned: Path, tmp_path: Path
+):
+    copy = shutil.copy(scanned / "log.mcap", tmp_path / "copy.mcap")
+    assert audit_of_log.scan(copy).code == Exit.FINDINGS
+    assert len(audit_of_log(*INCIDENTS).rows) == 1
+    names = str(audit_of_log.ask("FROM recordings")).replace("'", " ").replace("/", " ").split()
+    assert {"log.mcap", "copy.mcap"} <= set(names)
 
 
-def test_a_cut_copy_of_an_attacked_recording_does_not_hide_it(audit: Audit, tmp_path: Path):
-    log = write(tmp_path / "log.mcap", ATTACKED)
-    assert audit.scan(log).code == Exit.FINDINGS
-    write(log, [sent for sent in ATTACKED if sent.moment < SPOT.moments.start])
-    audit.scan(log)
-    assert len(audit(*INCIDENTS).rows) == 1
+def test_a_cut_copy_of_an_attacked_recording_does_not_hide_it(audit_of_log: Audit, tmp_path: Path):
+    audit_of_log.scan(write(tmp_path / "log.mcap", [sent for sent in ATTACKED if sent.moment < SPOT.moments.start]))
+    assert len(audit_of_log(*INCIDENTS).rows) == 1

@@ -1,11 +1,14 @@
 """A check of a store finds what is missing, torn, of another version, inconsistent or foreign, one line each."""
 
+from datetime import UTC, datetime
+
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from auditor.store import RecordingRecord
 from auditor.store.maintenance.check import check
+from auditor.store.records import GivenLabel
 from auditor.store.schema import SCHEMA_VERSION
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
@@ -14,10 +17,12 @@ RIG = make_rig(3)
 
 @pytest.fixture
 def store(tmp_path):
-    """A recording, measured and judged."""
+    """A recording, measured, judged and labelled by a person."""
     store = new_store(tmp_path)
     measurement = add_measurement(store, RIG, [make_measurement(RIG, number) for number in range(4)])
     add_judgement(store, RIG, measurement, "cc2c")
+    [recording] = store.ids("recordings")
+    store.write_given_labels(recording, [GivenLabel(datetime(2026, 1, 31, tzinfo=UTC))])
     return store
 
 
@@ -65,6 +70,11 @@ def test_a_whole_store_has_no_problem(store):
             "frames",
             lambda path: rewrite(path, with_column("measurement_id", "f" * 32)),
             "it has rows of measurement_id",
+        ),
+        (
+            "given_labels",
+            lambda path: rewrite(path, with_column("recording_id", "f" * 64)),
+            "there is no recording_id ffff",
         ),
         ("recordings", lambda path: path.unlink(), "there is no recording_id"),
         ("rigs", lambda path: path.unlink(), "there is no rig_id"),

@@ -81,9 +81,11 @@ def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(jud
     assert "S_1 and S_3 do not see the same in 10 frames (+3.00)" in row["evidence"]
     assert "worse by" in row["alternatives"]
     assert row["causes"] is None
-    facts = {(row["about"], row["fact"]): row["value"] for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
-    assert facts["verdict", "finding"] == "attacked"
-    assert "S_1 and S_3 do not see the same (+3.00)" in facts["verdict", "evidence"]
+    facts = {(row["part"], row["item"]): row for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
+    assert (facts["verdict", "finding"]["value"], facts["verdict", "finding"]["note"]) == ("attacked", "S_1")
+    assert facts["score", "photometric_inconsistency S_1 S_3"]["score"] == pytest.approx(3.0)
+    assert all(row["measured"] > 0 for (part, _), row in facts.items() if part == "alternative")
+    assert "alternative" in {part for part, _ in facts}
 
 
 def test_a_frame_that_the_half_second_does_not_confirm_names_no_sensor_in_the_summary(tmp_path):

@@ -24,7 +24,12 @@ def depth_of(largest: int) -> int:
 def upper_8_bits(values: Values, bits: int) -> NDArray[np.uint8]:
     """Of values of 16 bits the upper 8 of so many: the full scale becomes 255, and so does what lies above it."""
     shift = bits - PIXEL_BITS if values.dtype == np.uint16 else 0
-    return np.asarray(np.minimum(values >> shift, 255) if shift else values, dtype=np.uint8)
+    if not shift:
+        return np.asarray(values, dtype=np.uint8)
+    kept = np.empty(values.shape, np.uint8)
+    for row, into in zip(values, kept, strict=True):  # whole pictures of 16 bits would take twice their memory
+        np.minimum(row >> shift, 255, out=into, casting="unsafe")
+    return kept
 
 
 class Depths:

@@ -16,6 +16,7 @@ from auditor.store.tables import read_table
 _ID = {
     "recordings": "recording_id",
     "labels": "recording_id",
+    "given_labels": "recording_id",
     "rigs": "rig_id",
     "triples": "rig_id",
     "pair_checks": "rig_id",
@@ -39,6 +40,7 @@ _NAMED = {
     "measurements": (("recording_id", "recordings"), ("rig_id", "rigs")),
     "judgements": (("measurement_id", "measurements"), ("calibration_id", "calibrations")),
     "labels": (("recording_id", "recordings"),),
+    "given_labels": (("recording_id", "recordings"),),
 }
 """By table: the columns that name rows of other tables."""
 

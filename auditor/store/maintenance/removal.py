@@ -55,7 +55,7 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
         for table, known in parts:
             _remove(store, table, known)
         for known in gone:
-            for table in ("labels", "recordings"):
+            for table in ("labels", "given_labels", "recordings"):
                 _unlink(store.path(table, known))
         for record in store.recordings():
             if gone & {record.superseded_by, *(record.conflicts or ())}:
