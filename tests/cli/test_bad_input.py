@@ -259,7 +259,6 @@ if __name__ == "__main__":
 @pytest.mark.parametrize(
     ("sent", "jobs", "code", "says"),
     [
-        (signal.SIGINT, "1", 130, "interrupted"),
         (signal.SIGINT, "2", 130, "interrupted"),
         (signal.SIGTERM, "2", 143, "ended by SIGTERM"),
     ],

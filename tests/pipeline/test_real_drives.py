@@ -2,6 +2,7 @@
 
 import json
 from collections import defaultdict
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -63,7 +64,7 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
     rig, stream = frames("0009")
     clean: dict[int, identification.Errors] = {}
     cases = []
-    for frame in stream:
+    for frame in islice(stream, 0, None, 2):
         clean[frame.number] = identification.disparity_errors(frame, rig)
         rng = np.random.default_rng(frame.number)
         for sensor in rig.sensors:
@@ -75,9 +76,9 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
             block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "left out" else ()
             theta = identification.maxima([E for other, E in clean.items() if other not in block])
             counts[sensor] += identification.named(E, theta, rig) == (sensor,)
-    assert len(cases) == 160
-    assert sum(named["in sample"].values()) >= 0.94 * 160, named
-    assert sum(named["left out"].values()) >= 0.88 * 160, named
+    assert len(cases) == 80
+    assert sum(named["in sample"].values()) >= 0.94 * 80, named
+    assert sum(named["left out"].values()) >= 0.88 * 80, named
 
 
 @pytest.mark.parametrize("check", [1, 2])
