@@ -244,8 +244,9 @@ def _states(z: Floats, system: System, absent: frozenset[int]) -> tuple[list[str
     last = [system.fallback]
     above, known = triple_states(fired, measured, system.pair_checks, last)
     by_fallback = np.flatnonzero(~by_triples & known[:, 0])
-    for frame in by_fallback.tolist():
-        e[frame] = NOT_MEASURED * len(system.triples) + str(_marks(above, known)[frame, 0])
+    marks = _marks(above, known)[by_fallback, 0].tolist()
+    for frame, mark in zip(by_fallback.tolist(), marks, strict=True):
+        e[frame] = NOT_MEASURED * len(system.triples) + mark
     audited[by_fallback] |= compared(measured, system.pair_checks, last)[by_fallback, 0]
     return e, audited
 

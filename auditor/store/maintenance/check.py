@@ -109,8 +109,9 @@ def _of_folder(store: Store) -> Iterator[str]:
             if path.name not in known:
                 what = _KILLED if is_part(path) or path.name in there else "it is not of a store"
                 yield f"{_short(store, path)}: {what}"
+    measurements = set(store.ids("measurements"))
     for path in sorted(store.folder.glob("pictures/*")):
-        if path.name not in store.ids("measurements"):
+        if path.name not in measurements:
             yield f"{_short(store, path)}: {_KILLED}"
         else:
             yield from (f"{_short(store, one)}: {_KILLED}" for one in sorted(path.iterdir()) if is_part(one))
