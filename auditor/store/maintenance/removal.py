@@ -50,7 +50,7 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
     with locked(store.folder):
         calibrations = [known for known, used in store.calibration_recordings().items() if gone & set(used)]
         measurements = [one.measurement_id for one in store.measurements() if one.recording_id in gone]
-        judgements = sum(remove_measurement(store, known) for known in measurements)
+        judgements = _remove_measurements(store, measurements)
         parts = [(table, known) for table in _EVALUATIONS for known in _parts_of(store, table, gone)]
         for table, known in parts:
             _remove(store, table, known)
@@ -66,19 +66,25 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
 
 def remove_measurement(store: Store, measurement_id: str) -> int:
     """Remove a measurement, where there is one, its judgements and pictures; returns how many judgements it had."""
-    judgements = [one for one in store.ids("judgements") if _is_of(store, one, measurement_id)]
+    return _remove_measurements(store, [measurement_id])
+
+
+def _remove_measurements(store: Store, measurement_ids: Collection[str]) -> int:
+    """Every judgement of the store is looked at once, however many measurements go."""
+    judgements = [one for one in store.ids("judgements") if _measurement_of(store, one) in measurement_ids]
     for judgement in judgements:
         _remove(store, "judgements", judgement)
-    if store.has_measurement(measurement_id):
-        _remove(store, "measurements", measurement_id)
-    shutil.rmtree(store.folder / "pictures" / measurement_id, ignore_errors=True)
-    store.forget(measurement_id)
+    for known in measurement_ids:
+        if store.has_measurement(known):
+            _remove(store, "measurements", known)
+        shutil.rmtree(store.folder / "pictures" / known, ignore_errors=True)
+        store.forget(known)
     return len(judgements)
 
 
-def _is_of(store: Store, judgement_id: str, measurement_id: str) -> bool:
+def _measurement_of(store: Store, judgement_id: str) -> object:
     [of] = read_table("judgements", store.path("judgements", judgement_id), ["measurement_id"])[0].to_pylist()
-    return bool(of == measurement_id)
+    return of
 
 
 def _parts_of(store: Store, table: str, recording_ids: Collection[str]) -> list[str]:
