@@ -1,4 +1,4 @@
-"""The windowed ratio of inconsistent pixels on the count grid, and means of scores over the temporal window."""
+"""The statistics of the sensor checks, from counts on grids; and means of scores over the temporal window."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_RATIO
-from auditor.model.arrays import Floats, Indices, Integers
-from auditor.model.checks import Check, PairCheck
-from auditor.model.measurement import Cells
+from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
+from auditor.model.arrays import Floats, Floats32, Indices, Integers
+from auditor.model.checks import FEWEST_VOTERS, LIDAR_CHECKS, Check, CountedPair, SensorCheck
+from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
 """Counts of pixels or points a cell: (rows, columns)."""
@@ -21,90 +21,139 @@ NANOSECONDS = 1_000_000_000
 class Window:
     """A window of `rows` x `columns` cells, to whose pixels `pseudo_count` consistent ones are added.
 
-    So a window with few pixels has a small ratio.
+    So a window with few pixels has a small mean; with fewer than `fewest` it has none.
     """
 
     rows: int
     columns: int
     pseudo_count: int
+    fewest: int
 
 
-@dataclass(frozen=True)
-class StrongestWindow:
-    """The largest B / (N + pseudo-count), and the first cell (row, column) of the window that has it."""
+@dataclass(frozen=True, eq=False)
+class WindowMeans:
+    """(rows, columns) the mean of each window of a grid, NaN where it has too few pixels."""
 
-    ratio: float
-    row: int
-    column: int
+    means: Floats32
 
-
-WINDOWS: Mapping[Check, Window] = {
-    Check.LIDAR_CONFLICT: Window(*WINDOWED_RATIO.conflict_window, WINDOWED_RATIO.conflict_pseudo_count),
-    Check.PHOTOMETRIC_INCONSISTENCY: Window(
-        *WINDOWED_RATIO.photometric_window, WINDOWED_RATIO.photometric_pseudo_count
-    ),
-}
-"""By check, of cells of 8 x 8 px: 48 x 48 px of LiDAR points, 48 x 64 px of half-resolution pixels.
-
-The other checks have statistics of their own. 40 points are half of what 64 beams usually give; for fewer beams see
-`fitted`.
-"""
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Rows and columns."""
+        return self.means.shape
 
 
-def windowed_ratios(
-    pair_checks: Sequence[PairCheck],
-    cells: Mapping[PairCheck, Cells],
-    shares: Mapping[PairCheck, float],
+CONFLICT_WINDOW = Window(
+    *WINDOWED_MEAN.conflict_window, WINDOWED_MEAN.conflict_pseudo_count, WINDOWED_MEAN.conflict_fewest
+)
+"""Of cells of the LiDAR's directions. 40 points are half of what 64 beams usually give; for fewer see `fitted`."""
+
+IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
+"""Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
+
+
+def sensor_statistics(
+    sensor_checks: Sequence[SensorCheck],
+    cells: Mapping[CountedPair, Cells],
+    shares: Mapping[SensorCheck, float],
 ) -> tuple[float | None, ...]:
-    """The statistic of each pair check in a frame, None where it was not measured.
+    """The statistic of each sensor check in a frame, 0 to 1, None where it was not measured.
 
-    `cells` holds the counts of those that are counted on the grid, `shares` the statistics of the others.
+    `cells` holds the counts of the checks that are counted on grids, `shares` the statistics of the others.
     """
-    return tuple(
-        _ratio(pair_check, cells[pair_check]) if pair_check in cells else shares.get(pair_check)
-        for pair_check in pair_checks
-    )
+    windows = {counted: window_means_of(counted, grid) for counted, grid in cells.items()}
+    conflicts = {(c.i, c.k): means for c, means in windows.items() if c.check is Check.LIDAR_CONFLICT}
+    others = {
+        check: {(c.sensor, c.other): means for c, means in windows.items() if c.check is check}
+        for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
+    }
+    darker = {place: WindowMeans(-means.means) for place, means in others[Check.ADDED_LIGHT].items()}
+    by_check = others | {Check.REMOVED_LIGHT: darker}
+
+    def statistic(one: SensorCheck) -> float | None:
+        if one.check in LIDAR_CHECKS:
+            return shares.get(one)
+        if one.check is Check.LIDAR_CONFLICT:
+            pairs = [means for pair, means in conflicts.items() if set(pair) <= set(one.others)]
+            return _conflict(pairs) if pairs else None
+        voters = [by_check[one.check].get((one.sensor, other)) for other in one.others]
+        known = [means for means in voters if means is not None]
+        return vote(one.check, known) if len(known) == len(voters) else None
+
+    return tuple(statistic(one) for one in sensor_checks)
 
 
-def windowed_ratio(valid: Grid, inconsistent: Grid, window: Window) -> StrongestWindow | None:
-    """The largest share B / (N + pseudo-count) of inconsistent pixels over all windows.
+def window_means_of(counted: CountedPair, cells: Cells) -> WindowMeans:
+    """The mean residual, or the share of inconsistent pixels or points, of each window of a grid."""
+    lidar = counted.check is Check.LIDAR_CONFLICT
+    window = fitted(CONFLICT_WINDOW, cells.valid) if lidar else IMAGE_WINDOW
+    N, B = window_sums(cells.valid, window), window_sums(cells.total, window)
+    steps = LIGHT_STEPS if counted.check is Check.ADDED_LIGHT else 1
+    means = B / ((N + window.pseudo_count) * np.float32(steps))
+    means[window.fewest > N] = np.nan
+    return WindowMeans(means.astype(np.float32))
 
-    `valid` N and `inconsistent` B are (rows, columns) counts a cell. None where no window has as many valid pixels as
-    the pseudo-count.
+
+def vote(check: Check, voters: Sequence[WindowMeans]) -> float | None:
+    """The largest over all windows of what a camera's voters say of it there; None where no window has enough voters.
+
+    Two at least must have compared the window, where there are two. Light only adds, and a voter that is attacked
+    itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
+    their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, it is
+    the smallest.
     """
-    N, B = _window_sums(valid, window), _window_sums(inconsistent, window)
-    if N.max(initial=0) < window.pseudo_count:
+    values = np.stack([one.means for one in voters])
+    known = ~np.isnan(values)
+    count = known.sum(axis=0)
+    enough = count >= min(FEWEST_VOTERS, len(voters))
+    if not enough.any():
         return None
-    ratio = B / (N + window.pseudo_count)
-    row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    return StrongestWindow(float(ratio[row, column]), int(row), int(column))
+    values = values[:, enough]
+    smallest = np.fmin.reduce(values)
+    if check is Check.ADDED_LIGHT:
+        mean = np.nansum(values, axis=0) / count[enough]
+        found = mean if len(voters) <= FEWEST_VOTERS else np.sqrt(np.maximum(mean, 0) * np.maximum(smallest, 0))
+    else:
+        found = smallest
+    return max(float(found.max()), 0.0)
+
+
+def _conflict(pairs: Sequence[WindowMeans]) -> float | None:
+    """The largest mean of the pairs that compared enough points in a direction, two of them where there are two."""
+    values = np.stack([one.means for one in pairs])
+    count = (~np.isnan(values)).sum(axis=0)
+    enough = count >= min(FEWEST_VOTERS, len(pairs))
+    if not enough.any():
+        return None
+    return float((np.nansum(values[:, enough], axis=0) / count[enough]).max())
+
+
+def strongest_window(means: WindowMeans) -> tuple[float, int, int] | None:
+    """The largest mean, and the first cell (row, column) of its window; None where no window has enough pixels."""
+    if np.isnan(means.means).all():
+        return None
+    row, column = np.unravel_index(int(np.nanargmax(means.means)), means.shape)
+    return float(means.means[row, column]), int(row), int(column)
 
 
 def fitted(window: Window, valid: Grid) -> Window:
     """The window for LiDARs of fewer beams: its pseudo-count is half of a dense window's count, 15 points at least.
 
     `valid` are the frame's own (rows, columns) counts; dense is the 90th percentile of the windows that hold any:
-    neither the sky nor an attacked part of the view moves it much. It is never larger than that of `window`.
+    neither the sky nor an attacked part of the view moves it much. It is never larger than that of `window`, and the
+    fewest points shrink with it.
     """
-    sums = _window_sums(valid, window)
+    sums = window_sums(valid, window)
     held = sums[sums > 0]
-    dense = float(np.quantile(held, WINDOWED_RATIO.dense_quantile)) if held.size else 0.0
-    pseudo_count = max(round(WINDOWED_RATIO.share_of_dense * dense), WINDOWED_RATIO.smallest_pseudo_count)
-    return replace(window, pseudo_count=min(pseudo_count, window.pseudo_count))
+    dense = float(np.quantile(held, WINDOWED_MEAN.dense_quantile)) if held.size else 0.0
+    pseudo_count = max(round(WINDOWED_MEAN.share_of_dense * dense), WINDOWED_MEAN.smallest_pseudo_count)
+    pseudo_count = min(pseudo_count, window.pseudo_count)
+    return replace(window, pseudo_count=pseudo_count, fewest=window.fewest * pseudo_count // window.pseudo_count)
 
 
-def _ratio(pair_check: PairCheck, cells: Cells) -> float | None:
-    window = WINDOWS[pair_check.check]
-    if pair_check.check is Check.LIDAR_CONFLICT:
-        window = fitted(window, cells.valid)
-    found = windowed_ratio(cells.valid, cells.inconsistent, window)
-    return found.ratio if found else None
-
-
-def _window_sums(grid: Grid, window: Window) -> Integers:
+def window_sums(grid: Grid, window: Window) -> Integers:
     """The sum of every whole window, from a summed-area table; none where the grid is smaller than a window."""
-    table = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), dtype=np.int64)
-    table[1:, 1:] = grid.cumsum(axis=0, dtype=np.int64).cumsum(axis=1)
+    table = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), dtype=np.int32)
+    table[1:, 1:] = grid.cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
     r, c = window.rows, window.columns
     return np.asarray(table[r:, c:] - table[:-r, c:] - table[r:, :-c] + table[:-r, :-c])
 

@@ -149,7 +149,7 @@ def _prepare(frame: Frame, rig: Rig, matcher: Matcher) -> _PreparedFrame:
 def _prepare_pair(view: PairView, frame: Frame, matcher: Matcher) -> RectifiedFrame:
     of_two, rig = view.frame(frame), view.seen.rig
     prepared = prepare(of_two, rig, present(rig.triples, of_two), [OF_TWO], colour=matcher.colour)
-    return replace(prepared, valid_masks=view.valid_masks)
+    return replace(prepared, valid_masks=view.valid_masks, grid=view.to_shared.grid)
 
 
 def _match(prepared: Sequence[_PreparedFrame], matcher: Matcher) -> list[list[Maps]]:
@@ -180,8 +180,7 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
         coverage=_coverage(prepared.whole, arrays),
         cells=arrays.frame_checks.cells,
         shares=arrays.frame_checks.shares,
-        unmasked_cells=arrays.frame_checks.unmasked.cells,
-        unmasked_shares=arrays.frame_checks.unmasked.shares,
+        unmasked_cells=arrays.frame_checks.unmasked_cells,
         fingerprints=fingerprints(frame),
     )
     return measurement, arrays

@@ -7,13 +7,12 @@ pixels of it, px those of the full image.
 from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
-from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY
+from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/causes.md; no experiment recorded"
-_BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"
-_WARNINGS = "docs/decisions.md, a rig that does not fit: between clean frames and false geometry (benchmark fitting)"
 _DECISIONS = "docs/decisions.md"
+_LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,16 @@ class Sgbm:
         unit="grid px; so large that nothing is left out",
         source="docs/decisions.md, dense matching without the left-right check: tried on drive 0009",
     )
+
+
+@dataclass(frozen=True)
+class Equalising:
+    """Levels of two images made alike before semi-global matching."""
+
+    quantiles: int = parameter(33, unit="quantiles that both then share", source=_LIGHT)
+    first_quantile: float = parameter(0.02, unit="the first of them; the last is 1 less it", source=_LIGHT)
+    step_px: int = parameter(2, unit="grid px between those that quantiles are taken of", source=BY_HAND)
+    fewest_levels: int = parameter(2, unit="levels, else nothing is changed", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -118,42 +127,51 @@ class PhotometricConsistency:
 
     textured_norm: float = parameter(40.0, unit="grey levels, norm of a patch: 5.7 a half px", source=_CHECKS)
     inconsistent: float = parameter(0.2, unit="NCC below which no patch nearby shows the same", source=_CHECKS)
-    differs_by: float = parameter(40.0, unit="grey levels, either way", source=_CHECKS)
     nearby_px: tuple[int, int] = parameter((5, 5), unit="half px", source=_CHECKS)
     lands_left_px: float = parameter(2.0, unit="half px from which on a pixel is occluded", source=_CHECKS)
     around_occluded_px: tuple[int, int] = parameter((3, 3), unit="half px", source=_CHECKS)
     beside_invalid_px: int = parameter(25, unit="half px, window", source=_CHECKS)
-    gain_step: int = parameter(4, unit="half px between those that gain is fitted to", source=BY_HAND)
 
 
 @dataclass(frozen=True)
-class GainFit:
-    """Gain and offset between two cameras: repeated least squares over those that fit best."""
+class ToneCurve:
+    """Which level of one camera goes with which of another."""
 
-    saturated: float = parameter(250.0, unit="grey levels from which on a brightness is saturated", source=_CHECKS)
-    rounds: int = parameter(6, unit="rounds", source=BY_HAND)
-    kept_share: float = parameter(0.6, unit="share of the pixels", source=BY_HAND)
-    fewest: int = parameter(100, unit="pixels or cells", source=BY_HAND)
-    gains: tuple[float, float] = parameter((0.5, 2.0), unit="smallest and largest gain", source=BY_HAND)
+    bins: int = parameter(32, unit="bins of the source's levels", source=_LIGHT)
+    fewest: int = parameter(15, unit="samples of a bin", source=_LIGHT)
+    fewest_bins: int = parameter(2, unit="bins, else levels are taken to be equal", source=BY_HAND)
 
 
 @dataclass(frozen=True)
-class BrightnessDifference:
-    """Light or darkness that one of two cameras alone sees, on a coarse grid of cells."""
+class Chroma:
+    """Classes of colour, with a tone curve each: by how much red, and blue, exceed green."""
 
-    rows: int = parameter(24, unit="cells", source=_BRIGHTNESS)
-    columns: int = parameter(78, unit="cells", source=_BRIGHTNESS)
-    brighter_by: float = parameter(75.0, unit="grey levels", source=f"{_BRIGHTNESS}; 45 of the whole image failed")
-    darker_by: float = parameter(
-        40.0, unit="grey levels", source=f"{_DECISIONS}, light: with 25 the check fired on clean frames of 0009"
-    )
-    window: tuple[int, int] = parameter((6, 6), unit="cells, about 96 px", source=_BRIGHTNESS)
-    rows_searched: int = parameter(3, unit="cells", source=_BRIGHTNESS)
-    columns_searched: int = parameter(
-        6, unit="cells", source=f"{_DECISIONS}, light is looked for both ways: 8 finds less"
-    )
-    columns_searched_near: int = parameter(16, unit="cells, of what is nearer", source=_BRIGHTNESS)
-    usual_shift: int = parameter(2, unit="cells", source="docs/method.md, tried without success: a fit at 6 cells")
+    edges: tuple[float, ...] = parameter((-0.12, -0.04, 0.04, 0.12), unit="share of all three", source=_LIGHT)
+    dark: float = parameter(24.0, unit="grey levels added to all three", source=_LIGHT)
+    fewest: int = parameter(150, unit="samples of a class", source=_LIGHT)
+
+
+@dataclass(frozen=True)
+class Saturation:
+    """From which level on an image saturates."""
+
+    level: int = parameter(250, unit="grey levels", source=_CHECKS)
+    crowded_share: float = parameter(0.002, unit="share of the pixels at the two top levels", source=_LIGHT)
+    below_top: int = parameter(3, unit="grey levels below a crowded top level", source=_LIGHT)
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light that a camera alone sees, or lacks: a residual relative to what the other camera predicts."""
+
+    mean_px: tuple[int, int] = parameter((7, 7), unit="half px", source=_LIGHT)
+    nearby_px: tuple[int, int] = parameter((5, 5), unit="half px", source=_LIGHT)
+    fitted_step: int = parameter(4, unit="half px between those that curves are fitted to", source=_LIGHT)
+    level: float = parameter(12.0, unit="grey levels of residual 1 in the dark", source=_LIGHT)
+    share: float = parameter(0.25, unit="of the prediction, more", source=_LIGHT)
+    infrared_level: float = parameter(30.0, unit="as `level`, where a grey camera is brighter", source=_LIGHT)
+    infrared_share: float = parameter(0.35, unit="as `share`, where a grey camera is brighter", source=_LIGHT)
+    colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
 
 
 @dataclass(frozen=True)
@@ -205,11 +223,15 @@ class IsolatedPoints:
 
 @dataclass(frozen=True)
 class CountGrid:
-    """The grid whose counts are stored."""
+    """The grids whose counts are stored: of images, and of the LiDAR's directions in the rig's axes."""
 
     cell_px: int = parameter(
         8, unit="px, width and height", source="docs/decisions.md, what the checks count is stored as grids of bytes"
     )
+    lidar_cell: float = parameter(
+        8 / 721, unit="radians: cell_px at KITTI's focal length", source="62 frames of three drives; chosen on them"
+    )
+    lidar_cells: tuple[int, int] = parameter((80, 160), unit="rows and columns, straight ahead midst", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -247,16 +269,6 @@ class LidarAgreement:
 
 
 @dataclass(frozen=True)
-class Contrast:
-    """Which of two images is darker where they differ."""
-
-    window_px: tuple[int, int] = parameter((7, 7), unit="half px", source=BY_HAND)
-    most: int = parameter(2000, unit="half px compared, about", source="bounds the work; no experiment recorded")
-    fewest: int = parameter(50, unit="half px", source=BY_HAND)
-    least_share: float = parameter(0.1, unit="share of the comparable px that are consistent", source=BY_HAND)
-
-
-@dataclass(frozen=True)
 class Coverage:
     """How much of a sensor could be used."""
 
@@ -275,6 +287,8 @@ class DamagedPixels:
     smallest: int = parameter(30, unit="mask px of a part", source=BY_HAND)
     part_share: float = parameter(0.1, unit="share of the largest part", source=BY_HAND)
     median_px: int = parameter(5, unit="mask px, of the depths", source=BY_HAND)
+    saturated: float = parameter(250.0, unit="grey levels from which on a brightness is saturated", source=_CHECKS)
+    gains: tuple[float, float] = parameter((0.5, 2.0), unit="smallest and largest gain", source=BY_HAND)
     gain_rounds: int = parameter(3, unit="rounds", source=BY_HAND)
     gain_kept_share: float = parameter(0.7, unit="share of the pixels", source=BY_HAND)
     gain_fewest: int = parameter(200, unit="mask px", source=BY_HAND)
@@ -299,36 +313,10 @@ class DamagedPoints:
     part_share: float = parameter(0.2, unit="share of the part with most points in conflict", source=BY_HAND)
 
 
-@dataclass(frozen=True)
-class CalibrationCheck:
-    """Warnings where a rig does not fit its recording: no count follows from them."""
-
-    every: int = parameter(5, unit="frames, of which one is used", source=BY_HAND)
-    most_frames: int = parameter(200, unit="frames used", source="bounds the work; no experiment recorded")
-    least_aligned: float = parameter(0.45, unit="share of points on one row", source=_WARNINGS)
-    least_agreeing: float = parameter(0.5, unit="share of LiDAR points", source=_WARNINGS)
-    least_excess: float = parameter(0.3, unit="excess of the points that agree once moved", source=_WARNINGS)
-    clear_offset_px: float = parameter(1.5, unit="px", source=BY_HAND)
-    wrong_scale: float = parameter(0.05, unit="share", source=BY_HAND)
-    fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
-    smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
-    frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
-
-
-@dataclass(frozen=True)
-class PsmnetPreflight:
-    """Warnings before PSMNet measures: no count follows from them."""
-
-    fewest_px: int = parameter(500, unit="px", source=BY_HAND)
-    nearest_trust_px: float = parameter(4.0, unit="px, where 1 px of misalignment is a quarter", source=BY_HAND)
-    ratio_off_by: float = parameter(0.03, unit="share", source=BY_HAND)
-    better_by_px: float = parameter(0.25, unit="px of disparity", source=BY_HAND)
-    precision_px: float = parameter(0.1, unit="px of disparity, mean", source=BY_HAND)
-
-
 HALF_RESOLUTION = HalfResolution()
 TEXTURE = Texture()
 SGBM = Sgbm()
+EQUALISING = Equalising()
 PSMNET_INPUT = PsmnetInput()
 MATCHER_RANGE = MatcherRange()
 RECTIFICATION = Rectification()
@@ -336,20 +324,19 @@ LIDAR_PROJECTION = LidarProjection()
 DISPARITY_ERROR = DisparityError()
 PATCH_CORRELATION = PatchCorrelation()
 PHOTOMETRIC_CONSISTENCY = PhotometricConsistency()
-GAIN_FIT = GainFit()
-BRIGHTNESS_DIFFERENCE = BrightnessDifference()
+TONE_CURVE = ToneCurve()
+CHROMA = Chroma()
+SATURATION = Saturation()
+LIGHT = Light()
 LIDAR_CONFLICT = LidarConflict()
 POINT_DROPOUT = PointDropout()
 ISOLATED_POINTS = IsolatedPoints()
 COUNT_GRID = CountGrid()
 ROW_ALIGNMENT = RowAlignment()
 LIDAR_AGREEMENT = LidarAgreement()
-CONTRAST = Contrast()
 COVERAGE = Coverage()
 DAMAGED_PIXELS = DamagedPixels()
 DAMAGED_POINTS = DamagedPoints()
-CALIBRATION_CHECK = CalibrationCheck()
-PSMNET_PREFLIGHT = PsmnetPreflight()
 
 HALF = HALF_RESOLUTION.step_px
 """Pixels of the full image that a half px is wide."""
@@ -362,6 +349,7 @@ MEASURING = (
     HALF_RESOLUTION,
     TEXTURE,
     SGBM,
+    EQUALISING,
     PSMNET_INPUT,
     MATCHER_RANGE,
     RECTIFICATION,
@@ -369,25 +357,23 @@ MEASURING = (
     DISPARITY_ERROR,
     PATCH_CORRELATION,
     PHOTOMETRIC_CONSISTENCY,
-    GAIN_FIT,
-    BRIGHTNESS_DIFFERENCE,
+    TONE_CURVE,
+    CHROMA,
+    SATURATION,
+    LIGHT,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,
     COUNT_GRID,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,
-    CONTRAST,
     COVERAGE,
     DAMAGED_PIXELS,
     DAMAGED_POINTS,
     REGION_MASK,
+    STORED_RESIDUALS,
 )
 """All that can change a count or a measured statistic."""
-
-WARNING = (CALIBRATION_CHECK, PSMNET_PREFLIGHT)
-"""What decides warnings, and no count."""
-
 
 def measuring_settings() -> str:
     """The values of MEASURING as canonical JSON."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.measurement.checks.collect import FrameChecks, collect_checks
+from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import Comparison, compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
@@ -53,17 +54,23 @@ class PairArrays:
 
 @dataclass(frozen=True, eq=False)
 class RectifiedFrame:
-    """A rectified frame with the `inputs` that its pairs (i, k) are matched from; `valid_masks` as in FrameArrays."""
+    """A rectified frame with the `inputs` that its pairs (i, k) are matched from; `valid_masks` as in FrameArrays.
+
+    By camera: `greys` (H, W), at half resolution `half_res` (h, w), and of colour cameras `colours` (h, w, 3). `grid` is
+    that of the cameras' images where this is not their view.
+    """
 
     frame: Frame
     rig: Rig
     greys: Mapping[int, NDArray[np.uint8]]
+    colours: Mapping[int, NDArray[np.uint8]]
     half_res: Mapping[int, NDArray[np.uint8]]
     texture: Mapping[int, Mask]
     inputs: Mapping[int, NDArray[np.uint8]]
     triples: Sequence[Triple]
     pairs: Sequence[Pair]
     valid_masks: Mapping[int, Mask] = field(default_factory=dict)
+    grid: ImageGrid | None = None
 
 
 def prepare(
@@ -71,10 +78,11 @@ def prepare(
 ) -> RectifiedFrame:
     """Prepare a frame for matching these pairs, in colour or grey, so that the triples can be compared."""
     greys = {number: grey(image.pixels) for number, image in frame.images.items()}
+    colours = {number: halve(one.pixels) for number, one in frame.images.items() if one.pixels.ndim > 2}
     half_res = {number: halve(pixels) for number, pixels in greys.items()}
     texture = {number: textured(half) for number, half in half_res.items()}
     inputs = {number: image.pixels for number, image in frame.images.items()} if colour else greys
-    return RectifiedFrame(frame, rig, greys, half_res, texture, inputs, triples, pairs)
+    return RectifiedFrame(frame, rig, greys, colours, half_res, texture, inputs, triples, pairs)
 
 
 def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
@@ -96,7 +104,7 @@ def compare(prepared: RectifiedFrame, maps: Maps) -> FrameArrays:
         )
         for triple in prepared.triples
     }
-    frame_checks = collect_checks(prepared.half_res, maps, lidar, rig)
+    frame_checks = collect_checks(prepared.half_res, prepared.colours, maps, lidar, rig, prepared.grid)
     return FrameArrays(rig, prepared.half_res, comparisons, maps, lidar, frame_checks, valid_masks=prepared.valid_masks)
 
 

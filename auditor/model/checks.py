@@ -3,8 +3,9 @@
 Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from enum import StrEnum
+from functools import lru_cache
 from itertools import combinations
 from math import nan
 from typing import NamedTuple, TypeVar
@@ -15,16 +16,18 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic; there are five.
+    """One kind of statistic of a sensor; there are six.
 
-    LIDAR_CONFLICT: two cameras agree with each other and not with the LiDAR. PHOTOMETRIC_INCONSISTENCY: two cameras do
-    not see the same. BRIGHTNESS_DIFFERENCE: one of two cameras alone sees light or darkness. POINT_DROPOUT: a strip of
-    the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have next to no neighbours.
+    LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
+    is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
+    what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
+    next to no neighbours.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
+    ADDED_LIGHT = "added_light"
+    REMOVED_LIGHT = "removed_light"
     PHOTOMETRIC_INCONSISTENCY = "photometric_inconsistency"
-    BRIGHTNESS_DIFFERENCE = "brightness_difference"
     POINT_DROPOUT = "point_dropout"
     ISOLATED_POINTS = "isolated_points"
 
@@ -32,64 +35,109 @@ class Check(StrEnum):
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
 """The checks of the LiDAR alone, in the view of a camera."""
 
+CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
+"""The checks of a camera by the other cameras."""
 
-class PairCheck(NamedTuple):
-    """One check of the camera pair i < k; one of LIDAR_CHECKS has i = 0, the LiDAR, and is of the view of k."""
+FEWEST_VOTERS = 2
+"""Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
+
+MOST_LEFT_OUT = 2
+"""Voters of a camera that may be missing or attacked at once: what its other voters say is measured as well."""
+
+
+class SensorCheck(NamedTuple):
+    """One check of a sensor by `others`, ascending.
+
+    Of a camera these are the cameras that it is compared with; of LIDAR_CONFLICT all cameras of the pairs that are
+    compared with the LiDAR; of LIDAR_CHECKS the one camera whose view the points are in.
+    """
 
     check: Check
-    i: int
-    k: int
+    sensor: int
+    others: tuple[int, ...]
 
     @property
     def needed(self) -> tuple[int, ...]:
         """The sensors without which it cannot be measured."""
-        return (LIDAR, self.i, self.k) if self.check is Check.LIDAR_CONFLICT else (self.i, self.k)
+        return (self.sensor, *self.others)
 
     @property
     def nameable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where the check fires."""
-        return (LIDAR,) if self.check in LIDAR_CHECKS else self.needed
+        """The sensors one of which must be attacked where the check fires: two cameras alone cannot tell which."""
+        alone = self.check in CAMERA_CHECKS and len(self.others) < FEWEST_VOTERS
+        return self.needed if alone else (self.sensor,)
 
 
-def pair_checks_of(
-    cameras: int,
-    matched: Iterable[tuple[int, int]],
-    lidar_conflict_pairs: Iterable[tuple[int, int]],
-    views: Collection[int],
-) -> tuple[PairCheck, ...]:
-    """All pair checks in their fixed order.
+class CountedPair(NamedTuple):
+    """What is counted on one grid: a check of the camera pair i < k, in the image of one of them.
 
-    They are LiDAR conflicts of `lidar_conflict_pairs`, photometric inconsistencies of the pairs `matched`, brightness
-    differences of all pairs, and the LiDAR's own checks in `views`: the reference cameras that it is projected into.
+    `sensor` is that camera; of LIDAR_CONFLICT it is the LiDAR, and the grid is one of its directions. ADDED_LIGHT
+    counts removed light as well, with the other sign.
     """
+
+    check: Check
+    i: int
+    k: int
+    sensor: int
+
+    @property
+    def other(self) -> int:
+        """The pair's other camera."""
+        return self.i if self.sensor == self.k else self.k
+
+
+def rig_sensor_checks(rig: Rig) -> tuple[SensorCheck, ...]:
+    """The checks that frames of a rig are judged by, in their fixed order."""
+    views = dict.fromkeys((*rig.references, *(rig.fallback[2:] if rig.fallback else ()))) if rig.lidar else {}
+    return sensor_checks_of(rig.pairs, conflict_pairs(rig), tuple(views))
+
+
+def conflict_pairs(rig: Rig) -> tuple[tuple[int, int], ...]:
+    """The matched pairs (i, k) of a rig that check its LiDAR."""
+    return tuple(pair for pair in rig.pairs if rig.lidar and resolves_depth(rig, *pair))
+
+
+@lru_cache(maxsize=64)
+def sensor_checks_of(
+    matched: Sequence[tuple[int, int]], conflicts: Sequence[tuple[int, int]], views: Sequence[int]
+) -> tuple[SensorCheck, ...]:
+    """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
+
+    A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
+    LiDAR's conflicts by the pairs of all cameras, and of all but one or two.
+    """
+    partners: dict[int, list[int]] = {}
+    for i, k in sorted(matched):
+        partners.setdefault(i, []).append(k)
+        partners.setdefault(k, []).append(i)
     return (
-        *(PairCheck(Check.LIDAR_CONFLICT, i, k) for i, k in lidar_conflict_pairs),
-        *(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, k) for i, k in matched),
-        *(PairCheck(Check.BRIGHTNESS_DIFFERENCE, i, k) for i, k in combinations(range(1, cameras + 1), 2)),
-        *(PairCheck(Check.POINT_DROPOUT, LIDAR, k) for k in views),
-        *(PairCheck(Check.ISOLATED_POINTS, LIDAR, k) for k in views),
+        *(SensorCheck(Check.LIDAR_CONFLICT, LIDAR, cameras) for cameras in _conflict_cameras(conflicts)),
+        *(
+            SensorCheck(check, camera, others)
+            for check in CAMERA_CHECKS
+            for camera in sorted(partners)
+            for others in _voters(tuple(sorted(partners[camera])))
+        ),
+        *(SensorCheck(check, LIDAR, (k,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS) for k in views),
     )
 
 
-def rig_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
-    """The pair checks that frames of a rig are judged by; those that only the fallback brings are the last.
-
-    So stored lists of before there was a fallback are the beginning of today's.
-    """
-    if rig.fallback is None:
-        return usual_pair_checks(rig)
-    _, j, k = rig.fallback
-    return (*usual_pair_checks(rig), *pair_checks_of(0, [(j, k)], _checking_lidar(rig, [(j, k)]), [k]))
+def cameras_of(pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:
+    """The cameras of some pairs, ascending."""
+    return tuple(sorted({camera for pair in pairs for camera in pair}))
 
 
-def usual_pair_checks(rig: Rig) -> tuple[PairCheck, ...]:
-    """The pair checks of a rig without those that only the fallback brings."""
-    pairs = rig.required_pairs
-    return pair_checks_of(rig.n, pairs, _checking_lidar(rig, pairs), rig.references if rig.lidar else ())
+def _conflict_cameras(conflicts: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
+    cameras = cameras_of(conflicts)
+    left_out = (absent for number in range(MOST_LEFT_OUT + 1) for absent in combinations(cameras, number))
+    remaining = (cameras_of(pair for pair in conflicts if set(pair).isdisjoint(absent)) for absent in left_out)
+    return [found for found in dict.fromkeys(remaining) if found]
 
 
-def _checking_lidar(rig: Rig, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    return [pair for pair in pairs if rig.lidar and resolves_depth(rig, *pair)]
+def _voters(partners: tuple[int, ...]) -> list[tuple[int, ...]]:
+    fewest = max(len(partners) - MOST_LEFT_OUT, FEWEST_VOTERS)
+    several = (others for number in range(len(partners), fewest - 1, -1) for others in combinations(partners, number))
+    return [*several, *((one,) for one in partners)]
 
 
 def resolves_depth(rig: Rig, j: int, k: int) -> bool:
@@ -120,16 +168,6 @@ class Rows(NamedTuple):
     offset_share: float = nan
     lagged_i: float = nan
     lagged_k: float = nan
-
-
-class Contrast(NamedTuple):
-    """How much brighter k is than i at inconsistent pixels: the median in grey levels, less that at consistent ones.
-
-    `inconsistent_px` counts half-resolution pixels; `difference` is NaN where there are too few.
-    """
-
-    inconsistent_px: float = nan
-    difference: float = nan
 
 
 class Agreement(NamedTuple):
@@ -178,16 +216,15 @@ class PairFaultFeatures(NamedTuple):
     """The fault features of a matched pair (i, k) in one frame; those of the LiDAR where the pair can check it."""
 
     rows: Rows = Rows()
-    contrast: Contrast = Contrast()
     agreement: Agreement = Agreement()
     isolated_shares: IsolatedShares = IsolatedShares()
 
     @property
     def values(self) -> tuple[float, ...]:
         """All numbers in the order of COLUMNS."""
-        return (*self.rows, *self.contrast, *self.agreement, *self.isolated_shares)
+        return (*self.rows, *self.agreement, *self.isolated_shares)
 
 
-COLUMNS = (*Rows._fields, *Contrast._fields, *Agreement._fields, *IsolatedShares._fields)
+COLUMNS = (*Rows._fields, *Agreement._fields, *IsolatedShares._fields)
 OF_LIDAR = frozenset((*Agreement._fields, *IsolatedShares._fields))
 """The columns that are measured with the LiDAR."""

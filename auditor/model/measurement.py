@@ -5,10 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from auditor.model.arrays import Image
-from auditor.model.checks import Pair, PairCheck, PairFaultFeatures
+from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, SensorCheck
 from auditor.model.frames import Presence
-from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK
+from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, REGION_MASK, STORED_RESIDUALS
 
 REGION_STEP = REGION_MASK.step_px
 """Width of a pixel of a region's mask in full-resolution pixels."""
@@ -46,7 +49,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 5
+COUNTING_VERSION = 6
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 
@@ -109,23 +112,29 @@ class Coverage:
     returns: int | None = None
 
 
+LIGHT_STEPS = STORED_RESIDUALS.steps
+"""Steps of a stored sum of light residuals a unit."""
+
+
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """How many pixels of each cell are valid, and how many of these are inconsistent: (rows, columns) uint8.
+    """Counts by cell of a grid: (rows, columns) each.
 
-    They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
+    `valid` (uint8) are the pixels or points that could be compared. `total` (int8) is how many of them are
+    inconsistent; of ADDED_LIGHT the sum of their residuals, -1 to 1 each, in LIGHT_STEPS a unit. Both stop at 127. They
+    are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
     """
 
     valid: Image
-    inconsistent: Image
+    total: NDArray[np.int8]
 
 
 @dataclass(frozen=True)
 class Measurement:
     """One frame, measured. `counts` follows `rig.measured_triples`; None where a sensor of the triple was not there.
 
-    `cells` and `shares` are the results of the checks, by pair check: counts on a grid, or the statistic itself;
-    `unmasked_cells` and `unmasked_shares` are those that the LiDAR's range masks changed, as they are without it.
+    `cells` are the counts of the checks on grids, `shares` the statistics of the checks that need none; `unmasked_cells`
+    are those that the LiDAR's range masks changed, as they are without it.
     `fingerprints` show by sensor whether its data change from frame to frame; `fault_features` are by matched pair.
     `regions` are the portions of sensors that would be damaged if they are attacked.
     """
@@ -135,10 +144,9 @@ class Measurement:
     presence: Mapping[int, Presence]
     counts: tuple[Counts | None, ...]
     coverage: Mapping[int, Coverage]
-    cells: Mapping[PairCheck, Cells] = field(default_factory=dict)
-    shares: Mapping[PairCheck, float] = field(default_factory=dict)
-    unmasked_cells: Mapping[PairCheck, Cells] = field(default_factory=dict)
-    unmasked_shares: Mapping[PairCheck, float] = field(default_factory=dict)
+    cells: Mapping[CountedPair, Cells] = field(default_factory=dict)
+    shares: Mapping[SensorCheck, float] = field(default_factory=dict)
+    unmasked_cells: Mapping[CountedPair, Cells] = field(default_factory=dict)
     fingerprints: Mapping[int, int] = field(default_factory=dict)
     fault_features: Mapping[Pair, PairFaultFeatures] = field(default_factory=dict)
     regions: tuple[Region, ...] = ()

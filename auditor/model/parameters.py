@@ -75,6 +75,13 @@ class DisparityErrorSamples:
 
 
 @dataclass(frozen=True)
+class StoredResiduals:
+    """How sums of light residuals are stored."""
+
+    steps: int = parameter(7, unit="steps of a sum a unit", source="the residuals of 16 half px fill a signed byte")
+
+
+@dataclass(frozen=True)
 class ScoreLimits:
     """Between these every normalised score z is kept: no single check decides alone."""
 
@@ -103,6 +110,7 @@ COMMON_VIEW = CommonView()
 LENS_REACH = LensReach()
 REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
+STORED_RESIDUALS = StoredResiduals()
 SCORE_LIMITS = ScoreLimits()
 POINT_EXCESS = PointExcess()
 RIG_KIND_TOLERANCE = RigKindTolerance()

@@ -8,7 +8,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.identification.parameters import JUDGING
-from auditor.measurement.parameters import MEASURING, WARNING
+from auditor.measurement.parameters import MEASURING
+from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
 from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING
 

@@ -35,7 +35,8 @@ def command(form: str) -> None:
 def _rows() -> Iterator[dict[str, object]]:
     """One row a parameter, those of a group one after the other."""
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
-    from auditor.measurement.parameters import MEASURING, WARNING  # noqa: PLC0415 - OpenCV is heavy
+    from auditor.measurement.parameters import MEASURING  # noqa: PLC0415 - OpenCV is heavy
+    from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
     from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING  # noqa: PLC0415
 

@@ -1,109 +1,99 @@
 """All checks of one frame, pair by pair."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
-from auditor.measurement.checks.brightness import (
-    BrightnessDifference,
-    coarse,
-    coarse_mask,
-    compare_brightness,
-    range_mask,
-)
-from auditor.measurement.checks.count_grid import cells_of_consistency, cells_of_points
+import numpy as np
+
+from auditor.measurement.checks.count_grid import ImageGrid, PairCells, cells_of_pair, cells_of_points, opposite
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
+from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.model.arrays import Image, Mask
-from auditor.model.checks import Check, IsolatedShares, Pair, PairCheck, resolves_depth
-from auditor.model.measurement import Cells
+from auditor.model.checks import Check, CountedPair, IsolatedShares, Pair, SensorCheck, resolves_depth
+from auditor.model.measurement import LIGHT_STEPS, Cells
 from auditor.model.rig import LIDAR, Rig
 
 
 @dataclass(frozen=True, eq=False)
-class Unmasked:
-    """The results of the checks by camera pair that the LiDAR's range masks changed, as they are without the LiDAR."""
+class PairCounts:
+    """What one pair of cameras counts: the pixels where it does not see the same, and sums of light differences."""
 
-    photometric_inconsistencies: Mapping[Pair, Cells]
-    brightness_differences: Mapping[Pair, BrightnessDifference]
-
-    @property
-    def cells(self) -> dict[PairCheck, Cells]:
-        """The counts on the grid."""
-        return _of_check(Check.PHOTOMETRIC_INCONSISTENCY, self.photometric_inconsistencies)
-
-    @property
-    def shares(self) -> dict[PairCheck, float]:
-        """The statistics of the others."""
-        return _brightness_shares(self.brightness_differences)
+    inconsistencies: PairCells
+    light: PairCells
 
 
 @dataclass(frozen=True, eq=False)
 class FrameChecks:
-    """The results of the five checks, the first three by camera pair (i, k), the others by reference camera.
+    """The results of all checks, by camera pair (i, k) or by reference camera.
 
-    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `photometric_inconsistencies`: counts of
-    pixels where the two cameras do not see the same. `brightness_differences`: light or darkness that one of them alone
-    sees. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`: how many
-    points are isolated. `unmasked` are the second and third without the LiDAR. `verified_conflicts` and `consistencies`
-    hold the first two pixel by pixel, for localising: they are not stored.
+    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `counts`: what cameras see otherwise
+    than each other. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`:
+    how many points are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
+    `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
-    photometric_inconsistencies: Mapping[Pair, Cells]
-    brightness_differences: Mapping[Pair, BrightnessDifference]
+    counts: Mapping[Pair, PairCounts]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
-    unmasked: Unmasked
+    unmasked: Mapping[Pair, PairCounts]
     verified_conflicts: Mapping[Pair, VerifiedConflicts]
     consistencies: Mapping[Pair, PairConsistency]
+    lights: Mapping[Pair, LightDifference]
 
     @property
-    def cells(self) -> dict[PairCheck, Cells]:
-        """The counts of the checks that are counted on the grid."""
-        return _of_check(Check.LIDAR_CONFLICT, self.lidar_conflicts) | _of_check(
-            Check.PHOTOMETRIC_INCONSISTENCY, self.photometric_inconsistencies
-        )
+    def cells(self) -> dict[CountedPair, Cells]:
+        """The counts of the checks that are counted on grids."""
+        conflicts = {CountedPair(Check.LIDAR_CONFLICT, *p, LIDAR): cells for p, cells in self.lidar_conflicts.items()}
+        return conflicts | _by_camera(self.counts)
 
     @property
-    def shares(self) -> dict[PairCheck, float]:
+    def unmasked_cells(self) -> dict[CountedPair, Cells]:
+        """Those that are others without the LiDAR."""
+        return _by_camera(self.unmasked)
+
+    @property
+    def shares(self) -> dict[SensorCheck, float]:
         """The statistics of the other checks."""
-        brightness = _brightness_shares(self.brightness_differences)
-        dropout = {PairCheck(Check.POINT_DROPOUT, LIDAR, k): share for k, share in self.point_dropout.items()}
+        dropout = {SensorCheck(Check.POINT_DROPOUT, LIDAR, (k,)): share for k, share in self.point_dropout.items()}
         isolated_points = {
-            PairCheck(Check.ISOLATED_POINTS, LIDAR, k): isolated_ratio(found)
+            SensorCheck(Check.ISOLATED_POINTS, LIDAR, (k,)): isolated_ratio(found)
             for k, found in self.isolated_shares.items()
         }
-        known = {pair_check: share for pair_check, share in isolated_points.items() if share is not None}
-        return brightness | dropout | known
+        return dropout | {check: share for check, share in isolated_points.items() if share is not None}
 
 
-def _of_check(check: Check, of_pairs: Mapping[Pair, Cells]) -> dict[PairCheck, Cells]:
-    return {PairCheck(check, *pair): cells for pair, cells in of_pairs.items()}
-
-
-def _brightness_shares(of_pairs: Mapping[Pair, BrightnessDifference]) -> dict[PairCheck, float]:
-    """The statistic of each pair, which cannot tell light in one camera from darkness in the other."""
-    return {
-        PairCheck(Check.BRIGHTNESS_DIFFERENCE, *pair): max(found.brighter_i, found.brighter_k)
-        for pair, found in of_pairs.items()
-    }
+def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
+    found: dict[CountedPair, Cells] = {}
+    for (i, k), counts in of_pairs.items():
+        for check, cells in (
+            (Check.ADDED_LIGHT, counts.light),
+            (Check.PHOTOMETRIC_INCONSISTENCY, counts.inconsistencies),
+        ):
+            found[CountedPair(check, i, k, i)] = cells.source
+            found[CountedPair(check, i, k, k)] = cells.reference
+    return found
 
 
 def collect_checks(
     half_res: Mapping[int, Image],
+    colours: Mapping[int, Image],
     maps: Mapping[Pair, StereoMap],
     views: Mapping[int, LidarView],
     rig: Rig,
+    grid: ImageGrid | None = None,
 ) -> FrameChecks:
     """Run all checks of a frame.
 
-    `half_res` are the half-resolution grey images of the cameras present, `maps` the stereo maps by (source,
-    reference), `views` the LiDAR's views by reference; all of them as `measure` makes them.
+    `half_res` are the half-resolution grey images (h, w) of the cameras present, `colours` (h, w, 3) those of colour
+    cameras, `maps` the stereo maps by (source, reference), `views` the LiDAR's views by reference; all of them as
+    `measure` makes them. `grid` is that of the cameras' images where they are not in this view.
     """
+    lit = views_of(half_res, colours)
     isolated_masks = {k: isolated(view, rig.camera(k).focal_px) for k, view in views.items()}
     near = {
         (i, k): out_of_range(views[k], isolated_masks[k], i, matchable(stereo.range_px), half_res[k].shape)
@@ -113,50 +103,62 @@ def collect_checks(
     consistencies = {
         (i, k): photometric_consistency(half_res[k], half_res[i], stereo) for (i, k), stereo in maps.items()
     }
+    lights = {
+        (i, k): light_difference(lit[k], lit[i], seen.matches.column, seen.matches.seen)
+        for (i, k), seen in consistencies.items()
+    }
     verified_conflicts = {
         (j, k): verify_conflicts(views[k], stereo, consistencies[j, k], rig, j, (half_res[k], half_res[j]))
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
-    coarse_near = _coarse_range_masks(half_res, views, isolated_masks, rig)
     return FrameChecks(
-        lidar_conflicts={
-            (j, k): cells_of_points(points, rig.camera(k).height_px, rig.camera(k).width_px)
-            for (j, k), points in verified_conflicts.items()
+        lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
+        counts={
+            pair: _counts(seen, lights[pair], grid, near.get(pair)) for pair, seen in consistencies.items()
         },
-        photometric_inconsistencies={
-            pair: cells_of_consistency(map_, near.get(pair)) for pair, map_ in consistencies.items()
-        },
-        brightness_differences=_brightness_differences(half_res, combinations(sorted(half_res), 2), coarse_near),
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
-        unmasked=Unmasked(
-            {pair: cells_of_consistency(consistencies[pair]) for pair, mask in near.items() if mask.any()},
-            _brightness_differences(half_res, [pair for pair, mask in coarse_near.items() if mask.any()], {}),
-        ),
+        unmasked={
+            pair: _counts(consistencies[pair], lights[pair], grid) for pair, mask in near.items() if mask.any()
+        },
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
+        lights=lights,
     )
 
 
-def _coarse_range_masks(
-    half_res: Mapping[int, Image], views: Mapping[int, LidarView], isolated_masks: Mapping[int, Mask], rig: Rig
-) -> dict[Pair, Mask]:
-    """The range mask of each pair of cameras present in whose reference view the LiDAR is, on the coarse grid."""
-    return {
-        (i, k): coarse_mask(
-            out_of_range(views[k], isolated_masks[k], i, range_mask(rig.camera(k).width_px), half_res[k].shape)
-        )
-        for i, k in combinations(sorted(half_res), 2)
-        if k in views
-    }
+def _counts(
+    seen: PairConsistency, light: LightDifference, grid: ImageGrid | None, near: Mask | None = None
+) -> PairCounts:
+    """The counts of a pair, without the pixels of the range mask `near` (h, w).
+
+    There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
+    """
+    grid = grid or ImageGrid.of(*seen.ncc.shape)
+    comparable, lit, residual = seen.comparable, light.comparable, light.residual
+    inconsistent = seen.inconsistent
+    if near is not None and near.any():
+        comparable, lit = comparable & ~near, lit & ~near
+        inconsistent, residual = inconsistent & ~near, np.where(near, np.float32(0), residual)
+    return PairCounts(
+        cells_of_pair(seen.matches, comparable, inconsistent.astype(np.float32), 1, grid),
+        opposite(cells_of_pair(seen.matches, lit, residual, LIGHT_STEPS, grid)),
+    )
 
 
-def _brightness_differences(
-    half_res: Mapping[int, Image], pairs: Iterable[Pair], near: Mapping[Pair, Mask]
-) -> dict[Pair, BrightnessDifference]:
-    """The light and darkness that one of two cameras alone sees."""
-    grids = {camera: coarse(half) for camera, half in half_res.items()}
-    return {(i, k): compare_brightness(grids[i], grids[k], near.get((i, k))) for i, k in pairs}
+def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own: Pair) -> FrameChecks:
+    """The checks of a frame whose pairs have views of their own, in which their cameras are `own`."""
+    return replace(
+        in_common,
+        lidar_conflicts={pair: one.lidar_conflicts[own] for pair, one in of_pairs.items() if own in one.lidar_conflicts},
+        counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
+        unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
+        verified_conflicts={
+            pair: one.verified_conflicts[own] for pair, one in of_pairs.items() if own in one.verified_conflicts
+        },
+        consistencies={pair: one.consistencies[own] for pair, one in of_pairs.items() if own in one.consistencies},
+        lights={pair: one.lights[own] for pair, one in of_pairs.items() if own in one.lights},
+    )

@@ -7,20 +7,29 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.checks.brightness import fit_gain
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import GAIN_FIT, HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
+from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 
 _RADIUS = PATCH_CORRELATION.radius_px
 _SIDE = 2 * _RADIUS + 1
 _AREA = _SIDE * _SIDE
 _NORM_FLOOR = PATCH_CORRELATION.norm_floor  # a patch without texture correlates with nothing
-_WHITE = np.float32(255)
 _NEARBY = np.ones(PHOTOMETRIC_CONSISTENCY.nearby_px, dtype=np.uint8)
 _AROUND_OCCLUDED = np.ones(PHOTOMETRIC_CONSISTENCY.around_occluded_px, dtype=np.uint8)
 _OVERSAMPLING, _BESIDE_STEPS = PATCH_CORRELATION.oversampling, PATCH_CORRELATION.steps_beside
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Where the pixels of a reference lie in a source, on the half-resolution (h, w) grid of the reference.
+
+    `column` is the source's column, -1 where it is not known. `seen`: both cameras can see the point.
+    """
+
+    column: Floats32
+    seen: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +37,14 @@ class PairConsistency:
     """A pair's images compared at stereo's own disparities, on the half-resolution (h, w) grid of the reference.
 
     `ncc` is the zero-mean normalised cross-correlation of 7 x 7 patches, -1 to 1. `comparable`: both cameras can see
-    the point, and it has texture in either image or a brightness that does not saturate. `inconsistent`: comparable,
-    and the two cameras do not see the same, whatever stereo chose there: no NCC within 5 x 5 pixels is high, or, gain
-    and offset fitted, no brightness within 5 x 5 pixels is the same.
+    the point, and it has texture in either image. `inconsistent`: comparable, and no NCC within 5 x 5 pixels is high:
+    the two cameras do not see the same, whatever stereo chose there.
     """
 
     ncc: Floats32
     comparable: Mask
     inconsistent: Mask
+    matches: Matches
 
 
 def matchable(range_px: int) -> RangeMask:
@@ -43,45 +52,30 @@ def matchable(range_px: int) -> RangeMask:
     return RangeMask(MATCHER_RANGE.comparable_share * range_px, range_px)
 
 
-def photometric_consistency(reference: Image, source: Image, stereo: StereoMap) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
-    height, width = reference.shape
+def matches_of(stereo: StereoMap) -> Matches:
+    """Where stereo's disparities take the reference's pixels."""
     step = HALF // stereo.step
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
-    column = np.arange(width, dtype=np.float32) - disparity
-    row = np.broadcast_to(np.arange(height, dtype=np.float32)[:, None], column.shape)
+    column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
+    return Matches(np.nan_to_num(column, nan=-1), _inside(valid) & ~_occluded(column))
+
+
+def photometric_consistency(reference: Image, source: Image, stereo: StereoMap) -> PairConsistency:
+    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
+    matches = matches_of(stereo)
+    row = np.broadcast_to(np.arange(len(reference), dtype=np.float32)[:, None], reference.shape)
     warped = cv2.remap(
-        source, column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        source, matches.column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     ).astype(np.float32)
     still = reference.astype(np.float32)
     mean_r, mean_w = _mean(still), _mean(warped)
     norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
     norm_w = cv2.sqrt(np.maximum(_mean(warped * warped) - mean_w * mean_w, 0) * _AREA)
     ncc = (_mean(still * warped) - mean_r * mean_w) * _AREA / ((norm_r + _NORM_FLOOR) * (norm_w + _NORM_FLOOR))
-    seen = _inside(valid) & ~_occluded(column)
     structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
-    lit, differs = _brightness(mean_r, mean_w)
-    no_match = structured & (cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent)
-    return PairConsistency(
-        np.asarray(ncc, np.float32),
-        np.asarray(seen & (structured | lit)),
-        np.asarray(seen & (no_match | (lit & differs))),
-    )
-
-
-def _brightness(mean_r: cv2.typing.MatLike, mean_w: cv2.typing.MatLike) -> tuple[Mask, Mask]:
-    """Where at least one of two images is not saturated, and where the reference's brightness differs from all nearby.
-
-    A saturated source pixel has no upper limit: the reference shows at least what was fitted to it.
-    """
-    every = PHOTOMETRIC_CONSISTENCY.gain_step
-    target, source = (np.asarray(mean[::every, ::every], dtype=np.float32) for mean in (mean_r, mean_w))
-    gain, offset = fit_gain(target, source)
-    darkest = np.minimum(gain * mean_w + offset, _WHITE)
-    brightest = np.where(np.asarray(mean_w) < GAIN_FIT.saturated, darkest, _WHITE)
-    beyond = np.maximum(mean_r - cv2.dilate(brightest, _NEARBY), cv2.erode(darkest, _NEARBY) - mean_r)
-    lit, differs = np.minimum(mean_r, mean_w) < GAIN_FIT.saturated, beyond > PHOTOMETRIC_CONSISTENCY.differs_by
-    return np.asarray(lit), np.asarray(differs)
+    comparable = np.asarray(matches.seen & structured)
+    no_match = cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent
+    return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
 
 
 def _inside(valid: Mask) -> Mask:

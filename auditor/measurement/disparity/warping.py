@@ -7,12 +7,15 @@ warped disparity, at the pair's baseline b, is d_r = f_r b / z_r = d_p s_z f_r /
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.disparity.stereo import StereoMap
+from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Indices, Mask
 from auditor.model.geometry import Matrix
 from auditor.model.rig import Camera
@@ -66,6 +69,13 @@ class PairToSharedView:
         """Values (h, w) of a grid of that step in the reference view, NaN where the pair does not see."""
         at = self._lookup(step)
         return np.where(at.inside, own[at.row, at.column], np.float32(np.nan))
+
+    @cached_property
+    def grid(self) -> ImageGrid:
+        """The grid of the reference view, for the pair's half-resolution pixels."""
+        row, column = np.mgrid[: _grid(self.own, HALF)[0], : _grid(self.own, HALF)[1]]
+        there = self._forward(row.ravel(), column.ravel(), HALF)
+        return ImageGrid.elsewhere(*_grid(self.reference, HALF), *(one.reshape(row.shape) for one in there))
 
     def _lookup(self, step: int) -> _Lookup:
         if step not in self._lookups:

@@ -6,14 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.fault_features.contrast import contrast, smoothed
 from auditor.measurement.fault_features.lidar_agreement import LidarComparison, agreement
 from auditor.measurement.fault_features.row_alignment import corners, register
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Floats32, Image, Points
-from auditor.model.checks import Agreement, Contrast, IsolatedShares, Pair, PairFaultFeatures, Rows, resolves_depth
+from auditor.model.checks import Agreement, IsolatedShares, Pair, PairFaultFeatures, Rows, resolves_depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,15 +20,14 @@ class FeatureInputs:
     """What fault features are made of, of this frame or of the one before.
 
     `half_res` are its half-resolution grey images by camera. By reference: `points` (P, 2) to be followed and
-    `isolated_shares`. By matched pair: stereo's disparities at the points, in half-resolution pixels, `contrasts` and,
-    where the pair can check the LiDAR, `comparisons` with it.
+    `isolated_shares`. By matched pair: stereo's disparities at the points, in half-resolution pixels, and, where the pair
+    can check the LiDAR, `comparisons` with it.
     """
 
     half_res: Mapping[int, Image]
     points: Mapping[int, Points] = field(default_factory=dict)
     isolated_shares: Mapping[int, IsolatedShares] = field(default_factory=dict)
     disparities_px: Mapping[Pair, Floats32] = field(default_factory=dict)
-    contrasts: Mapping[Pair, Contrast] = field(default_factory=dict)
     comparisons: Mapping[Pair, LidarComparison] = field(default_factory=dict)
 
 
@@ -38,13 +36,11 @@ def feature_inputs(arrays: FrameArrays) -> FeatureInputs:
     half_res, maps, views = arrays.views, arrays.maps, arrays.lidar
     consistencies, rig = arrays.frame_checks.consistencies, arrays.rig
     points = {k: corners(half_res[k], arrays.valid_masks.get(k)) for k in dict.fromkeys(k for _, k in maps)}
-    smooth = {camera: smoothed(half) for camera, half in half_res.items()}
     return FeatureInputs(
         half_res,
         points,
         arrays.frame_checks.isolated_shares,
         {(i, k): _at(maps[i, k], points[k]) for i, k in maps},
-        {(i, k): contrast(smooth[k], smooth[i], consistencies[i, k], maps[i, k]) for i, k in maps},
         {
             (j, k): LidarComparison.of(views[k], stereo, consistencies[j, k], j)
             for (j, k), stereo in maps.items()
@@ -61,11 +57,10 @@ def fault_features_of(now: FeatureInputs, before: FeatureInputs | None) -> dict[
     return {
         pair: PairFaultFeatures(
             rows.get(pair, Rows()),
-            now.contrasts[pair],
             agreements.get(pair, Agreement()),
             now.isolated_shares[pair[1]] if pair in now.comparisons else IsolatedShares(),
         )
-        for pair in now.contrasts
+        for pair in now.disparities_px
     }
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auditor.measurement.checks.photometric_consistency import PairConsistency
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.disparity.stereo import StereoMap
-from auditor.measurement.parameters import DAMAGED_PIXELS, GAIN_FIT, HALF
+from auditor.measurement.parameters import DAMAGED_PIXELS, HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.checks import Pair
@@ -127,7 +127,7 @@ def _nearness(
 
 def _fitted(warped: Floats32, still: Floats32, sure: Mask) -> Floats32:
     """The other image at this camera's gain and offset, fitted where the two are consistent."""
-    of_pairs = sure & (np.maximum(warped, still) < GAIN_FIT.saturated)
+    of_pairs = sure & (np.maximum(warped, still) < DAMAGED_PIXELS.saturated)
     x, y = warped[of_pairs], still[of_pairs]
     if x.size < DAMAGED_PIXELS.gain_fewest:
         return warped
@@ -136,7 +136,7 @@ def _fitted(warped: Floats32, still: Floats32, sure: Mask) -> Floats32:
     for _ in range(DAMAGED_PIXELS.gain_rounds):
         best = np.argpartition(np.abs(gain * x + offset - y), keep)[:keep]
         spread = x[best] - x[best].mean()
-        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *GAIN_FIT.gains)
+        gain = np.clip(np.dot(spread, y[best]) / max(np.dot(spread, spread), np.float32(1)), *DAMAGED_PIXELS.gains)
         offset = y[best].mean() - gain * x[best].mean()
     return np.asarray(np.clip(gain * warped + offset, 0, 255), dtype=np.float32)
 

@@ -1,7 +1,6 @@
 """Regions: the portion of its image or cloud that would be damaged if a sensor is attacked."""
 
-from collections.abc import Collection, Iterable
-from itertools import combinations
+from collections.abc import Collection
 
 import cv2
 import numpy as np
@@ -13,33 +12,19 @@ from auditor.measurement.localisation.points import among, damaged_points, solid
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.arrays import Mask
-from auditor.model.checks import Check, Pair, PairCheck
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
 
 
-def localise(arrays: FrameArrays, candidates: Collection[PairCheck]) -> tuple[Region, ...]:
-    """The regions of the sensors that may be attacked, given the `candidates`: checks that may exceed their thresholds.
+def localise(arrays: FrameArrays, sensors: Collection[int]) -> tuple[Region, ...]:
+    """The regions of the `sensors` that may be attacked.
 
-    Which of the sensors is attacked is only known once a frame is judged with its neighbours.
+    Which of them is attacked is only known once a frame is judged with its neighbours.
     """
-    rig = arrays.rig
-    regions = [_of_camera(arrays, camera) for camera in candidate_cameras(candidates, tuple(arrays.views))]
-    if any(pair_check.check is Check.LIDAR_CONFLICT for pair_check in candidates):
-        regions.append(_of_lidar(arrays, rig))
+    regions = [_of_camera(arrays, camera) for camera in sorted(arrays.views) if camera in sensors]
+    if LIDAR in sensors and arrays.lidar:
+        regions.append(_of_lidar(arrays, arrays.rig))
     return tuple(region for region in regions if region)
-
-
-def candidate_cameras(candidates: Iterable[PairCheck], cameras: Collection[int]) -> tuple[int, ...]:
-    """The cameras of the smallest sets that touch every candidate pair of the checks of cameras."""
-    pairs: set[Pair] = {
-        (e.i, e.k) for e in candidates if e.check in (Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE)
-    }
-    for size in range(len(cameras) + 1):
-        sets = [s for s in combinations(sorted(cameras), size) if all(i in s or k in s for i, k in pairs)]
-        if sets:
-            return tuple(sorted(set().union(*sets)))
-    return ()
 
 
 def _of_camera(arrays: FrameArrays, camera: int) -> Region | None:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.parameters import SGBM
 
@@ -33,13 +34,14 @@ class SgbmMatcher:
     @property
     def settings(self) -> str:
         """Canonical JSON of everything that changes a disparity."""
-        values = {"block": _BLOCK, "mode": "3way", "range_px": self.range_px, "step": self.step}
+        values = {"block": _BLOCK, "equalised": True, "mode": "3way", "range_px": self.range_px, "step": self.step}
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
     def match(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Disparities (ceil(H / step), ceil(W / step)) of two (H, W) grey images, in full-resolution pixels."""
         if self.step == 2:
             left, right = halve(left), halve(right)
+        right = equalised(right, left)  # the cost compares levels: half the gain sends bright walls to a wrong depth
         # Without the border SGBM gives no disparity in the leftmost `border_px` columns of the left image.
         border_px = self.range_px // self.step
         matcher = cv2.StereoSGBM.create(

@@ -15,7 +15,7 @@ from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.psmnet.matcher import PsmnetMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.disparity.stereo import seen_by_both
-from auditor.measurement.parameters import PSMNET_PREFLIGHT
+from auditor.measurement.warning_parameters import PSMNET_PREFLIGHT
 from auditor.model.arrays import Mask
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig

@@ -1,0 +1,173 @@
+"""Light that one camera of a pair alone sees, and light that it alone lacks.
+
+Each camera's brightness is predicted from the other's image at stereo's disparities, through a tone curve. What is
+brighter or darker than all predictions nearby is a residual, in shares of what was predicted: gains and exposures
+multiply, and so do most errors. Light only adds, so its sign says which of the two cameras it fell into; which of them
+is wrong about the scene only further cameras can say (`identification.statistics`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
+from auditor.measurement.parameters import LIGHT
+from auditor.model.arrays import Floats32, Image, Mask
+
+_NEARBY = np.ones(LIGHT.nearby_px, dtype=np.uint8)
+_WHITE = 255
+_EVERY = LIGHT.fitted_step
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One camera at half resolution: (h, w) grey, and where it has colours (h, w, 3) BGR."""
+
+    grey: Image
+    colour: Image | None = None
+
+    @cached_property
+    def levels(self) -> Image:
+        """(h, w) grey means over 7 x 7 pixels."""
+        return _means(self.grey)
+
+    @cached_property
+    def saturation(self) -> int:
+        """The grey level from which on it saturates."""
+        return saturation_level(self.grey)
+
+    @cached_property
+    def channels(self) -> tuple[Image, ...]:
+        """The (h, w) means of each channel over 7 x 7 pixels; none of a grey camera."""
+        return () if self.colour is None else cv2.split(_means(self.colour))
+
+    @cached_property
+    def channel_saturations(self) -> tuple[int, ...]:
+        """The level from which on each channel saturates."""
+        return () if self.colour is None else tuple(saturation_level(one) for one in cv2.split(self.colour))
+
+    @cached_property
+    def brightest(self) -> Image:
+        """(h, w) the largest of the channels' means."""
+        return np.max(self.channels, axis=0)
+
+    @cached_property
+    def classes(self) -> Classes:
+        """(h, w) the classes of chroma of a colour picture."""
+        return chroma_classes(*self.channels)
+
+
+@dataclass(frozen=True, eq=False)
+class LightDifference:
+    """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
+
+    `comparable` (h, w): both cameras see the point, and not both are saturated there.
+    """
+
+    residual: Floats32
+    comparable: Mask
+
+
+def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
+    """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
+    row = np.ascontiguousarray(np.broadcast_to(np.arange(len(column), dtype=np.float32)[:, None], column.shape))
+    warp = _Warp(np.where(seen, column, np.float32(-1)), row)
+    levels = warp.of(source.levels)
+    if reference.channels and source.channels:
+        residual = _of_colours(reference, source, warp, seen)
+    elif reference.channels:
+        residual = -_of_mixture(
+            levels, source.saturation, reference.levels, reference, seen, reference.classes, reference.brightest
+        )
+    elif source.channels:
+        classes, brightest = warp.of(source.classes, cv2.INTER_NEAREST), warp.of(source.brightest)
+        residual = _of_mixture(reference.levels, reference.saturation, levels, source, seen, classes, brightest)
+    else:
+        residual = _alike(reference.levels, levels, seen, reference.saturation, source.saturation)
+    comparable = seen & ((reference.levels < reference.saturation) | (levels < source.saturation))
+    residual = np.clip(residual, -1, 1)
+    residual[~comparable] = 0
+    return LightDifference(residual, comparable)
+
+
+@dataclass(frozen=True, eq=False)
+class _Warp:
+    column: Floats32
+    row: Floats32
+
+    def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
+        return np.asarray(
+            cv2.remap(image, self.column, self.row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8
+        )
+
+
+def _of_colours(reference: View, source: View, warp: _Warp, seen: Mask) -> Floats32:
+    """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
+    channels = zip(
+        reference.channels, source.channels, reference.channel_saturations, source.channel_saturations, strict=True
+    )
+    residuals = [
+        np.clip(_alike(value, warp.of(other), seen, highest, others), -1, 1)
+        for value, other, highest, others in channels
+    ]
+    return np.asarray(np.mean(residuals, axis=0, dtype=np.float32))
+
+
+def _alike(value: Image, other: Image, seen: Mask, saturation: int, other_saturation: int) -> Floats32:
+    """The residual of levels of one kind."""
+    predicted = _prediction(other, value, seen, other_saturation, saturation).of(other)
+    return _relative(value, predicted, value >= saturation, other >= other_saturation)
+
+
+def _of_mixture(
+    greys: Image, grey_saturation: int, luma: Image, colour: View, seen: Mask, classes: Classes, brightest: Image
+) -> Floats32:
+    """How much brighter the grey camera is than the colour camera predicts."""
+    predicted = _prediction(luma, greys, seen, colour.saturation, grey_saturation, classes).of(luma, classes)
+    saturated = brightest >= min(colour.saturation, LIGHT.colour_saturation)
+    return _relative(greys, predicted, greys >= grey_saturation, saturated, infrared=True)
+
+
+def _prediction(
+    source: Image,
+    target: Image,
+    seen: Mask,
+    source_saturation: int,
+    target_saturation: int,
+    classes: Classes | None = None,
+) -> Prediction:
+    """Fitted to every fourth pixel each way that both see and that saturates in neither."""
+    s, t, usable = (one[::_EVERY, ::_EVERY].ravel() for one in (source, target, seen))
+    usable = usable & (s < source_saturation) & (t < target_saturation)
+    return predict(s, t, usable, None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
+
+
+def _relative(
+    value: Image, predicted: Image, saturated: Mask, source_saturated: Mask, *, infrared: bool = False
+) -> Floats32:
+    """By what share the values lie above, or below, all that is predicted within 5 x 5 pixels.
+
+    Where the source is saturated there is no upper limit, and what is saturated itself is not darker. A grey camera
+    that sees near `infrared` sees plants brighter than colours tell.
+    """
+    highest, lowest = cv2.dilate(predicted, _NEARBY), cv2.erode(predicted, _NEARBY)
+    highest = cv2.max(highest, cv2.dilate(source_saturated.astype(np.uint8) * np.uint8(_WHITE), _NEARBY))
+    above = cv2.subtract(value, highest).astype(np.float32)
+    below = cv2.subtract(lowest, value).astype(np.float32)
+    below[saturated] = 0
+    level, share = (LIGHT.infrared_level, LIGHT.infrared_share) if infrared else (LIGHT.level, LIGHT.share)
+    above /= np.float32(level) + np.float32(share) * highest
+    below /= np.float32(LIGHT.level) + np.float32(LIGHT.share) * lowest
+    return np.asarray(above - below)
+
+
+def _means(image: Image) -> Image:
+    return np.asarray(cv2.blur(image, LIGHT.mean_px), dtype=np.uint8)
+
+
+def views_of(half_res: Mapping[int, Image], colours: Mapping[int, Image]) -> dict[int, View]:
+    """The half-resolution images by camera, grey, and of those that have them colours."""
+    return {camera: View(half, colours.get(camera)) for camera, half in half_res.items()}

@@ -1,0 +1,113 @@
+"""Tone curves: which level of one camera goes with which level of another, fitted to the pixels that both see.
+
+Cameras differ in gain, offset, knee and spectrum. A curve of medians that only has to rise follows all but the last.
+A grey camera's spectrum is wider than that of a colour camera's channels: materials of one luma have many grey levels,
+and those of one hue and luma nearly one. So grey levels are predicted from colours, with one curve for each class of
+chroma; colours cannot be predicted from grey levels.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.measurement.parameters import CHROMA, SATURATION, TONE_CURVE
+from auditor.model.arrays import Floats, Image, Mask
+
+_LEVELS = 256
+_WHITE = 255
+_BINS = TONE_CURVE.bins
+_WIDTH = _LEVELS // _BINS
+
+Classes = NDArray[np.uint8]
+"""(h, w) the class of chroma of each pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """(C, 256) predicted levels by class and level of the source."""
+
+    table: Image
+
+    def of(self, source: Image, classes: Classes | None = None) -> Image:
+        """The levels predicted from the source's (h, w) levels, and its classes where there are several."""
+        if classes is None:
+            return np.asarray(cv2.LUT(source, self.table[0]), dtype=np.uint8)
+        return np.asarray(self.table.ravel()[classes.astype(np.intp) * _LEVELS + source], dtype=np.uint8)
+
+
+def predict(source: Image, target: Image, usable: Mask, classes: Classes | None = None) -> Prediction:
+    """Fit the target's levels to the source's, (M,) each where `usable`; by class where classes (M,) are given.
+
+    A class of few samples has the curve of all of them.
+    """
+    source, target = source[usable], target[usable]
+    common = _curve(source, target)
+    if classes is None:
+        return Prediction(common[None])
+    classes = classes[usable]
+    tables = np.repeat(common[None], (len(CHROMA.edges) + 1) ** 2, axis=0)
+    counts = np.bincount(classes, minlength=len(tables))
+    for number in np.flatnonzero(counts >= CHROMA.fewest).tolist():
+        own = classes == number
+        tables[number] = _curve(source[own], target[own])
+    return Prediction(tables)
+
+
+def chroma_classes(blue: Image, green: Image, red: Image) -> Classes:
+    """(h, w) the class of each pixel: how much red and blue exceed green, as shares of the whole."""
+    b, g, r = (channel.astype(np.float32) for channel in (blue, green, red))
+    whole = b + g + r + np.float32(CHROMA.dark)
+    found = np.zeros(g.shape, dtype=np.uint8)
+    for weight, one in ((len(CHROMA.edges) + 1, r), (1, b)):
+        share = (one - g) / whole
+        for edge in CHROMA.edges:
+            found += (share > np.float32(edge)).view(np.uint8) * np.uint8(weight)
+    return found
+
+
+def saturation_level(image: Image) -> int:
+    """The level from which on an (h, w) image saturates: below its top level where many pixels lie there."""
+    counts = np.bincount(image.ravel(), minlength=_LEVELS)
+    top = int(np.flatnonzero(counts)[-1])
+    crowded = counts[max(top - 1, 0) :].sum() > SATURATION.crowded_share * image.size
+    return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
+
+
+def _curve(source: Image, target: Image) -> Image:
+    """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends."""
+    middle, level = _medians(source, target)
+    levels = np.arange(_LEVELS, dtype=np.float64)
+    if len(middle) < TONE_CURVE.fewest_bins:
+        return levels.astype(np.uint8)
+    level = _monotone(level)
+    curve = np.interp(levels, middle, level)
+    below, above = levels < middle[0], levels > middle[-1]
+    curve[below] = level[0] * levels[below] / max(middle[0], 1.0)
+    curve[above] = level[-1] * levels[above] / max(middle[-1], 1.0)
+    return np.clip(np.rint(curve), 0, _WHITE).astype(np.uint8)
+
+
+def _medians(source: Image, target: Image) -> tuple[Floats, Floats]:
+    """By bin with enough samples: the mean of the source's levels, and the median of the target's."""
+    place = (source // _WIDTH).astype(np.intp)
+    counts = np.bincount(place, minlength=_BINS)
+    ordered = np.sort(place * _LEVELS + target) % _LEVELS
+    start = np.cumsum(counts) - counts
+    used = np.flatnonzero(counts >= TONE_CURVE.fewest)
+    low, high = (ordered[start[used] + (counts[used] - odd) // 2] for odd in (1, 0))
+    sums = np.bincount(place, weights=source, minlength=_BINS)
+    return np.asarray(sums[used] / counts[used]), np.asarray((low + high) / 2)
+
+
+def _monotone(levels: Floats) -> Floats:
+    """The nearest levels that never fall, all weighing alike (pool adjacent violators)."""
+    pools: list[tuple[float, int]] = []
+    for level in levels.tolist():
+        mean, number = level, 1
+        while pools and pools[-1][0] > mean:
+            before, many = pools.pop()
+            mean, number = (before * many + mean * number) / (many + number), many + number
+        pools.append((mean, number))
+    return np.repeat([mean for mean, _ in pools], [number for _, number in pools])

@@ -1,0 +1,42 @@
+"""Every number that decides a warning beside the counts: no count and no verdict follows from them."""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+_DECISIONS = "docs/decisions.md"
+_WARNINGS = "docs/decisions.md, a rig that does not fit: between clean frames and false geometry (benchmark fitting)"
+
+
+@dataclass(frozen=True)
+class CalibrationCheck:
+    """Warnings where a rig does not fit its recording: no count follows from them."""
+
+    every: int = parameter(5, unit="frames, of which one is used", source=BY_HAND)
+    most_frames: int = parameter(200, unit="frames used", source="bounds the work; no experiment recorded")
+    least_aligned: float = parameter(0.45, unit="share of points on one row", source=_WARNINGS)
+    least_agreeing: float = parameter(0.5, unit="share of LiDAR points", source=_WARNINGS)
+    least_excess: float = parameter(0.3, unit="excess of the points that agree once moved", source=_WARNINGS)
+    clear_offset_px: float = parameter(1.5, unit="px", source=BY_HAND)
+    wrong_scale: float = parameter(0.05, unit="share", source=BY_HAND)
+    fewest_points: int = parameter(50, unit="LiDAR points", source=BY_HAND)
+    smallest_px: float = parameter(8.0, unit="px of disparity, for a scale", source=BY_HAND)
+    frames_quantile: float = parameter(0.75, unit="quantile of the shares", source=f"{_DECISIONS}, geometry")
+
+
+@dataclass(frozen=True)
+class PsmnetPreflight:
+    """Warnings before PSMNet measures: no count follows from them."""
+
+    fewest_px: int = parameter(500, unit="px", source=BY_HAND)
+    nearest_trust_px: float = parameter(4.0, unit="px, where 1 px of misalignment is a quarter", source=BY_HAND)
+    ratio_off_by: float = parameter(0.03, unit="share", source=BY_HAND)
+    better_by_px: float = parameter(0.25, unit="px of disparity", source=BY_HAND)
+    precision_px: float = parameter(0.1, unit="px of disparity, mean", source=BY_HAND)
+
+
+CALIBRATION_CHECK = CalibrationCheck()
+PSMNET_PREFLIGHT = PsmnetPreflight()
+
+WARNING = (CALIBRATION_CHECK, PSMNET_PREFLIGHT)
+"""What decides warnings, and no count."""
