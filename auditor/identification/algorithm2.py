@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from auditor.identification.parameters import ATTACK_SET_COST
+from auditor.identification.parameters import NAMING
 from auditor.model.arrays import Flags
 from auditor.model.rig import Triple
 
@@ -20,7 +20,7 @@ FEWEST_SENSORS = 4
 FEWEST_COMPARED = 3
 """The sensors of a triple: fewer cannot be compared."""
 
-MOST_SETS = ATTACK_SET_COST.most_sets
+MOST_SETS = NAMING.most_sets
 """Attack sets that are listed at most; of more sensors only the sets of the fewest attacked ones are."""
 
 

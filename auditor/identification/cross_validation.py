@@ -8,14 +8,14 @@ from math import sqrt
 import numpy as np
 
 from auditor.errors import ThresholdsError
-from auditor.identification.naming import System
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.identification.scores import thresholds_from
 from auditor.identification.statistics import NANOSECONDS
+from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.arrays import Flags, Floats, Integers
-from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, strengths_of
+from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import fallback_of
 from auditor.model.verdict import FINDINGS, Finding
@@ -52,17 +52,9 @@ def robust_thresholds(
 ) -> RobustThresholds:
     """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
 
-    `transferred` is what `check_calibration` answered. Raises ThresholdsError where no pair check has clean frames, and
-    SettingError where r is not in [0, 1].
+    `transferred` is what `check_calibration` answered. Raises SettingError where r is not in [0, 1].
     """
-    ratios, calibration_id = calibration.ratios_of(system.pair_checks), calibration.calibration_id
-    found = thresholds_from(ratios, calibration.strengths, system.pair_checks, r, calibration_id)
-    if not found.scales_of:
-        raise ThresholdsError(
-            "no clean statistics of any check of this rig",
-            where=f"calibration {calibration_id}",
-            remedy="calibrate on clean recordings of this rig kind, or judge with --method paper",
-        )
+    found = _thresholds(calibration.clean, system, r, calibration.calibration_id)
     score = 0.0
     if incidents_per_hour is not None:
         score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
@@ -175,9 +167,8 @@ def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
         yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
-def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
-    ratios = np.vstack([one.ratios_of(system.pair_checks) for one in clean])
-    return thresholds_from(ratios, strengths_of(clean), system.pair_checks, r)
+def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal, calibration_id: str = "") -> RobustThresholds:
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, calibration_id)
 
 
 def _measured(columns: Sequence[Floats]) -> Floats:

@@ -4,20 +4,19 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
-from auditor.identification.scores import normalised_scores
+from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
 from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
-from auditor.model.calibration import HIGHEST_SCORE, Scale
-from auditor.model.checks import COLUMNS, LIDAR_CHECKS, Check, Pair, PairCheck, relative_excess
+from auditor.model.calibration import Scale
+from auditor.model.checks import COLUMNS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, Evidence, FaultHypothesis, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 
 LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
 """No fault score depends on frames further away than half of this."""
@@ -51,7 +50,7 @@ class ObservedFeatures:
 def fault_scores(
     seen: ObservedFeatures, stamp_ns: Integers, sensors: Sequence[int], runs: Integers | None = None
 ) -> dict[CauseIn, Floats]:
-    """(F,) score of each fault over the temporal window, for dirt over two seconds; 1 is just enough.
+    """(F,) score of each fault over the temporal window; 1 is just enough.
 
     `stamp_ns` (F,) are the frames' stamps, `runs` (F,) number their runs where they are known. NaN where nothing was
     measured.
@@ -60,7 +59,6 @@ def fault_scores(
     for camera in seen.cameras:
         found[Cause.LATE, camera] = _lagging(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
-        found[Cause.SOILED, camera] = _darker(seen, camera) / FAULT_SCORES.soiled
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
@@ -68,9 +66,8 @@ def fault_scores(
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
     found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
     found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / FAULT_SCORES.glare
-    usual = TEMPORAL_WINDOW.seconds
-    seconds = {key: LONGEST_WINDOW_S if key[0] is Cause.SOILED else usual for key in found}
-    return {key: window_means(values[:, None], stamp_ns, seconds[key], runs)[:, 0] for key, values in found.items()}
+    seconds = TEMPORAL_WINDOW.seconds
+    return {key: window_means(values[:, None], stamp_ns, seconds, runs)[:, 0] for key, values in found.items()}
 
 
 def fault_hypotheses(
@@ -82,8 +79,11 @@ def fault_hypotheses(
     below 0.2, and faults without a scale, are left out.
     """
     keys = list(scores)
-    z = normalised_scores(np.stack([scores[key] for key in keys], axis=1), [scales.get(key) for key in keys])
-    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / HIGHEST_SCORE))
+    known = [scales.get(key) for key in keys]
+    theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
+    scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
+    z = np.minimum((np.stack([scores[key] for key in keys], axis=1) - theta) / scale, FAULT_SCALE.highest)
+    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / FAULT_SCALE.highest))
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
@@ -92,18 +92,18 @@ def fault_hypotheses(
     return hypotheses
 
 
-def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], in_several_pairs: Collection[int] = ()) -> Verdict:
+def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
     A fault is a finding by itself; darkness, glare and rain are listed where no check fired, and are no finding. The
-    fault of a sensor that was left out cannot explain a verdict. Where a check's z exceeds that of a fault by more than
-    1, the fault does not explain it: an attack changes a portion of the view, and more strongly. The attack of a
-    `suspect` verdict is the first of its alternatives. `in_several_pairs` are the cameras matched with more than one
-    other.
+    fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly more than a
+    fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more strongly. The
+    attack of a `suspect` verdict is the first of its alternatives.
     """
     fired = verdict.kind in FINDINGS
-    least = max((one.score for one in verdict.evidence), default=0.0) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
-    kept = tuple(one for one in causes if (_explains(one, verdict, in_several_pairs) if fired else _by_itself(one)))
+    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
+    least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
+    kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = any(
         one.score >= FAULT_HYPOTHESES.enough
         and _z_of(one) >= least
@@ -186,28 +186,6 @@ def _beyond_others(seen: ObservedFeatures, camera: int, gain: Floats) -> Floats:
     return inside - np.maximum(np.nan_to_num(np.fmax.reduce(outside)), 0) if outside else inside
 
 
-def _darker(seen: ObservedFeatures, camera: int) -> Floats:
-    """(F,) by how many grey levels a camera is at least darker than its partners where they are inconsistent.
-
-    Where a partner is as much brighter than others, the partner has changed.
-    """
-    inconsistent, difference = seen.columns["inconsistent_px"], seen.columns["difference"]
-    found = []
-    for p, (i, k) in _pairs_with(seen, camera):
-        partner = i if camera == k else k
-        darker = difference[:, p] * (1.0 if camera == i else -1.0)
-        enough = FAULT_SCORES.soiled_partner * inconsistent[:, p]
-        others = [
-            np.where(inconsistent[:, q] > enough, difference[:, q] * (1.0 if partner == pair[1] else -1.0), 0.0)
-            for q, pair in _pairs_with(seen, partner)
-            if q != p
-        ]
-        usual = np.fmax(np.fmax.reduce(others), 0.0) if others else 0.0
-        measured = 0 * inconsistent[:, p]  # NaN where it was not measured
-        found.append(np.where(inconsistent[:, p] >= FAULT_SCORES.soiled_fewest, darker - usual, measured))
-    return _least(found, seen)
-
-
 def _mean(values: Floats) -> Floats:
     """(F,) the means of what was measured in each row of (F, P), NaN where nothing was."""
     measured = ~np.isnan(values)
@@ -233,7 +211,7 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
 
 def _z_of(hypothesis: FaultHypothesis) -> float:
     """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
-    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * HIGHEST_SCORE
+    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
     return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
 
 
@@ -242,16 +220,21 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
 
 
-def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: Collection[int]) -> bool:
+def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
+    """The cameras of a verdict that lack light more clearly than they have too much: an attack by light adds it."""
+    strongest: dict[int, tuple[float, str]] = {}
+    for one in verdict.evidence:
+        if one.k is None:
+            strongest[one.i] = max(strongest.get(one.i, (one.score, one.check_name)), (one.score, one.check_name))
+    dark = Check.REMOVED_LIGHT.value
+    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor, (_, name) in strongest.items() if name == dark)
+
+
+def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
-    if hypothesis.cause is Cause.SOILED and hypothesis.sensor not in verdict.attacked:
-        # To one pair dirt on a camera looks like light in the other: several pairs must show it as strongly.
-        strongest = max(one.score for one in verdict.evidence)
-        seen = hypothesis.sensor in in_several_pairs and _z_of(hypothesis) >= strongest
-        return seen and _covers_most(hypothesis.sensor, verdict)
     if hypothesis.cause is Cause.DARK:
-        return Check.BRIGHTNESS_DIFFERENCE.value not in checks
+        return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
@@ -261,10 +244,5 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict, in_several_pairs: C
 
 def _covers_most(sensor: int | None, verdict: Verdict) -> bool:
     """Whether a fault of a sensor can have made checks fire that have at least half of the sum of z."""
-    fired = [(one.score, sensor in _nameable(one)) for one in verdict.evidence]
+    fired = [(one.score, sensor in (one.i, one.k)) for one in verdict.evidence]
     return sum(z for z, own in fired if own) >= FAULT_HYPOTHESES.least_covered * sum(z for z, _ in fired)
-
-
-def _nameable(evidence: Evidence) -> tuple[int, ...]:
-    """The sensors one of which must be at fault where the check fired."""
-    return PairCheck(Check(evidence.check_name), evidence.i, evidence.k).nameable

@@ -1,12 +1,14 @@
-"""Joint identification: from the normalised scores of all pair checks to the sensors that are named as attacked."""
+"""Joint identification: from the normalised scores of all sensor checks to the sensors that are named as attacked.
 
-from collections import Counter
-from collections.abc import Sequence
+Each check speaks of one sensor, by the vote of others. An attacked sensor votes too: so sensors are named one after the
+other, the strongest first, and after each the others are judged by the votes of those that are left.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.identification.algorithm2 import (
     ABOVE,
@@ -14,101 +16,55 @@ from auditor.identification.algorithm2 import (
     FEWEST_SENSORS,
     NOT_ABOVE,
     NOT_MEASURED,
-    allowed_attack_sets,
     identify,
     listed,
 )
-from auditor.identification.attack_sets import AttackSetCosts, attack_set_costs, compared, covers, triple_states
-from auditor.identification.parameters import ATTACK_SET_COST
+from auditor.identification.parameters import NAMING
+from auditor.identification.systems import System, measured_triples
 from auditor.model.arrays import Flags, Floats, Indices
-from auditor.model.checks import LIDAR_CHECKS, Check, PairCheck
-from auditor.model.rig import LIDAR, Triple
+from auditor.model.checks import Check, SensorCheck
+from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
 
 
 @dataclass(frozen=True)
-class System:
-    """What a rig's frames are judged by: its pair checks, triples and sensors, in their fixed orders.
+class _Named:
+    """The sensors that were named in turn, the checks that exceeded the limit, and the next best by sensor.
 
-    `fallback` is the triple for frames in which none of `triples` was measured.
+    `unclear` are checks of two cameras that do not see the same, without a third that could tell which is wrong.
     """
 
-    pair_checks: tuple[PairCheck, ...]
-    triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
-    fallback: Triple | None = None
-
-    @property
-    def in_several_pairs(self) -> frozenset[int]:
-        """The cameras matched with more than one other: a fault in one of them shows in all its pairs."""
-        pairs = Counter(s for e in self.pair_checks if e.check is Check.PHOTOMETRIC_INCONSISTENCY for s in (e.i, e.k))
-        return frozenset(sensor for sensor, number in pairs.items() if number > 1)
-
-    @cached_property
-    def of_fallback(self) -> Flags:
-        """(M,) the pair checks that are there for the fallback's sake: disparities of its two cameras, and its view."""
-        if self.fallback is None:
-            return np.zeros(len(self.pair_checks), dtype=np.bool_)
-        _, j, k = self.fallback
-        return np.array(
-            [
-                e.check is not Check.BRIGHTNESS_DIFFERENCE and (e.i, e.k) in ((j, k), (LIDAR, k))
-                for e in self.pair_checks
-            ],
-            dtype=np.bool_,
-        )
-
-    def unused(self, absent: frozenset[int]) -> Flags:
-        """(M,) the pair checks that do not count in frames without these sensors.
-
-        They are those that need one of them, and the LiDAR's own checks in the fallback's view while any other
-        reference camera is there.
-        """
-        lacking = np.array([not absent.isdisjoint(e.needed) for e in self.pair_checks], dtype=np.bool_)
-        if {triple.k for triple in self.triples} <= absent:
-            return lacking
-        lidar_checks = np.array([e.check in LIDAR_CHECKS for e in self.pair_checks], dtype=np.bool_)
-        return np.asarray(lacking | (self.of_fallback & lidar_checks))
+    evidence: tuple[tuple[float, SensorCheck], ...]
+    unclear: tuple[SensorCheck, ...]
+    first: Mapping[int, float]
 
 
-def name_attacked(
-    z: Floats, system: System, missing: Sequence[frozenset[int]], threshold: float = 0.0
-) -> list[Verdict]:
+def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
-    A frame is a finding where the best attack set explains it better than no attack by more than `threshold`. The
-    verdict's `margin` is the gap between the best attack set and the runner-up, or the largest z where three sensors
-    tell no attacks apart; `evidence` are the fired pair checks, the strongest first; `named` is Algorithm 2's answer on
-    the same states. `reason` says why no sensor of a finding is named, without which sensors a frame was judged, and
-    where no camera pair can check the LiDAR. A frame without a finding in which no three sensors were compared is not
-    auditable.
+    A frame is a finding where a check that counts exceeds the `limit`. The verdict's `gap` is by how much the strongest
+    sensor exceeds the next, or the limit; `evidence` are the checks above it, the strongest first; `named` is Algorithm
+    2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
+    frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors
+    were compared is not auditable.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
-    z = without_missing(z, system, missing)
     for absent, frames in _frames_by_missing(missing).items():
-        for frame, verdict in zip(frames, _name_in_group(z[frames], system, absent, threshold), strict=True):
+        for frame, verdict in zip(frames, _of_group(z[frames], system, absent, limit), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
 
 
 def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
-    """(F,) the numbers that `name_attacked` compares with its threshold, from the same (F, M) z and missing sensors."""
+    """(F,) the largest z of the checks that count in each frame: `name_attacked` compares it with its limit."""
     scores = np.full(len(z), -np.inf)
-    z = without_missing(z, system, missing)
     for absent, frames in _frames_by_missing(missing).items():
-        sets = allowed_attack_sets(sensor for sensor in system.sensors if sensor not in absent)
-        scores[frames] = _attack_score(z[frames], attack_set_costs(z[frames], system.pair_checks, sets))
+        columns = system.counting(absent)
+        scores[frames] = np.nanmax(z[frames][:, columns], axis=1, initial=-np.inf)
     return scores
-
-
-def without_missing(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
-    """A copy of (F, M) scores with NaN for the pair checks that do not count with the sensors missing in a frame."""
-    masked = np.array(z, dtype=np.float64)
-    for absent, frames in _frames_by_missing(missing).items():
-        masked[np.array(frames, dtype=np.intp)[:, None], system.unused(absent)] = np.nan
-    return masked
 
 
 def _frames_by_missing(missing: Sequence[frozenset[int]]) -> dict[frozenset[int], list[int]]:
@@ -118,95 +74,119 @@ def _frames_by_missing(missing: Sequence[frozenset[int]]) -> dict[frozenset[int]
     return groups
 
 
-def _attack_score(z: Floats, costs: AttackSetCosts) -> Floats:
-    """(F,) how much better the best attack set explains each frame than no attack does.
-
-    With three sensors, which tell no attacks apart, it is the largest z; -inf where nothing was measured.
-    """
-    if len(costs.sets) > 1:
-        return costs.score
-    return np.asarray(np.nanmax(z, axis=1, initial=-np.inf))
-
-
-def _name_in_group(z: Floats, system: System, absent: frozenset[int], threshold: float) -> list[Verdict]:
+def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[Verdict]:
     """The verdicts on frames that all lack the same sensors."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
-    sets = allowed_attack_sets(present)
-    costs = attack_set_costs(z, system.pair_checks, sets)
-    score = _attack_score(z, costs)
-    gap = costs.gap if len(sets) > 1 else score
-    ranked = np.argsort(costs.cost, axis=1, kind="stable")[:, : 1 + ATTACK_SET_COST.alternatives]
-    named = cache(lambda e: _algorithm_2(e, system, present))
-    states, audited = _states(z, system, absent)
-    remarks = _remarks(z, system, present, states)
+    columns = system.counting(absent)
+    counting = z[:, columns]
+    measured: Flags = ~np.isnan(counting)
+    score = np.nanmax(counting, axis=1, initial=-np.inf)
     why_not = _why_not_compared(system, present, outside)
+    states = cache(lambda which, fired: _states(system, columns, which, fired, absent))
+    algorithm_2 = cache(lambda e: _algorithm_2(e, system, present))
+    remarks = cache(lambda which, by_fallback: _remarks(system, columns, which, present, by_fallback=by_fallback))
     verdicts = []
-    for f, e in enumerate(states):
-        if not audited[f] and score[f] <= threshold:
+    for f, seen in enumerate(measured):
+        which = seen.tobytes()
+        found = _name(z[f], system, absent, limit) if score[f] > limit else None
+        fired = frozenset() if found is None else _fired(found)
+        e, audited = states(which, fired)
+        if found is None and not audited:
             verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=why_not))
             continue
         verdict = Verdict(
-            kind=VerdictKind.CLEAN,
-            e=e,
-            named=named(e),
+            VerdictKind.CLEAN,
+            e,
+            named=algorithm_2(e),
             out_of_system=outside,
-            gap=float(gap[f]),
-            reason=remarks[f],
-            evidence=_evidence(z[f], system),
-            alternatives=_alternatives(costs, f, ranked[f]),
+            gap=float(limit - score[f]),
+            reason=remarks(which, len(e) > len(system.triples)),
         )
-        if score[f] > threshold:
-            verdict = _finding(verdict, costs.sets[ranked[f, 0]], z[f], system.pair_checks, len(present))
-        verdicts.append(verdict)
+        verdicts.append(verdict if found is None else _finding(verdict, found, limit, present))
     return verdicts
 
 
-def _finding(
-    verdict: Verdict, attacked: tuple[int, ...], z: Floats, pair_checks: Sequence[PairCheck], N: int
-) -> Verdict:
+def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Named:
+    """Name the sensors of one frame in turn, until no check exceeds the limit or as many are named as are there."""
+    named: list[int] = []
+    evidence: list[tuple[float, SensorCheck]] = []
+    first: dict[int, float] = {}
+    while True:
+        gone = absent.union(named)
+        columns = system.counting(gone)
+        scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
+        of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
+        first = first or _largest(of_one)
+        if not of_one or (strongest := max(of_one))[0] <= limit:
+            unclear = tuple(check for value, check in scored if value > limit and len(check.nameable) > 1)
+            evidence += [(value, check) for value, check in scored if check in unclear]
+            return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
+        sensor = strongest[1].sensor
+        named.append(sensor)
+        evidence += [(value, check) for value, check in of_one if check.sensor == sensor and value > limit]
+
+
+def _largest(scored: Sequence[tuple[float, SensorCheck]]) -> dict[int, float]:
+    largest: dict[int, float] = {}
+    for value, check in scored:
+        largest[check.sensor] = max(value, largest.get(check.sensor, -np.inf))
+    return largest
+
+
+def _fired(found: _Named) -> frozenset[tuple[int, ...]]:
+    """The sensors, alone or in pairs, that checks above the limit speak of."""
+    return frozenset((*((sensor,) for sensor in found.sensors), *(tuple(sorted(c.nameable)) for c in found.unclear)))
+
+
+def _finding(verdict: Verdict, found: _Named, limit: float, present: Sequence[int]) -> Verdict:
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
-    doubt = _doubt(z, attacked, verdict.gap or 0.0, pair_checks, N)
-    if not doubt:
-        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=attacked)
-    likeliest = (Alternative(attacked, 0.0),) if N >= FEWEST_SENSORS else ()
-    return replace(
+    ranked = sorted(found.first.items(), key=lambda one: -one[1])
+    best = ranked[0][1] if ranked else limit
+    others = [Alternative((sensor,), best - value) for sensor, value in ranked if (sensor,) != found.sensors]
+    rivals = [value for sensor, value in ranked if sensor not in found.sensors]
+    verdict = replace(
         verdict,
-        kind=VerdictKind.UNIDENTIFIED,
-        reason="; ".join(filter(None, (doubt, verdict.reason))),
-        alternatives=(*likeliest, *verdict.alternatives),
+        gap=float(best - max(limit, *rivals)) if rivals else float(best - limit),
+        evidence=tuple(_evidence(value, check) for value, check in found.evidence),
+        alternatives=tuple(others[: NAMING.alternatives]),
     )
+    doubt = _doubt(found, len(present))
+    if not doubt:
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.sensors)
+    likeliest = (Alternative(found.sensors, 0.0),) if found.sensors and len(present) >= FEWEST_SENSORS else ()
+    reason = "; ".join(filter(None, (doubt, verdict.reason)))
+    alternatives = tuple(dict.fromkeys((*likeliest, *verdict.alternatives)))
+    return replace(verdict, kind=VerdictKind.UNIDENTIFIED, reason=reason, alternatives=alternatives)
 
 
-def _doubt(z: Floats, attacked: tuple[int, ...], gap: float, pair_checks: Sequence[PairCheck], N: int) -> str:
-    """Why the best attack set cannot be named; empty where it can."""
+def _evidence(value: float, check: SensorCheck) -> Evidence:
+    return Evidence(check.check.value, check.sensor, None, check.others[0] if len(check.nameable) > 1 else None, value)
+
+
+def _doubt(found: _Named, N: int) -> str:
+    """Why the sensors that were found cannot be named; empty where they can."""
     if N < FEWEST_SENSORS:
         return f"an attack on one of {N} sensors cannot be attributed"
-    fired = [(float(v), e) for v, e in zip(z, pair_checks, strict=True) if v > 0]
-    if sum(v for v, e in fired if not covers(e, attacked)) > ATTACK_SET_COST.most_uncovered:
-        return f"no attack on at most {N - 3} of {N} sensors explains what was measured"
-    if gap < ATTACK_SET_COST.penalty_per_sensor:
-        return "two attacks explain the frame equally well"
+    if found.unclear:
+        pair = listed(sorted(found.unclear[0].nameable))
+        return f"{pair} do not see the same, and no third camera tells which of them is wrong"
+    if len(found.sensors) > N - FEWEST_COMPARED:
+        return (
+            f"checks of {listed(found.sensors)} exceed the limit, and at most {N - FEWEST_COMPARED} of {N} sensors"
+            " can be told apart"
+        )
     return ""
 
 
-def _remarks(z: Floats, system: System, present: Sequence[int], states: Sequence[str]) -> list[str]:
-    """With which sensors each verdict was reached where these are not all, and what it does not cover.
-
-    It does not cover invented points where the LiDAR is present and no LiDAR conflict is measured: there no two cameras
-    see enough of its points or lie far enough apart, or no clean frames gave a threshold.
-    """
+def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:
+    """What a verdict does not cover: sensors that were not there, and points that the LiDAR invents where none looks."""
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
-    conflicts = [e.check is Check.LIDAR_CONFLICT for e in system.pair_checks]
-    unchecked = np.logical_and.reduce(np.isnan(z[:, conflicts]), axis=1) & (LIDAR in present)
-    alone = f"only {listed(system.fallback)} were compared" if system.fallback else ""
-    return [
-        "; ".join(filter(None, (without, alone if by_fallback else "", _LIDAR_UNCHECKED if lidar_unchecked else "")))
-        for by_fallback, lidar_unchecked in zip(
-            (len(e) > len(system.triples) for e in states), unchecked.tolist(), strict=True
-        )
-    ]
+    alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""
+    conflicts = any(one.check is Check.LIDAR_CONFLICT for one in _measured(system, columns, measured))
+    unchecked = _LIDAR_UNCHECKED if LIDAR in present and not conflicts else ""
+    return "; ".join(filter(None, (without, alone, unchecked)))
 
 
 def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[int]) -> str:
@@ -214,45 +194,39 @@ def _why_not_compared(system: System, present: Sequence[int], outside: Sequence[
     missing = f"{listed(outside)} missing: " if outside else ""
     if len(present) < FEWEST_COMPARED:
         return f"{missing}three sensors have to be compared, and only {listed(present) or 'none'} were there"
-    possible = {
-        e for e, unused in zip(system.pair_checks, system.unused(frozenset(outside)), strict=True) if not unused
-    }
+    possible = [system.sensor_checks[column] for column in system.counting(frozenset(outside)).tolist()]
     cameras = [sensor for sensor in present if sensor != LIDAR]
-    if len(cameras) < FEWEST_COMPARED and not any(e.check is Check.LIDAR_CONFLICT for e in possible):
+    if len(cameras) < FEWEST_COMPARED and not any(one.check is Check.LIDAR_CONFLICT for one in possible):
         return f"{missing}{listed(cameras)} lie too close together to check the LiDAR, and no third camera was there"
-    return (
-        f"{missing}too little of what any three of {listed(present)} see could be compared, or nothing had a threshold"
-    )
+    return f"{missing}too little of what any three of {listed(present)} see could be compared"
 
 
-def _states(z: Floats, system: System, absent: frozenset[int]) -> tuple[list[str], Flags]:
-    """The e vector of each frame, and whether (F,) three sensors were compared in it.
+def _states(
+    system: System,
+    columns: Indices,
+    measured: bytes,
+    fired: frozenset[tuple[int, ...]],
+    absent: frozenset[int],
+) -> tuple[str, bool]:
+    """The e vector of a frame, and whether three sensors were compared in it.
 
-    '1' stands where a pair check inside the triple fired, '-' where it was not measured. The fallback's state follows
-    where no triple of the sensors present was measured, and it was; the checks that are there for its sake do not
-    change the state of any other triple.
+    '1' stands where a check of a sensor of the triple exceeded the limit, '-' where the triple was not measured. The
+    fallback's state follows where no triple of the sensors present was measured, and it was.
     """
-    fired, measured = z > 0, ~np.isnan(z)
-    usual = ~system.of_fallback
-    above, known = triple_states(fired & usual, measured & usual, system.pair_checks, system.triples)
-    there = np.array([absent.isdisjoint(triple) for triple in system.triples], dtype=np.bool_)
-    by_triples = (known & there).any(axis=1)
-    audited: Flags = np.asarray(compared(measured & usual, system.pair_checks, system.triples).any(axis=1))
-    e = ["".join(row) for row in _marks(above, known).tolist()]
-    if system.fallback is None or not absent.isdisjoint(system.fallback):
-        return e, audited
-    last = [system.fallback]
-    above, known = triple_states(fired, measured, system.pair_checks, last)
-    by_fallback = np.flatnonzero(~by_triples & known[:, 0])
-    marks = _marks(above, known)[by_fallback, 0].tolist()
-    for frame, mark in zip(by_fallback.tolist(), marks, strict=True):
-        e[frame] = NOT_MEASURED * len(system.triples) + mark
-    audited[by_fallback] |= compared(measured, system.pair_checks, last)[by_fallback, 0]
-    return e, audited
+    known = set(measured_triples(system, _measured(system, columns, measured), absent))
+    above = {t for t in (*system.triples, system.fallback) if t and any(set(sensors) <= set(t) for sensors in fired)}
+    marks = [
+        (ABOVE if t in above else NOT_ABOVE) if t in known or (t in above and absent.isdisjoint(t)) else NOT_MEASURED
+        for t in system.triples
+    ]
+    if system.fallback is not None and system.fallback in known and not known.intersection(system.triples):
+        marks.append(ABOVE if system.fallback in above else NOT_ABOVE)
+    return "".join(marks), bool(known)
 
 
-def _marks(above: Flags, known: Flags) -> NDArray[np.str_]:
-    return np.where(known, np.where(above, ABOVE, NOT_ABOVE), NOT_MEASURED)
+def _measured(system: System, columns: Indices, measured: bytes) -> frozenset[SensorCheck]:
+    flags = np.frombuffer(measured, dtype=np.bool_)
+    return frozenset(system.sensor_checks[c] for c, seen in zip(columns.tolist(), flags.tolist(), strict=True) if seen)
 
 
 def _algorithm_2(e: str, system: System, present: Sequence[int]) -> tuple[int, ...] | None:
@@ -260,16 +234,3 @@ def _algorithm_2(e: str, system: System, present: Sequence[int]) -> tuple[int, .
         return None
     found = identify(e[: len(system.triples)], system.triples, present)
     return None if found.undetermined else found.attacked
-
-
-def _evidence(z: Floats, system: System) -> tuple[Evidence, ...]:
-    """The fired pair checks, the strongest first."""
-    fired = [(float(z[place]), system.pair_checks[place]) for place in np.flatnonzero(z > 0)]
-    return tuple(Evidence(e.check.value, e.i, None, e.k, v) for v, e in sorted(fired, key=lambda one: -one[0]))
-
-
-def _alternatives(costs: AttackSetCosts, frame: int, ranked: Indices) -> tuple[Alternative, ...]:
-    """All attack sets but the best of those ranked, with how much worse they are."""
-    cost = costs.cost[frame]
-    best = cost[ranked[0]]
-    return tuple(Alternative(costs.sets[s], float(cost[s] - best)) for s in ranked[1:].tolist())

@@ -20,7 +20,7 @@ from auditor.identification.algorithm2 import (
     listed,
     without,
 )
-from auditor.identification.parameters import ATTACK_SET_COST
+from auditor.identification.parameters import NAMING
 from auditor.model.calibration import Thresholds
 from auditor.model.rig import Triple
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
@@ -160,9 +160,7 @@ def _alternatives(
     least = disagreements(e, found.attacked, triples)
     distances = {attacked: disagreements(e, attacked, triples) - least for attacked in allowed}
     nearest = sorted(distances, key=lambda attacked: (distances[attacked], len(attacked), attacked))
-    return tuple(
-        Alternative(attacked, float(distances[attacked])) for attacked in nearest[: ATTACK_SET_COST.alternatives]
-    )
+    return tuple(Alternative(attacked, float(distances[attacked])) for attacked in nearest[: NAMING.alternatives])
 
 
 def _doubt(found: Identification | None, e: str, triples: Sequence[Triple], N: int) -> str:

@@ -5,19 +5,25 @@ above its threshold theta.
 """
 
 from dataclasses import dataclass
-from decimal import Decimal
+from typing import NamedTuple
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
-from auditor.model.parameters import DISPARITY_ERROR_SAMPLES, PAIR_DEPTH, POINT_EXCESS, RIG_KIND_TOLERANCE, SCORE_LIMITS
+from auditor.model.parameters import (
+    DISPARITY_ERROR_SAMPLES,
+    PAIR_DEPTH,
+    POINT_EXCESS,
+    RIG_KIND_TOLERANCE,
+    STORED_RESIDUALS,
+)
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
-_BRIGHTNESS = "chosen on drives 0009 and 0001, 18 streets and 84 others (docs/method.md)"
+_PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
+_METHOD = "docs/method.md, few drives"
 _THREE_DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04: chosen on them"
 _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/causes.md)"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
-_FALSE_ALARMS = "docs/decisions.md, causes have thresholds from clean frames"
 
 
 @dataclass(frozen=True)
@@ -35,56 +41,99 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-@dataclass(frozen=True)
-class ThetaFloor:
-    """theta is never smaller: a few easy drives must not make the thresholds of all others."""
+class Prior(NamedTuple):
+    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives."""
 
-    lidar_conflict: float = parameter(0.48, unit="windowed ratio", source=_CHECKS)
-    photometric: float = parameter(0.25, unit="windowed ratio", source=_CHECKS)
-    brightness: float = parameter(0.3, unit="share of a window's cells", source=_BRIGHTNESS)
-    point_dropout: float = parameter(0.85, unit="share of a strip's points", source=_CHECKS)
-    isolated_points: float = parameter(
-        0.4, unit="of the statistic", source="docs/decisions.md, scattered points: three drives and 18 streets"
+    mean: float
+    within: float
+    between: float
+
+
+def _prior(mean: float, within: float, between: float, source: str) -> Prior:
+    return parameter(Prior(mean, within, between), unit="mean, deviation within and between drives", source=source)
+
+
+@dataclass(frozen=True)
+class CheckPriors:
+    """Of the logarithm of a statistic and the offset, by check and by how many cameras take part."""
+
+    conflict: Prior = _prior(-1.2, 0.25, 0.3, _PRIOR)
+    conflict_of_a_pair: Prior = _prior(-1.2, 0.3, 0.35, _PRIOR)
+    light: Prior = _prior(-2.6, 0.3, 0.3, _PRIOR)
+    light_of_two: Prior = _prior(-2.3, 0.3, 0.3, _PRIOR)
+    light_of_one: Prior = _prior(-1.8, 0.3, 0.4, _PRIOR)
+    darkness: Prior = _prior(-2.8, 0.3, 0.3, _PRIOR)
+    darkness_of_two: Prior = _prior(-2.4, 0.3, 0.3, _PRIOR)
+    inconsistency: Prior = _prior(-3.5, 0.4, 0.4, _PRIOR)
+    inconsistency_of_two: Prior = _prior(-3.0, 0.4, 0.4, _PRIOR)
+    inconsistency_of_one: Prior = _prior(-2.0, 0.4, 0.4, _PRIOR)
+    point_dropout: Prior = _prior(-0.7, 0.2, 0.2, _PRIOR)
+    isolated_points: Prior = _prior(-2.0, 0.3, 0.3, _PRIOR)
+
+
+@dataclass(frozen=True)
+class CausePriors:
+    """Of fault scores, by cause; 1 is just enough."""
+
+    late_camera: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
+    late_lidar: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
+    displaced_camera: Prior = _prior(-0.2, 0.2, 0.2, _PRIOR)
+    displaced_lidar: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
+    others: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """How drives, rig kinds and the prior weigh."""
+
+    offset: float = parameter(0.02, unit="added to a statistic before its logarithm", source=_PRIOR)
+    rig_kind: float = parameter(1.0, unit="drives that the prior's mean weighs", source=BY_HAND)
+    prior_drives: float = parameter(
+        10.0, unit="drives that the prior's deviation between drives weighs", source=_METHOD
+    )
+    prior_frames: float = parameter(
+        20.0, unit="independent frames that the prior's deviation within weighs", source=BY_HAND
+    )
+    farthest: float = parameter(3.0, unit="deviations from the prior's mean that a drive counts with", source=_METHOD)
+    widest: float = parameter(2.0, unit="times the prior's deviation within drives", source=BY_HAND)
+    fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class JointTail:
+    """The largest z of all checks of a clean frame."""
+
+    independent_share: float = parameter(0.5, unit="share of the checks that count as independent", source=_PRIOR)
+    stretch: float = parameter(1.0, unit="times the normal distribution's quantile", source=_PRIOR)
+    smallest_r: float = parameter(
+        1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
 
 
 @dataclass(frozen=True)
-class ThetaCeiling:
-    """theta is never larger: attacked frames among the clean ones must not switch a check off.
+class ScoreLimits:
+    """Between these every normalised score z is kept: one frame cannot outweigh its neighbours."""
 
-    The LiDAR's own checks have no ceiling: some LiDARs never fill the view, and of some all points lie far apart.
-    """
-
-    lidar_conflict: float = parameter(0.6, unit="windowed ratio", source=_CHECKS)
-    photometric: float = parameter(
-        0.5,
-        unit="windowed ratio",
-        source="docs/decisions.md, light is looked for both ways: 0.45 and 0.5 tried on 42 streets",
-    )
-    brightness: float = parameter(0.5, unit="share of a window's cells", source=_BRIGHTNESS)
-    point_dropout: float = parameter(1.0, unit="share of a strip's points: none", source="no ceiling")
-    isolated_points: float = parameter(1.0, unit="of the statistic: none", source="no ceiling")
+    lowest: float = parameter(-4.0, unit="standard deviations", source=BY_HAND)
+    highest: float = parameter(12.0, unit="standard deviations", source=BY_HAND)
 
 
 @dataclass(frozen=True)
-class CheckScale:
-    """How a check's clean samples become theta and the scale of z."""
+class LocalisedFrom:
+    """From which statistics on the damaged portion of a sensor is looked for: it is stored, and decides nothing."""
 
-    added_share: float = parameter(0.1, unit="share of what is left to 1, added to theta", source=_CHECKS)
-    spread_quantile: float = parameter(0.95, unit="quantile, less the median: the scale", source=BY_HAND)
-    smallest_scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
+    lidar_conflict: float = parameter(0.4, unit="mean of a window", source=BY_HAND)
+    light: float = parameter(0.1, unit="mean residual of a window", source=BY_HAND)
+    inconsistency: float = parameter(0.1, unit="share of a window", source=BY_HAND)
 
 
 @dataclass(frozen=True)
 class FaultScale:
-    """How a fault's clean scores become theta and the scale of z."""
+    """How what is expected of a fault's score becomes theta and the scale of z."""
 
     least_theta: float = parameter(1.0, unit="fault score: just enough", source="the unit of fault scores")
-    added_share: float = parameter(
-        0.25, unit="share of theta, added to it", source=f"{_FALSE_ALARMS}; no experiment recorded"
-    )
-    largest_r: Decimal = parameter(Decimal("0.01"), unit="false-alarm rate", source=_FALSE_ALARMS)  # noqa: RUF009 - immutable
     scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
+    highest: float = parameter(3.0, unit="scales above theta at which a fault is certain", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -98,18 +147,10 @@ class TemporalWindow:
 
 
 @dataclass(frozen=True)
-class AttackSetCost:
-    """How badly an attack set fits the normalised scores of all pair checks."""
+class Naming:
+    """How sensors are named."""
 
-    penalty_per_sensor: float = parameter(0.02, unit="z a sensor", source=BY_HAND)
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
-    conflict_by_a_camera: float = parameter(
-        0.9, unit="share of a LiDAR conflict that an attacked camera covers", source=BY_HAND
-    )
-    photometric_expected: float = parameter(
-        0.5, unit="how surely an attacked camera makes its pairs fire, 0 to 1", source=BY_HAND
-    )
-    most_uncovered: float = parameter(1.0, unit="z that the best attack set leaves uncovered", source=BY_HAND)
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
 
@@ -124,11 +165,6 @@ class FaultScores:
     biased: float = parameter(0.25, unit="share of LiDAR points, more", source=_FAULTS)
     biased_by_px: float = parameter(3.0, unit="px of disparity", source=_FAULTS)
     rotated_lidar: float = parameter(0.2, unit="excess of points once rotated", source=_FAULTS_ON_STREETS)
-    soiled: float = parameter(4.0, unit="grey levels darker", source=_FAULTS)
-    soiled_fewest: int = parameter(200, unit="inconsistent half px", source=BY_HAND)
-    soiled_partner: float = parameter(
-        0.5, unit="share of the inconsistent half px of a pair", source=_FAULTS_ON_STREETS
-    )
     dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
@@ -165,12 +201,15 @@ class Frozen:
 
 
 WINDOWED_MEAN = WindowedMean()
-THETA_FLOOR = ThetaFloor()
-THETA_CEILING = ThetaCeiling()
-CHECK_SCALE = CheckScale()
+CHECK_PRIORS = CheckPriors()
+CAUSE_PRIORS = CausePriors()
+HIERARCHY = Hierarchy()
+JOINT_TAIL = JointTail()
+SCORE_LIMITS = ScoreLimits()
+LOCALISED_FROM = LocalisedFrom()
 FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
-ATTACK_SET_COST = AttackSetCost()
+NAMING = Naming()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
 FROZEN = Frozen()
@@ -178,12 +217,14 @@ FROZEN = Frozen()
 JUDGING = (
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
+    STORED_RESIDUALS,
     WINDOWED_MEAN,
-    THETA_FLOOR,
-    THETA_CEILING,
-    CHECK_SCALE,
+    CHECK_PRIORS,
+    CAUSE_PRIORS,
+    HIERARCHY,
+    JOINT_TAIL,
     SCORE_LIMITS,
-    ATTACK_SET_COST,
+    NAMING,
     TEMPORAL_WINDOW,
     FROZEN,
     POINT_EXCESS,

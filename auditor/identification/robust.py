@@ -1,6 +1,6 @@
 """The robust method on one measurement: the verdict of each frame, and that of the temporal window around it.
 
-1. Every pair check becomes a normalised score z, and z is averaged over the temporal window (half a second).
+1. Every sensor check becomes a normalised score z, and z is averaged over the temporal window (half a second).
 2. The scores of a frame, and those of its window, name the attacked sensors (`naming`).
 3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
 4. A frame belongs to an incident where its own verdict and that of its window are findings.
@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, weigh
-from auditor.identification.naming import System, attack_scores, name_attacked, without_missing
+from auditor.identification.faults import darkened, fault_hypotheses, frozen, weigh
+from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import runs_of, window_means
+from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict
@@ -26,14 +27,14 @@ from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Fin
 class FrameSeries:
     """F successive frames that are judged together.
 
-    `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `ratios` are (F, M)
-    statistics by pair check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
+    `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `statistics` are (F, M) by
+    sensor check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
     whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor.
     """
 
     stamps_ns: Integers
     runs: Integers
-    ratios: Floats
+    statistics: Floats
     present: Flags
     frozen: Flags
     fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
@@ -42,13 +43,13 @@ class FrameSeries:
     def of_recording(
         cls,
         stamps_ns: Integers,
-        ratios: Floats,
+        statistics: Floats,
         present: Flags,
         fingerprints: Integers,
         fault_scores: Mapping[CauseIn, Floats],
     ) -> "FrameSeries":
         """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data."""
-        return cls(stamps_ns, runs_of(stamps_ns), ratios, present, frozen(fingerprints, present), fault_scores)
+        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, frozen(fingerprints, present), fault_scores)
 
     @classmethod
     def of_clean(cls, clean: CleanFrames, system: System) -> "FrameSeries":
@@ -58,8 +59,8 @@ class FrameSeries:
             np.stack([of_sensor.get(sensor, nowhere) for sensor in system.sensors], axis=1)
             for of_sensor in (clean.missing, clean.frozen)
         )
-        ratios = clean.ratios_of(system.pair_checks)
-        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), ratios, ~missing, still, clean.strengths)
+        statistics = clean.statistics_of(system.sensor_checks)
+        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths)
 
 
 def judge_frames(
@@ -73,31 +74,35 @@ def judge_frames(
     """The verdicts on F frames, or `only` on those at these places.
 
     Each is that of its frame by itself. Its `finding` is the verdict of the temporal window, where both are findings:
-    incidents are made of these, and `thresholds.score` is the threshold of the window's score. A sensor with frozen
+    incidents are made of these, and `thresholds.score` is what the window must exceed the limit by. A sensor with frozen
     data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
     unless the caller wants verdicts `without_causes`.
     """
     judged = np.arange(len(series.stamps_ns)) if only is None else np.asarray(only, dtype=np.intp)
     unused = _unused_sensors(series, system)
-    z, z_window = _scores(series, system, thresholds, unused)
+    z, z_window = _scores(series, system, thresholds)
     missing = [unused[frame] for frame in judged.tolist()]
-    frames = name_attacked(z[judged], system, missing)
-    windows = name_attacked(z_window[judged], system, missing, thresholds.score)
+    frames = name_attacked(z[judged], system, missing, thresholds.limit)
+    windows = name_attacked(z_window[judged], system, missing, thresholds.limit + thresholds.score)
     faults = [()] * len(judged) if without_causes else _fault_hypotheses(series, thresholds, judged)
     still = sensors_where(system.sensors, series.frozen[judged])
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
-    several = system.in_several_pairs
+    limit = thresholds.limit
     return [
-        _with_finding(weigh(frame, causes, several), weigh(window, causes, several))
+        _with_finding(_weighed(frame, causes, limit), _weighed(window, causes, limit + thresholds.score))
         for frame, window, causes in zip(frames, windows, hypotheses, strict=True)
     ]
+
+
+def _weighed(verdict: Verdict, causes: tuple[FaultHypothesis, ...], limit: float) -> Verdict:
+    return weigh(verdict, (*darkened(verdict), *causes), limit)
 
 
 def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
     """(F,) the score of each frame's temporal window: `judge_frames` compares it with `thresholds.score`."""
     unused = _unused_sensors(series, system)
-    _, z_window = _scores(series, system, thresholds, unused)
-    return attack_scores(z_window, system, unused)
+    _, z_window = _scores(series, system, thresholds)
+    return attack_scores(z_window, system, unused) - thresholds.limit
 
 
 def _unused_sensors(series: FrameSeries, system: System) -> list[frozenset[int]]:
@@ -105,12 +110,9 @@ def _unused_sensors(series: FrameSeries, system: System) -> list[frozenset[int]]
     return sensors_where(system.sensors, ~series.present | series.frozen)
 
 
-def _scores(
-    series: FrameSeries, system: System, thresholds: RobustThresholds, unused: Sequence[frozenset[int]]
-) -> tuple[Floats, Floats]:
+def _scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> tuple[Floats, Floats]:
     """(F, M) normalised scores of the frames, and their means over the temporal windows."""
-    scales = [thresholds.scales_of.get(pair_check) for pair_check in system.pair_checks]
-    z = without_missing(normalised_scores(series.ratios, scales), system, unused)
+    z = normalised_scores(series.statistics, [thresholds.expected.get(check) for check in system.sensor_checks])
     return z, window_means(z, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import OF_LIDAR, Check, PairCheck, rig_pair_checks
+from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig, RigKind, Triple
 from auditor.model.sub_rigs import SubRig, sub_rig
@@ -30,7 +30,7 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     part = sub_rig(calibration.rig_kind, rig)
     if part is None:
         return None
-    return _of_part(calibration, part, rig.kind, rig.measured_triples, rig_pair_checks(rig))
+    return _of_part(calibration, part, rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig))
 
 
 def additional_sensors(calibration: Calibration, rig: Rig) -> int | None:
@@ -43,37 +43,47 @@ def additional_sensors(calibration: Calibration, rig: Rig) -> int | None:
 
 @lru_cache(maxsize=8)
 def _of_part(
-    calibration: Calibration, part: SubRig, kind: RigKind, triples: Sequence[Triple], pair_checks: Sequence[PairCheck]
+    calibration: Calibration,
+    part: SubRig,
+    kind: RigKind,
+    triples: Sequence[Triple],
+    pairs: Sequence[Pair],
+    sensor_checks: Sequence[SensorCheck],
 ) -> Calibration:
-    clean = tuple(_clean_of_part(one, part, kind, triples, pair_checks) for one in calibration.clean)
+    clean = tuple(_clean_of_part(one, part, kind, triples, pairs, sensor_checks) for one in calibration.clean)
     return replace(calibration, rig_kind=kind, clean=clean, part=part)
 
 
 def _clean_of_part(
-    clean: CleanFrames, part: SubRig, kind: RigKind, triples: Sequence[Triple], pair_checks: Sequence[PairCheck]
+    clean: CleanFrames,
+    part: SubRig,
+    kind: RigKind,
+    triples: Sequence[Triple],
+    pairs: Sequence[Pair],
+    sensor_checks: Sequence[SensorCheck],
 ) -> CleanFrames:
     own = range(0 if kind.lidar else 1, len(kind.sizes_px) + 1)
     there = dict(zip(own, part.sensors, strict=True))
     errors = {(s, t): (s, Triple(*(there[sensor] for sensor in t))) for s in Statistic for t in triples}
-    ratios = {e: PairCheck(e.check, there.get(e.i, LIDAR), there[e.k]) for e in pair_checks}
-    measured = clean.ratios if kind.lidar else {**clean.ratios, **clean.unmasked}
+    checks = {
+        one: SensorCheck(one.check, there.get(one.sensor, LIDAR), tuple(there[other] for other in one.others))
+        for one in sensor_checks
+    }
+    measured = clean.statistics if kind.lidar else {**clean.statistics, **clean.unmasked}
     return CleanFrames(
         clean.recording_id,
         clean.stamps_ns,
         {key: clean.errors[known] for key, known in errors.items() if known in clean.errors},
-        {key: measured[known] for key, known in ratios.items() if known in measured},
-        fault_scores(_features(clean, kind, there, pair_checks), clean.stamps_ns, list(own)),
+        {key: measured[known] for key, known in checks.items() if known in measured},
+        fault_scores(_features(clean, kind, there, tuple(pairs)), clean.stamps_ns, list(own)),
         missing={sensor: clean.missing[known] for sensor, known in there.items() if known in clean.missing},
         frozen={sensor: clean.frozen[known] for sensor, known in there.items() if known in clean.frozen},
     )
 
 
-def _features(
-    clean: CleanFrames, kind: RigKind, there: dict[int, int], pair_checks: Sequence[PairCheck]
-) -> ObservedFeatures:
+def _features(clean: CleanFrames, kind: RigKind, there: dict[int, int], pairs: tuple[Pair, ...]) -> ObservedFeatures:
     """The fault features of the pairs that remain; without the LiDAR there are none of it."""
     unknown = np.full(clean.frames, np.nan)
-    pairs = tuple((e.i, e.k) for e in pair_checks if e.check is Check.PHOTOMETRIC_INCONSISTENCY)
     cameras = tuple(sensor for sensor in there if sensor != LIDAR)
 
     def of_pairs(name: str) -> Floats:

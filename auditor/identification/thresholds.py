@@ -25,7 +25,7 @@ def parse_r(text: str) -> Decimal:
     if number.endswith("%"):
         with localcontext(prec=len(r.as_tuple().digits) + DIGITS_OF_A_COUNT):
             r = r.scaleb(-2) if r.is_finite() else r
-    _check(r)
+    checked(r)
     return r
 
 
@@ -35,7 +35,7 @@ def threshold(samples: Sequence[float], r: Decimal) -> float:
     `samples` are N clean disparity errors in ascending order. Without ties exactly floor(r N) of them lie above theta,
     with ties at most. Raises ThresholdsError where N = 0 and SettingError where r is not in [0, 1].
     """
-    _check(r)
+    checked(r)
     N = len(samples)
     if N == 0:
         raise ThresholdsError("no clean samples to take theta from", remedy="calibrate on clean recordings")
@@ -45,7 +45,7 @@ def threshold(samples: Sequence[float], r: Decimal) -> float:
 
 def resolvable(r: Decimal, N: int) -> bool:
     """False where 0 < r < 1/N: with N samples such a rate cannot be told from r = 0."""
-    _check(r)
+    checked(r)
     return r == 0 or _outliers(r, N) > 0
 
 
@@ -127,9 +127,11 @@ def _differing(calibrated: str, measured: str) -> str:
     return ", ".join(f"{name} {ours.get(name)}, not {theirs.get(name)}" for name in names)
 
 
-def _check(r: Decimal) -> None:
+def checked(r: Decimal) -> Decimal:
+    """The rate itself. Raises SettingError where it is not in [0, 1]."""
     if not (r.is_finite() and 0 <= r <= 1):
         raise SettingError(f"{r} is not between 0 and 1", where="r", remedy="write it as 0.01 or 1%")
+    return r
 
 
 def _outliers(r: Decimal, N: int) -> int:

@@ -375,6 +375,7 @@ MEASURING = (
 )
 """All that can change a count or a measured statistic."""
 
+
 def measuring_settings() -> str:
     """The values of MEASURING as canonical JSON."""
     return canonical_json(*MEASURING)

@@ -9,22 +9,18 @@ from functools import cached_property
 import numpy as np
 
 from auditor.model.arrays import Flags, Floats, Integers
-from auditor.model.checks import Pair, PairCheck
+from auditor.model.checks import Pair, SensorCheck
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.parameters import SCORE_LIMITS
 from auditor.model.rig import RigKind, Triple
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
-
-LOWEST_SCORE, HIGHEST_SCORE = SCORE_LIMITS.lowest, SCORE_LIMITS.highest
-"""Normalised scores z are kept between these: no single check decides alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class CleanFrames:
     """The F frames of one clean recording, in the order of its measurement: all that thresholds come from.
 
-    `errors` holds the disparity errors E by statistic and triple, `ratios` the statistics by pair check, `strengths`
+    `errors` holds the disparity errors E by statistic and triple, `statistics` those of the sensor checks, `strengths`
     the fault scores by fault and sensor; each is (F,), NaN where it was not measured. `missing` and `frozen` are (F,)
     flags of the sensors that were not there, or repeated their data while others changed, in some frame.
 
@@ -36,11 +32,11 @@ class CleanFrames:
     recording_id: str
     stamps_ns: Integers
     errors: Mapping[tuple[Statistic, Triple], Floats]
-    ratios: Mapping[PairCheck, Floats]
+    statistics: Mapping[SensorCheck, Floats]
     strengths: Mapping[CauseIn, Floats]
     missing: Mapping[int, Flags] = field(default_factory=dict)
     frozen: Mapping[int, Flags] = field(default_factory=dict)
-    unmasked: Mapping[PairCheck, Floats] = field(default_factory=dict)
+    unmasked: Mapping[SensorCheck, Floats] = field(default_factory=dict)
     features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
 
@@ -49,10 +45,10 @@ class CleanFrames:
         """F."""
         return len(self.stamps_ns)
 
-    def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
-        """(F, M) statistics in the order of `pair_checks`, NaN for those that are not known here."""
+    def statistics_of(self, sensor_checks: Sequence[SensorCheck]) -> Floats:
+        """(F, M) statistics in the order of `sensor_checks`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
-        return np.stack([self.ratios.get(pair_check, unknown) for pair_check in pair_checks], axis=1)
+        return np.stack([self.statistics.get(check, unknown) for check in sensor_checks], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +78,6 @@ class Calibration:
         keys = dict.fromkeys(key for one in self.clean for key in one.errors)
         return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
 
-    def ratios_of(self, pair_checks: Sequence[PairCheck]) -> Floats:
-        """(F, M) statistics of all clean frames in the order of `pair_checks`, NaN where not measured."""
-        return np.vstack([np.empty((0, len(pair_checks))), *(one.ratios_of(pair_checks) for one in self.clean)])
-
-    @cached_property
-    def strengths(self) -> Mapping[CauseIn, tuple[float, ...]]:
-        """For each fault and sensor the measured fault scores of all clean frames, in ascending order."""
-        return strengths_of(self.clean)
-
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -110,36 +97,46 @@ class Thresholds:
 
 
 @dataclass(frozen=True)
-class Scale:
-    """theta of one pair check or fault and the scale of its z, from N clean samples."""
+class Expected:
+    """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
 
-    theta: float
-    scale: float
+    Of a sensor check they are of the logarithm of its statistic and an offset; of a fault of its score. `drives` is how
+    many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are the prior.
+    """
+
+    mean: float
+    deviation: float
+    drives: int
     samples: int
 
 
 @dataclass(frozen=True)
-class RobustThresholds:
-    """The robust method's: theta and scale of each pair check and fault at r, and the threshold of the window's score.
+class Scale:
+    """theta of a fault and the scale of its z, from the clean frames of so many recordings."""
 
-    Faults without clean samples have none and are not listed. `score` is 0, or what clean recordings need for no more
-    than `incidents_per_hour` incidents.
+    theta: float
+    scale: float
+    drives: int
+
+
+@dataclass(frozen=True)
+class RobustThresholds:
+    """The robust method's: what is expected of each sensor check, and theta of each fault at r.
+
+    `limit` is how many standard deviations the strongest check of a clean frame exceeds at rate r, all checks taken
+    together. `drives` are the clean recordings that they were learnt from; with none they are the prior. The window's
+    score must exceed `score`: it is 0, or what clean recordings need for no more than `incidents_per_hour` incidents.
     """
 
     calibration_id: str
     r: Decimal
-    scales_of: Mapping[PairCheck, Scale]
+    limit: float
+    expected: Mapping[SensorCheck, Expected]
     causes: Mapping[CauseIn, Scale]
-    resolvable: bool
+    drives: int
     score: float = 0.0
     incidents_per_hour: float | None = None
     transferred: bool = False
-
-
-def strengths_of(clean: Sequence[CleanFrames]) -> dict[CauseIn, tuple[float, ...]]:
-    """For each fault and sensor the measured fault scores of some recordings, in ascending order."""
-    keys = dict.fromkeys(key for one in clean for key in one.strengths)
-    return {key: _samples([one.strengths[key] for one in clean if key in one.strengths]) for key in keys}
 
 
 def _samples(columns: Sequence[Floats]) -> tuple[float, ...]:

@@ -82,14 +82,6 @@ class StoredResiduals:
 
 
 @dataclass(frozen=True)
-class ScoreLimits:
-    """Between these every normalised score z is kept: no single check decides alone."""
-
-    lowest: float = parameter(-2.0, unit="z", source=BY_HAND)
-    highest: float = parameter(3.0, unit="z", source=BY_HAND)
-
-
-@dataclass(frozen=True)
 class PointExcess:
     """By what share of both one number of points exceeds another: (a - b) / (a + b + pseudo_count)."""
 
@@ -111,6 +103,5 @@ LENS_REACH = LensReach()
 REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
 STORED_RESIDUALS = StoredResiduals()
-SCORE_LIMITS = ScoreLimits()
 POINT_EXCESS = PointExcess()
 RIG_KIND_TOLERANCE = RigKindTolerance()

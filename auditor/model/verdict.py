@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 2
+JUDGING_VERSION = 3
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by five checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by six checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"
@@ -32,21 +32,22 @@ FINDINGS = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED, VerdictKin
 class Evidence(NamedTuple):
     """One check or triple that exceeded its threshold, and by how much.
 
-    By the robust method the normalised score z of a pair check; by the paper's E - theta of a triple. `check_name` is
-    the value of a Check or of a Statistic; `j` is None for pair checks.
+    By the robust method the normalised score z of a check of the sensor `i`, or of the two cameras `i` and `k` that do
+    not see the same; else `j` and `k` are None. By the paper's E - theta of a triple (i, j, k). `check_name` is the
+    value of a Check or of a Statistic.
     """
 
     check_name: str
     i: int
     j: int | None
-    k: int
+    k: int | None
     score: float
 
 
 class Alternative(NamedTuple):
     """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in z, by the paper's in elements of e that disagree.
+    By the robust method in z: how much weaker the strongest check of that sensor is, by the paper's in elements of e that disagree.
     """
 
     attacked: tuple[int, ...]
@@ -99,8 +100,9 @@ class Verdict:
     `e` has one character a triple of the rig: '0', '1', or '-' where nothing was measured. `attacked` is set where
     kind is ATTACKED. `named` is Algorithm 2's answer whatever the kind (None where it has none). `out_of_system` are
     the sensors that could not take part. `gap` is how sure it is: by the paper's method the smallest |E - theta|
-    among the measured elements, how far a disparity error would have to move to change e; by the robust method the
-    gap between the best attack set and the runner-up. `evidence` is the strongest first, `alternatives` the next best
+    among the measured elements, how far a disparity error would have to move to change e; by the robust method by
+    how many standard deviations the strongest sensor exceeds the next, or the limit; of a clean frame how far it stays
+    below it. `evidence` is the strongest first, `alternatives` the next best
     first; `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
     incident.
     """

@@ -114,16 +114,12 @@ def collect_checks(
     }
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
-        counts={
-            pair: _counts(seen, lights[pair], grid, near.get(pair)) for pair, seen in consistencies.items()
-        },
+        counts={pair: _counts(seen, lights[pair], grid, near.get(pair)) for pair, seen in consistencies.items()},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
-        unmasked={
-            pair: _counts(consistencies[pair], lights[pair], grid) for pair, mask in near.items() if mask.any()
-        },
+        unmasked={pair: _counts(consistencies[pair], lights[pair], grid) for pair, mask in near.items() if mask.any()},
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
         lights=lights,
@@ -153,7 +149,9 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
     """The checks of a frame whose pairs have views of their own, in which their cameras are `own`."""
     return replace(
         in_common,
-        lidar_conflicts={pair: one.lidar_conflicts[own] for pair, one in of_pairs.items() if own in one.lidar_conflicts},
+        lidar_conflicts={
+            pair: one.lidar_conflicts[own] for pair, one in of_pairs.items() if own in one.lidar_conflicts
+        },
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={

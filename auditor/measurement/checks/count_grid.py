@@ -111,15 +111,15 @@ def _scattered(place: Indices, weight: Floats32, grid: ImageGrid) -> Cells:
     size = grid.rows * grid.columns
     counts, sums = np.bincount(place, minlength=size), np.bincount(place, weights=weight, minlength=size)
     shape = grid.rows, grid.columns
-    return Cells(_bytes(counts, *shape).astype(np.uint8), _rounded(sums.reshape(shape)))
+    return Cells(_bytes(counts, *shape).astype(np.uint8), _rounded(sums.reshape(shape).astype(np.float32)))
 
 
 def _bytes(counts: NDArray[np.integer], rows: int, columns: int) -> NDArray[np.int8]:
-    return np.minimum(counts, _MOST).astype(np.int8).reshape(rows, columns)
+    return np.asarray(np.minimum(counts, _MOST).astype(np.int8).reshape(rows, columns))
 
 
 def _rounded(sums: NDArray[np.floating]) -> NDArray[np.int8]:
-    return np.clip(np.rint(sums), -_MOST, _MOST).astype(np.int8)
+    return np.asarray(np.clip(np.rint(sums), -_MOST, _MOST).astype(np.int8))
 
 
 def _block_sums(values: Floats32) -> Floats32:

@@ -42,17 +42,17 @@ class View:
     @cached_property
     def channels(self) -> tuple[Image, ...]:
         """The (h, w) means of each channel over 7 x 7 pixels; none of a grey camera."""
-        return () if self.colour is None else cv2.split(_means(self.colour))
+        return () if self.colour is None else _split(_means(self.colour))
 
     @cached_property
     def channel_saturations(self) -> tuple[int, ...]:
         """The level from which on each channel saturates."""
-        return () if self.colour is None else tuple(saturation_level(one) for one in cv2.split(self.colour))
+        return () if self.colour is None else tuple(saturation_level(one) for one in _split(self.colour))
 
     @cached_property
     def brightest(self) -> Image:
         """(h, w) the largest of the channels' means."""
-        return np.max(self.channels, axis=0)
+        return np.asarray(np.max(self.channels, axis=0), dtype=np.uint8)
 
     @cached_property
     def classes(self) -> Classes:
@@ -99,9 +99,7 @@ class _Warp:
     row: Floats32
 
     def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
-        return np.asarray(
-            cv2.remap(image, self.column, self.row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8
-        )
+        return np.asarray(cv2.remap(image, self.column, self.row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _of_colours(reference: View, source: View, warp: _Warp, seen: Mask) -> Floats32:
@@ -140,8 +138,8 @@ def _prediction(
     classes: Classes | None = None,
 ) -> Prediction:
     """Fitted to every fourth pixel each way that both see and that saturates in neither."""
-    s, t, usable = (one[::_EVERY, ::_EVERY].ravel() for one in (source, target, seen))
-    usable = usable & (s < source_saturation) & (t < target_saturation)
+    s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (source, target))
+    usable = seen[::_EVERY, ::_EVERY].ravel() & (s < source_saturation) & (t < target_saturation)
     return predict(s, t, usable, None if classes is None else classes[::_EVERY, ::_EVERY].ravel())
 
 
@@ -162,6 +160,10 @@ def _relative(
     above /= np.float32(level) + np.float32(share) * highest
     below /= np.float32(LIGHT.level) + np.float32(LIGHT.share) * lowest
     return np.asarray(above - below)
+
+
+def _split(colour: Image) -> tuple[Image, ...]:
+    return tuple(np.ascontiguousarray(colour[..., channel]) for channel in range(colour.shape[-1]))
 
 
 def _means(image: Image) -> Image:

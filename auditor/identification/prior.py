@@ -1,0 +1,127 @@
+"""What clean frames of a drive that nobody has seen are expected to have: a hierarchy of drives, with a prior.
+
+Frames of one drive are alike, and drives are not. A value of a frame (the logarithm of a check's statistic, or a fault
+score) is the mean of its drive and a deviation within the drive of standard deviation w; the means of drives deviate
+from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
+tell little about the next one, however many frames they have: its standard deviation is
+sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, sqrt
+from statistics import NormalDist
+
+import numpy as np
+
+from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL, Prior
+from auditor.model.arrays import Floats
+from auditor.model.calibration import Expected
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.verdict import Cause, CauseIn
+
+OFFSET = HIERARCHY.offset
+"""What is added to a statistic before its logarithm is taken: statistics may be 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """The values of one drive: their mean, their sum of squares about it, and how many frames they are worth."""
+
+    mean: float
+    squares: float
+    frames: int
+    worth: float
+
+
+def prior_of_check(check: SensorCheck) -> Prior:
+    """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
+    others = len(check.others)
+    if check.check is Check.LIDAR_CONFLICT:
+        return CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict
+    if check.check in CAMERA_CHECKS:
+        alone, two, more = {
+            Check.ADDED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.light_of_two, CHECK_PRIORS.light),
+            Check.REMOVED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.darkness_of_two, CHECK_PRIORS.darkness),
+            Check.PHOTOMETRIC_INCONSISTENCY: (
+                CHECK_PRIORS.inconsistency_of_one,
+                CHECK_PRIORS.inconsistency_of_two,
+                CHECK_PRIORS.inconsistency,
+            ),
+        }[check.check]
+        return alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more
+    return CHECK_PRIORS.point_dropout if check.check is Check.POINT_DROPOUT else CHECK_PRIORS.isolated_points
+
+
+def prior_of_cause(cause: CauseIn) -> Prior:
+    """The prior of a fault's score."""
+    kind, sensor = cause
+    if kind is Cause.LATE:
+        return CAUSE_PRIORS.late_lidar if sensor == 0 else CAUSE_PRIORS.late_camera
+    if kind is Cause.DISPLACED:
+        return CAUSE_PRIORS.displaced_lidar if sensor == 0 else CAUSE_PRIORS.displaced_camera
+    return CAUSE_PRIORS.others
+
+
+def logarithms(statistics: Floats) -> Floats:
+    """The values that are compared with what is expected, of any shape; NaN stays NaN."""
+    return np.asarray(np.log(statistics + OFFSET))
+
+
+def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
+    """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
+
+    No drive moves the mean further than what the prior holds possible, and none widens the deviation without end: a
+    calibration with attacked frames in it must not switch a check off.
+    """
+    known = [_drive(values[~np.isnan(values)]) for values in drives]
+    seen = [one for one in known if one.frames]
+    freedom = sum(one.worth for one in seen)
+    within = (HIERARCHY.prior_frames * prior.within**2 + sum(one.worth * one.squares / one.frames for one in seen)) / (
+        HIERARCHY.prior_frames + freedom
+    )
+    within = min(within, (HIERARCHY.widest * prior.within) ** 2)
+    reach = HIERARCHY.farthest * sqrt(within + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
+    means = np.clip([one.mean for one in seen], prior.mean - reach, prior.mean + reach)
+    weights = np.array([1 / (prior.between**2 + within / one.worth) for one in seen])
+    of_prior = HIERARCHY.rig_kind / prior.between**2
+    mean = (of_prior * prior.mean + float(weights @ means)) / (of_prior + float(weights.sum()))
+    beyond = sum(max((m - mean) ** 2 - within / one.worth, 0.0) for m, one in zip(means, seen, strict=True))
+    D = len(seen)
+    between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
+    deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
+    return Expected(mean, deviation, D, sum(one.frames for one in seen))
+
+
+def joint_limit(r: float, checks: int) -> float:
+    """The standard deviations that the largest z of so many checks exceeds in a share r of clean frames.
+
+    Checks depend on each other, so they count as fewer; and the tails are heavier than the normal distribution's.
+    """
+    if r >= 1:
+        return -inf
+    r = max(r, JOINT_TAIL.smallest_r)
+    alike = max(checks * JOINT_TAIL.independent_share, 1.0)
+    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / alike))
+
+
+def _drive(values: Floats) -> _Drive:
+    if not values.size:
+        return _Drive(0.0, 0.0, 0, 0.0)
+    mean = float(values.mean())
+    return _Drive(mean, float(np.square(values - mean).sum()), values.size, effective_size(values))
+
+
+def effective_size(values: Floats) -> float:
+    """How many independent frames F successive ones are worth, 1 at least (docs/protocol.md)."""
+    F, deviations = values.size, values - values.mean()
+    power = float(deviations @ deviations)
+    if F < HIERARCHY.fewest_frames or power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, F):
+        correlation = float(deviations[lag:] @ deviations[:-lag]) / power
+        if correlation <= 0:
+            break
+        total += 2 * (1 - lag / F) * correlation
+    return max(F / total, 1.0)

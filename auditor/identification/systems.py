@@ -1,0 +1,72 @@
+"""What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import groupby
+
+import numpy as np
+
+from auditor.model.arrays import Indices
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, SensorCheck
+from auditor.model.rig import LIDAR, Triple
+
+
+@dataclass(frozen=True)
+class System:
+    """The sensor checks, triples and sensors of a rig, in their fixed orders.
+
+    `fallback` is the triple for frames in which none of `triples` was measured.
+    """
+
+    sensor_checks: tuple[SensorCheck, ...]
+    triples: tuple[Triple, ...]
+    sensors: tuple[int, ...]
+    fallback: Triple | None = None
+
+    @cached_property
+    def in_several_pairs(self) -> frozenset[int]:
+        """The cameras matched with more than one other: a fault in one of them shows in all its pairs."""
+        several = [one for one in self.sensor_checks if one.check in CAMERA_CHECKS and len(one.others) >= FEWEST_VOTERS]
+        return frozenset(one.sensor for one in several)
+
+    @property
+    def judged_together(self) -> int:
+        """How many checks a frame is judged by that lacks no sensor."""
+        return len(self.counting(frozenset()))
+
+    def counting(self, absent: frozenset[int]) -> Indices:
+        """The checks that count in a frame without these sensors: each of the most voters that are there."""
+        return _counting(self.sensor_checks, absent)
+
+
+@lru_cache(maxsize=512)
+def _counting(sensor_checks: Sequence[SensorCheck], absent: frozenset[int]) -> Indices:
+    def subject(column: int) -> tuple[Check, int]:
+        return sensor_checks[column].check, sensor_checks[column].sensor
+
+    there = [column for column, one in enumerate(sensor_checks) if absent.isdisjoint(one.needed)]
+    found: list[int] = []
+    for (check, _), group in groupby(sorted(there, key=subject), key=subject):
+        columns = list(group)
+        most = max(len(sensor_checks[column].others) for column in columns)
+        found += [c for c in columns if check in LIDAR_CHECKS or len(sensor_checks[c].others) == most]
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def measured_triples(one: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:
+    """The triples, the fallback among them, whose sensors were all compared by these measured checks.
+
+    The LiDAR is compared with the cameras of its conflicts, a camera with those that it was matched with.
+    """
+    triples = one.triples if one.fallback is None else (*one.triples, one.fallback)
+    conflicts = {camera for c in measured if c.check is Check.LIDAR_CONFLICT for camera in c.others}
+    lit = {c.sensor for c in measured if c.check in CAMERA_CHECKS}
+
+    def is_measured(triple: Triple) -> bool:
+        if not absent.isdisjoint(triple):
+            return False
+        cameras = {sensor for sensor in triple if sensor != LIDAR}
+        return cameras <= (conflicts if LIDAR in triple else lit)
+
+    return [triple for triple in triples if is_measured(triple)]

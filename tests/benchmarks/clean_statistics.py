@@ -1,0 +1,180 @@
+"""Measures clean and attacked frames of real drives and streets, and keeps all that judging needs, scene by scene.
+
+The prior of the thresholds is fitted to these (`python -m tests.benchmarks.prior`), and the published rates are counted
+from them (`python -m tests.benchmarks.rates`). A scene that is there already is not measured again:
+
+    python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked]
+    python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
+"""
+
+import argparse
+import pickle
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.evaluation.sources import Recorded, Street
+from auditor.identification.statistics import sensor_statistics
+from auditor.lab.attacks.paper import BogusWall, Facula, draw_facula, draw_wall
+from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.frames import Frame
+from auditor.model.measurement import Measurement, Statistic
+from auditor.model.rig import LIDAR, Rig
+
+MATCHER = find_matcher("sgbm")
+DRIVES = {
+    "0009": "kitti_raw_2011_09_26_drive_0009/2011_09_26/2011_09_26_drive_0009_sync",
+    "0001": "kitti_raw_2011_09_26_drive_0001/2011_09_26/2011_09_26_drive_0001_sync",
+    "04": "kitti_odometry_04/sequences/04",
+}
+_WALLS_M = {"wall 2.5 m": 2.5, "wall 1 m": 1.0}
+_FACULAS = {"R 75 mild": (75.0, 255.0), "R 75 opaque": (75.0, 2000.0), "R 112 mild": (112.0, 255.0)}
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One measured frame: `attack` is empty where it is clean. `statistics` follow the scene's sensor checks."""
+
+    frame: int
+    stamp_ns: int
+    attack: str
+    attacked: tuple[int, ...]
+    statistics: Floats
+    errors: Floats
+    features: Mapping[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
+    level: Mapping[int, float | None] = field(default_factory=dict)
+    saturated: Mapping[int, float | None] = field(default_factory=dict)
+    returns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The cases of one drive, of a rig and a family; `kinds` says of each camera whether it is grey or colour."""
+
+    name: str
+    family: str
+    rig: Rig
+    kinds: str
+    cases: tuple[Case, ...]
+
+
+def case_of(measurement: Measurement, rig: Rig, attack: str = "", attacked: tuple[int, ...] = ()) -> Case:
+    """What judging needs of a measured frame."""
+    statistics = sensor_statistics(rig_sensor_checks(rig), measurement.cells, measurement.shares)
+    errors = [None if one is None else one.disparity_error(Statistic.GATED) for one in measurement.counts]
+    coverage = measurement.coverage
+    return Case(
+        measurement.number,
+        measurement.stamp_ns,
+        attack,
+        attacked,
+        np.array(statistics, dtype=np.float64),
+        np.array(errors, dtype=np.float64),
+        {pair: one.values for pair, one in measurement.fault_features.items()},
+        {sensor: one.level for sensor, one in coverage.items()},
+        {sensor: one.saturated_share for sensor, one in coverage.items()},
+        coverage[LIDAR].returns if LIDAR in coverage else None,
+    )
+
+
+def attacks_on(frame: Frame, rig: Rig, rng: np.random.Generator) -> Iterator[tuple[str, tuple[int, ...], Frame]]:
+    """The paper's attacks, and weaker ones, on each sensor of a frame, and on two cameras."""
+    cameras = [camera.number for camera in rig.cameras]
+
+    def lit(numbers: Iterable[int], faculas: Iterable[Facula]) -> Frame:
+        changed = {n: facula.apply(frame.images[n]) for n, facula in zip(numbers, faculas, strict=True)}
+        return replace(frame, images={**frame.images, **changed})
+
+    def drawn(number: int) -> Facula:
+        camera = rig.camera(number)
+        return draw_facula(rng, camera.width_px, camera.height_px, "mild")
+
+    for number in cameras:
+        camera = rig.camera(number)
+        scale = camera.width_px / 1242
+        for name, (radius, amplitude) in _FACULAS.items():
+            place = rng.uniform(0, camera.width_px), rng.uniform(0, camera.height_px)
+            yield name, (number,), lit([number], [Facula(amplitude, radius * scale, *place)])
+        yield "paper's facula", (number,), lit([number], [drawn(number)])
+    if len(cameras) > 3:
+        two = tuple(sorted(rng.choice(cameras, 2, replace=False).tolist()))
+        yield "two faculas", two, lit(two, [drawn(number) for number in two])
+    if frame.cloud is not None:
+        wall = draw_wall(rng)
+        walls = {name: replace(wall, width_m=width) for name, width in _WALLS_M.items()}
+        walls["wall 2.5 m at 20 m"] = replace(wall, range_m=20.0)
+        for name, one in walls.items():
+            yield name, (LIDAR,), replace(frame, cloud=one.apply(frame.cloud, rig))
+
+
+def measured(frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, every: int = 1) -> Iterator[Case]:
+    """The cases of a drive: every frame as it is, and every so many under attacks."""
+    features, rng = FaultFeatures(), np.random.default_rng(seed)
+    for place, frame in enumerate(frames):
+        clean, arrays = measure(frame, rig, MATCHER)
+        yield case_of(replace(clean, fault_features=features.update(arrays)), rig)
+        if attacked and place % every == 0:
+            for name, sensors, changed in attacks_on(frame, rig, rng):
+                yield case_of(measure(changed, rig, MATCHER)[0], rig, name, sensors)
+
+
+def scene_of(source: Recorded | Street, name: str, family: str, *, attacked: bool, every: int = 1) -> Scene:
+    """Measure a source."""
+    with source.open(colour=True) as drives:
+        drive = drives[0]
+        kinds: dict[int, str] = {}
+
+        def frames() -> Iterator[Frame]:
+            for item in drive.frames:
+                if isinstance(item, Frame):
+                    kinds.update({n: "c" if one.pixels.ndim > 2 else "g" for n, one in item.images.items()})
+                    yield item
+
+        seed = zlib.crc32(name.encode())
+        cases = tuple(measured(frames(), drive.rig, attacked=attacked, seed=seed, every=every))
+        return Scene(name, family, drive.rig, "".join(kinds[n] for n in sorted(kinds)), cases)
+
+
+def load(folder: Path) -> list[Scene]:
+    """The scenes of a folder, in the order of their names."""
+    return [pickle.loads(path.read_bytes()) for path in sorted(folder.glob("*.scene"))]  # noqa: S301 - our own files
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--into", type=Path, required=True)
+    parser.add_argument("--drives", type=Path, help="the folder of the test data")
+    parser.add_argument("--streets", type=int, default=0)
+    parser.add_argument("--first", type=int, default=2000)
+    parser.add_argument("--frames", type=int, default=10)
+    parser.add_argument("--cameras", type=int, default=4)
+    parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--attacked", action="store_true")
+    parser.add_argument("--every", type=int, default=1, help="frames, of which one is attacked")
+    options = parser.parse_args()
+    use_one_thread()
+    options.into.mkdir(parents=True, exist_ok=True)
+    todo: list[tuple[str, str, Recorded | Street]] = []
+    if options.drives:
+        todo += [(name, name, Recorded(options.drives / path)) for name, path in DRIVES.items()]
+    for seed in range(options.first, options.first + options.streets):
+        street = Street(seed, options.frames, options.cameras, options.scale)
+        todo.append((f"street {seed}", street.family, street))
+    for name, family, source in todo:
+        path = options.into / f"{name}.scene"
+        if not path.exists():
+            scene = scene_of(source, name, family, attacked=options.attacked, every=options.every)
+            path.write_bytes(pickle.dumps(scene))
+            print(f"{name}: {len(scene.cases)} cases, {family}, cameras {scene.kinds}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
