@@ -26,7 +26,8 @@ class CleanFrames:
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
-    camera; each is (F,), NaN where it was not measured.
+    camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view; it is empty where
+    there is no LiDAR.
     """
 
     recording_id: str
@@ -39,6 +40,7 @@ class CleanFrames:
     unmasked: Mapping[SensorCheck, Floats] = field(default_factory=dict)
     features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
+    returns: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def frames(self) -> int:
@@ -100,7 +102,7 @@ class Thresholds:
 class Expected:
     """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
 
-    Of a sensor check they are of the logarithm of its statistic and an offset; of a fault of its score. `drives` is how
+    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score. `drives` is how
     many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are the prior.
     """
 
