@@ -130,9 +130,7 @@ def _clean_frames(
     )
 
 
-def _unmasked(
-    rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]
-) -> dict[SensorCheck, NDArray[np.float64]]:
+def _unmasked(rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]) -> dict[SensorCheck, NDArray[np.float64]]:
     """The statistics without the LiDAR of those sensor checks for which they are others in some frame."""
     columns = zip(rig_sensor_checks(rig), frames.statistics[chosen].T, frames.unmasked[chosen].T, strict=True)
     return {one: alone for one, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
@@ -223,7 +221,8 @@ def judge_measurement(
 
     A rig that is a part of the calibration's is judged by what the calibration has of its sensors.
     `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
-    ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has more decimals than the store keeps.
+    ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has
+    more decimals than the store keeps.
     """
     refuse_earlier_counting(store, measurement)
     stored = store.measurement(measurement)
@@ -279,7 +278,9 @@ def _robust(
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
-def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics) -> Rows:
+def _judge_robust(
+    store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics
+) -> Rows:
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
     series = FrameSeries.of_recording(frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores)
