@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
-from math import exp
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.output import answer, emit, print_rows, say
@@ -34,9 +33,7 @@ def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: 
         emit(table_of(rows), form)
         return
     _head(calibration)
-    answer(
-        f"thresholds {learnt(thresholds.drives)}: at r = {r} the largest z of a frame must exceed {thresholds.limit:.2f}"
-    )
+    answer(f"thresholds {learnt(thresholds.drives)}: at r = {r} a finding has a z above {thresholds.limit:.2f}")
     counting = [rows[place] for place in system.counting(frozenset()).tolist()]
     shown = [
         {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{other}" for other in row["others"])}
@@ -119,9 +116,9 @@ def _sensor_checks(thresholds: "RobustThresholds", system: "System") -> "list[di
 
 def _statistic(expected: "Expected", z: float) -> float:
     """The statistic that has this z: at 0 what is expected, at the limit the threshold."""
-    from auditor.identification.prior import OFFSET  # noqa: PLC0415 - NumPy is heavy
+    from auditor.identification.prior import statistic_at  # noqa: PLC0415 - NumPy is heavy
 
-    return max(exp(expected.mean + z * expected.deviation) - OFFSET, 0.0)
+    return statistic_at(expected.mean + z * expected.deviation)
 
 
 def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:

@@ -249,8 +249,8 @@ method_option = click.option(
 strict_option = click.option(
     "--strict",
     is_flag=True,
-    help="Refuse thresholds that are the prior alone and r < 0.0001; with --method paper r < 1/N, which N clean samples "
-    "cannot resolve.",
+    help="Refuse thresholds that are the prior alone and r < 0.0001; with --method paper r < 1/N, which N clean "
+    "samples cannot resolve.",
 )
 
 

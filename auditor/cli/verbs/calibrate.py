@@ -71,9 +71,10 @@ def command(
     auditor calibrate drive.mcap --frames 0:200 -r 0
 
     The artefact keeps the statistics of every clean frame, so that thresholds at any r and by both methods follow from
-    it. It holds for one rig kind, matcher and setting, and is refused for others. By the robust method each recording is
-    a drive, and thresholds are learnt from how much drives differ: several short ones teach more than one long one. Each
-    recording is also judged by the others: the frames that are then not clean show how often other roads will be.
+    it. It holds for one rig kind, matcher and setting, and is refused for others. By the robust method each recording
+    is a drive, and thresholds are learnt from how much drives differ: several short ones teach more than one long one.
+    Each recording is also judged by the others: the frames that are then not clean show how many of other roads will
+    be.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
