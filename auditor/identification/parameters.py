@@ -63,18 +63,18 @@ def _prior(mean: float, within: float, between: float, tail: float = 1.0) -> Pri
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.4, 0.45, 0.29)
-    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29)
-    light: Prior = _prior(-2.85, 0.32, 0.3)
-    light_of_two: Prior = _prior(-2.2, 0.37, 0.33)
-    light_of_one: Prior = _prior(-2.1, 0.41, 0.42)
-    darkness: Prior = _prior(-3.05, 0.3, 0.27)
-    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35)
-    inconsistency: Prior = _prior(-3.3, 0.52, 0.3)
-    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31)
-    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4)
-    point_dropout: Prior = _prior(-0.35, 0.38, 0.22)
-    isolated_points: Prior = _prior(-2.0, 0.46, 0.33)
+    conflict: Prior = _prior(-1.4, 0.45, 0.29, 1.05)
+    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29, 1.05)
+    light: Prior = _prior(-2.85, 0.32, 0.3, 1.6)
+    light_of_two: Prior = _prior(-2.2, 0.37, 0.33, 1.25)
+    light_of_one: Prior = _prior(-2.1, 0.41, 0.42, 1.35)
+    darkness: Prior = _prior(-3.05, 0.3, 0.27, 1.7)
+    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35, 1.7)
+    inconsistency: Prior = _prior(-3.3, 0.52, 0.3, 1.4)
+    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31, 1.4)
+    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4, 1.25)
+    point_dropout: Prior = _prior(-0.35, 0.38, 0.22, 1.2)
+    isolated_points: Prior = _prior(-2.0, 0.46, 0.33, 1.0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class JointTail:
     """The largest z of all checks of a clean frame."""
 
     independent_share: float = parameter(0.5, unit="share of the checks that count as independent", source=_PRIOR)
-    stretch: float = parameter(1.0, unit="times the normal distribution's quantile", source=_PRIOR)
+    stretch: float = parameter(1.07, unit="times the normal distribution's quantile", source=_PRIOR)
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
@@ -157,7 +157,7 @@ class Naming:
     """How sensors are named."""
 
     another: float = parameter(
-        2.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
+        1.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
     )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)

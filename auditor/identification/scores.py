@@ -11,7 +11,6 @@ from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
-from auditor.model.verdict import CauseIn
 
 _LOCALISED_FROM: Mapping[Check, float] = {
     Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
