@@ -185,7 +185,7 @@ def _doubt(found: _Named, N: int) -> str:
 
 
 def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:
-    """What a verdict does not cover: sensors that were not there, and points that the LiDAR invents where none looks."""
+    """What a verdict does not cover: sensors that were not there, and invented points where no cameras look."""
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
     alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""

@@ -53,39 +53,36 @@ class Prior(NamedTuple):
     tail: float = 1.0
 
 
-def _prior(mean: float, within: float, between: float, tail: float = 1.0) -> Prior:
-    return parameter(
-        Prior(mean, within, between, tail), unit="mean, deviation within and between drives, tail", source=_PRIOR
-    )
+_OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
 @dataclass(frozen=True)
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.4, 0.45, 0.29, 1.05)
-    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29, 1.05)
-    light: Prior = _prior(-2.85, 0.32, 0.3, 1.6)
-    light_of_two: Prior = _prior(-2.2, 0.37, 0.33, 1.25)
-    light_of_one: Prior = _prior(-2.1, 0.41, 0.42, 1.35)
-    darkness: Prior = _prior(-3.05, 0.3, 0.27, 1.7)
-    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35, 1.7)
-    inconsistency: Prior = _prior(-3.3, 0.52, 0.3, 1.4)
-    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31, 1.4)
-    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4, 1.25)
-    point_dropout: Prior = _prior(-0.35, 0.38, 0.22, 1.2)
-    isolated_points: Prior = _prior(-2.0, 0.46, 0.33, 1.0)
+    conflict: Prior = parameter(Prior(-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    conflict_of_a_pair: Prior = parameter(Prior(-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    light: Prior = parameter(Prior(-2.85, 0.32, 0.3, 1.6), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_two: Prior = parameter(Prior(-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_one: Prior = parameter(Prior(-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
+    darkness: Prior = parameter(Prior(-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    darkness_of_two: Prior = parameter(Prior(-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency: Prior = parameter(Prior(-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_two: Prior = parameter(Prior(-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_one: Prior = parameter(Prior(-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    point_dropout: Prior = parameter(Prior(-0.35, 0.38, 0.22, 1.2), unit=_OF_PRIOR, source=_PRIOR)
+    isolated_points: Prior = parameter(Prior(-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = _prior(-6.5, 0.4, 0.6)
-    late_lidar: Prior = _prior(-2.1, 0.4, 0.37)
-    displaced_camera: Prior = _prior(0.0, 0.1, 0.1)
-    displaced_lidar: Prior = _prior(-2.0, 0.27, 0.37)
-    others: Prior = _prior(-0.3, 0.2, 0.3)
+    late_camera: Prior = parameter(Prior(-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
+    late_lidar: Prior = parameter(Prior(-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_camera: Prior = parameter(Prior(0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_lidar: Prior = parameter(Prior(-2.0, 0.27, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    others: Prior = parameter(Prior(-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
@@ -94,9 +91,7 @@ class Hierarchy:
 
     offset: float = parameter(0.02, unit="added to a statistic, and to what is left to 1", source=_PRIOR)
     rig_kind: float = parameter(0.5, unit="drives that the prior's mean weighs", source=BY_HAND)
-    prior_drives: float = parameter(
-        10.0, unit="drives that the prior's deviation between drives weighs", source=_METHOD
-    )
+    prior_drives: float = parameter(4.0, unit="drives that the prior's deviation between drives weighs", source=_PRIOR)
     prior_frames: float = parameter(
         20.0, unit="independent frames that the prior's deviation within weighs", source=BY_HAND
     )
