@@ -26,7 +26,8 @@ class CleanFrames:
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
-    camera; each is (F,), NaN where it was not measured.
+    camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view; it is empty where
+    there is no LiDAR.
     """
 
     recording_id: str
@@ -39,6 +40,7 @@ class CleanFrames:
     unmasked: Mapping[SensorCheck, Floats] = field(default_factory=dict)
     features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
+    returns: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def frames(self) -> int:

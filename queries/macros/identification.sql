@@ -94,9 +94,12 @@ LEFT JOIN systems USING (id)
 LEFT JOIN last_reference USING (id)
 LEFT JOIN answer USING (id);
 
--- The score z of a windowed ratio; NULL where any of the three is.
-CREATE MACRO z_score(ratio, theta, scale) AS
+-- The score z of a statistic, kept between the two of z_range; NULL where any of them is.
+CREATE MACRO z_score(statistic, mean, deviation, z_offset, z_range) AS
     CASE
-        WHEN (ratio - theta) / scale IS NOT NULL
-            THEN least(greatest((ratio - theta) / scale, lowest_score()), highest_score())
+        WHEN (ln(statistic + z_offset) - mean) / deviation IS NOT NULL AND z_range IS NOT NULL
+            THEN least(greatest((ln(statistic + z_offset) - mean) / deviation, z_range[1]), z_range[2])
     END;
+
+-- The statistic from which on a check of a clean frame is unusual at rate r: its z is the limit.
+CREATE MACRO theta_of(mean, deviation, z_limit, z_offset) AS exp(mean + z_limit * deviation) - z_offset;
