@@ -57,7 +57,7 @@ NO_FINGERPRINT = -1
 """Of a sensor that is not there, or whose data cannot show whether it repeats them."""
 
 
-EXPERIMENTS_VERSION = 2
+EXPERIMENTS_VERSION = 3
 """Raised whenever an evaluation would try other cases from the same seed or keep more of them, or an attack changes.
 
 Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
