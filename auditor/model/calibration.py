@@ -11,7 +11,8 @@ import numpy as np
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.checks import Pair, SensorCheck
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, Triple
+from auditor.model.rig import Triple
+from auditor.model.rig_kind import RigKind
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
 

@@ -25,7 +25,8 @@ from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.checks import PairCheck, rig_pair_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import Rig, RigKind
+from auditor.model.rig import Rig
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Method, Verdict
 from auditor.store import FrameRatios, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
