@@ -55,39 +55,39 @@ def _prior(mean: float, within: float, between: float, source: str) -> Prior:
 
 @dataclass(frozen=True)
 class CheckPriors:
-    """Of the logarithm of a statistic and the offset, by check and by how many cameras take part."""
+    """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.2, 0.25, 0.3, _PRIOR)
-    conflict_of_a_pair: Prior = _prior(-1.2, 0.3, 0.35, _PRIOR)
-    light: Prior = _prior(-2.6, 0.3, 0.3, _PRIOR)
-    light_of_two: Prior = _prior(-2.3, 0.3, 0.3, _PRIOR)
-    light_of_one: Prior = _prior(-1.8, 0.3, 0.4, _PRIOR)
-    darkness: Prior = _prior(-2.8, 0.3, 0.3, _PRIOR)
-    darkness_of_two: Prior = _prior(-2.4, 0.3, 0.3, _PRIOR)
-    inconsistency: Prior = _prior(-3.5, 0.4, 0.4, _PRIOR)
-    inconsistency_of_two: Prior = _prior(-3.0, 0.4, 0.4, _PRIOR)
-    inconsistency_of_one: Prior = _prior(-2.0, 0.4, 0.4, _PRIOR)
-    point_dropout: Prior = _prior(-0.7, 0.2, 0.2, _PRIOR)
-    isolated_points: Prior = _prior(-2.0, 0.3, 0.3, _PRIOR)
+    conflict: Prior = _prior(-1.4, 0.45, 0.29, _PRIOR)
+    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29, _PRIOR)
+    light: Prior = _prior(-2.85, 0.32, 0.3, _PRIOR)
+    light_of_two: Prior = _prior(-2.2, 0.37, 0.33, _PRIOR)
+    light_of_one: Prior = _prior(-2.1, 0.41, 0.42, _PRIOR)
+    darkness: Prior = _prior(-3.05, 0.3, 0.27, _PRIOR)
+    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35, _PRIOR)
+    inconsistency: Prior = _prior(-3.3, 0.52, 0.3, _PRIOR)
+    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31, _PRIOR)
+    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4, _PRIOR)
+    point_dropout: Prior = _prior(-0.35, 0.38, 0.22, _PRIOR)
+    isolated_points: Prior = _prior(-2.0, 0.46, 0.33, _PRIOR)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
-    late_lidar: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
-    displaced_camera: Prior = _prior(-0.2, 0.2, 0.2, _PRIOR)
-    displaced_lidar: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
-    others: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
+    late_camera: Prior = _prior(-6.5, 0.4, 0.6, _PRIOR)
+    late_lidar: Prior = _prior(-2.1, 0.4, 0.37, _PRIOR)
+    displaced_camera: Prior = _prior(0.0, 0.1, 0.1, _PRIOR)
+    displaced_lidar: Prior = _prior(-2.0, 0.27, 0.37, _PRIOR)
+    others: Prior = _prior(-0.3, 0.2, 0.3, _PRIOR)
 
 
 @dataclass(frozen=True)
 class Hierarchy:
     """How drives, rig kinds and the prior weigh."""
 
-    offset: float = parameter(0.02, unit="added to a statistic before its logarithm", source=_PRIOR)
-    rig_kind: float = parameter(1.0, unit="drives that the prior's mean weighs", source=BY_HAND)
+    offset: float = parameter(0.02, unit="added to a statistic, and to what is left to 1", source=_PRIOR)
+    rig_kind: float = parameter(0.5, unit="drives that the prior's mean weighs", source=BY_HAND)
     prior_drives: float = parameter(
         10.0, unit="drives that the prior's deviation between drives weighs", source=_METHOD
     )
