@@ -221,13 +221,10 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
 
 
 def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a verdict that lack light more clearly than they have too much: an attack by light adds it."""
-    strongest: dict[int, tuple[float, str]] = {}
-    for one in verdict.evidence:
-        if one.k is None:
-            strongest[one.i] = max(strongest.get(one.i, (one.score, one.check_name)), (one.score, one.check_name))
-    dark = Check.REMOVED_LIGHT.value
-    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor, (_, name) in strongest.items() if name == dark)
+    """The cameras of a verdict that lack light and have none too much: an attack by light adds it."""
+    lit = {one.i for one in verdict.evidence if one.check_name == Check.ADDED_LIGHT.value}
+    dark = dict.fromkeys(one.i for one in verdict.evidence if one.check_name == Check.REMOVED_LIGHT.value)
+    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor in dark if sensor not in lit)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
