@@ -42,44 +42,50 @@ class WindowedMean:
 
 
 class Prior(NamedTuple):
-    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives."""
+    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
+
+    Rare values lie `tail` times as many deviations away as those of a normal distribution.
+    """
 
     mean: float
     within: float
     between: float
+    tail: float = 1.0
 
 
-def _prior(mean: float, within: float, between: float, source: str) -> Prior:
-    return parameter(Prior(mean, within, between), unit="mean, deviation within and between drives", source=source)
+def _prior(mean: float, within: float, between: float, tail: float = 1.0) -> Prior:
+    return parameter(
+        Prior(mean, within, between, tail), unit="mean, deviation within and between drives, tail", source=_PRIOR
+    )
 
 
 @dataclass(frozen=True)
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.4, 0.45, 0.29, _PRIOR)
-    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29, _PRIOR)
-    light: Prior = _prior(-2.85, 0.32, 0.3, _PRIOR)
-    light_of_two: Prior = _prior(-2.2, 0.37, 0.33, _PRIOR)
-    light_of_one: Prior = _prior(-2.1, 0.41, 0.42, _PRIOR)
-    darkness: Prior = _prior(-3.05, 0.3, 0.27, _PRIOR)
-    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35, _PRIOR)
-    inconsistency: Prior = _prior(-3.3, 0.52, 0.3, _PRIOR)
-    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31, _PRIOR)
-    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4, _PRIOR)
-    point_dropout: Prior = _prior(-0.35, 0.38, 0.22, _PRIOR)
-    isolated_points: Prior = _prior(-2.0, 0.46, 0.33, _PRIOR)
+    conflict: Prior = _prior(-1.4, 0.45, 0.29)
+    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29)
+    light: Prior = _prior(-2.85, 0.32, 0.3)
+    light_of_two: Prior = _prior(-2.2, 0.37, 0.33)
+    light_of_one: Prior = _prior(-2.1, 0.41, 0.42)
+    darkness: Prior = _prior(-3.05, 0.3, 0.27)
+    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35)
+    inconsistency: Prior = _prior(-3.3, 0.52, 0.3)
+    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31)
+    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4)
+    point_dropout: Prior = _prior(-0.35, 0.38, 0.22)
+    isolated_points: Prior = _prior(-2.0, 0.46, 0.33)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = _prior(-6.5, 0.4, 0.6, _PRIOR)
-    late_lidar: Prior = _prior(-2.1, 0.4, 0.37, _PRIOR)
-    displaced_camera: Prior = _prior(0.0, 0.1, 0.1, _PRIOR)
-    displaced_lidar: Prior = _prior(-2.0, 0.27, 0.37, _PRIOR)
-    others: Prior = _prior(-0.3, 0.2, 0.3, _PRIOR)
+    late_camera: Prior = _prior(-6.5, 0.4, 0.6)
+    late_lidar: Prior = _prior(-2.1, 0.4, 0.37)
+    displaced_camera: Prior = _prior(0.0, 0.1, 0.1)
+    displaced_lidar: Prior = _prior(-2.0, 0.27, 0.37)
+    others: Prior = _prior(-0.3, 0.2, 0.3)
 
 
 @dataclass(frozen=True)
