@@ -100,7 +100,7 @@ class Marks:
 
     `likeness` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
     `other_lidar`: the LiDAR has far more or fewer points than the calibration's, and its checks were judged by the
-    prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where on none.
+    prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
     """
 
     likeness: Likeness = Likeness.SAME

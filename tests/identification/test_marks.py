@@ -28,9 +28,9 @@ def clean(recording_id="a", returns=18_000.0, level=0.3, **changed):
     """Clean frames with one value of every statistic, and fault scores of 0.5."""
     stamps = np.arange(FRAMES, dtype=np.int64) * 100_000_000
     jitter = np.linspace(-0.01, 0.01, FRAMES)
-    scores = {fault: 0.5 + jitter for fault in faults_of(RIG.sensors)}
+    scores = dict.fromkeys(faults_of(RIG.sensors), 0.5 + jitter)
     usual = {"returns": np.full(FRAMES, returns), "versions": MACHINE}
-    return CleanFrames(recording_id, stamps, {}, {one: level + jitter for one in CHECKS}, scores, **usual | changed)
+    return CleanFrames(recording_id, stamps, {}, dict.fromkeys(CHECKS, level + jitter), scores, **usual | changed)
 
 
 def calibration(*recordings):
