@@ -4,7 +4,7 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +45,16 @@ class ObservedFeatures:
     cameras: tuple[int, ...]
     level: Floats
     saturated: Floats
+
+
+def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
+    """The faults, each with its sensor, that a rig of these sensors has scores of."""
+    return (
+        *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
+        *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
+        (Cause.DARK, None),
+        (Cause.GLARE, None),
+    )
 
 
 def fault_scores(

@@ -5,6 +5,7 @@ from decimal import Decimal
 
 import numpy as np
 
+from auditor.identification.faults import faults_of
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check
 from auditor.identification.thresholds import checked
@@ -39,7 +40,7 @@ def thresholds_from(
         )
         for check in sensor_checks
     }
-    causes = dict.fromkeys(cause for one in clean for cause in one.strengths)
+    causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
     of_causes = {
         cause: expected(prior_of_cause(cause), [one.strengths[cause] for one in clean if cause in one.strengths])
         for cause in causes
