@@ -79,6 +79,7 @@ class CausePriors:
     late_lidar: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
     displaced_camera: Prior = _prior(-0.2, 0.2, 0.2, _PRIOR)
     displaced_lidar: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
+    exposure: Prior = _prior(0.0, 0.15, 0.3, _PRIOR)
     others: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
 
 
@@ -168,6 +169,7 @@ class FaultScores:
     dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
+    exposure: float = parameter(0.2, unit="logarithm of a level against the other cameras'", source=BY_HAND)
     rain: float = parameter(0.01, unit="share of isolated points nearby, less those beyond", source=_RAIN)
     rain_beyond: float = parameter(2.0, unit="times the share of isolated points beyond", source=_RAIN)
 
