@@ -142,11 +142,15 @@ class Expected:
 
 @dataclass(frozen=True)
 class Scale:
-    """theta of a fault and the scale of its z, from the clean frames of so many recordings."""
+    """theta of a fault and the scale of its z, from the clean frames of so many recordings.
+
+    A fault that may go either way has a `usual` score: theta is how far from it the score must be.
+    """
 
     theta: float
     scale: float
     drives: int
+    usual: float | None = None
 
 
 @dataclass(frozen=True)
