@@ -234,7 +234,9 @@ def main() -> None:
     options.into.mkdir(parents=True, exist_ok=True)
     drives: list[Drive] = []
     for name, path in DRIVES.items() if options.drives else ():
-        drives.append(kept_drive(options.into / f"{name}.series", lambda name=name, path=path: real(name, options.drives / path)))
+        drives.append(
+            kept_drive(options.into / f"{name}.series", lambda name=name, path=path: real(name, options.drives / path))
+        )
     for seed in range(options.first, options.first + options.streets):
         source = Street(seed, options.frames, options.cameras)
         drives.append(kept_drive(options.into / f"{source}.series", lambda source=source: street(source)))
