@@ -26,7 +26,8 @@ from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
-from auditor.model.rig import LIDAR, Rig, RigKind
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Method, Verdict
 from auditor.store import FrameStatistics, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
