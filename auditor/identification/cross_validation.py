@@ -51,7 +51,7 @@ def robust_thresholds(
 ) -> RobustThresholds:
     """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
 
-    `transferred` is what `check_calibration` answered. Raises SettingError where r is not in [0, 1].
+    `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not in [0, 1].
     """
     found = _thresholds(calibration.clean, system, r, calibration.calibration_id)
     score = 0.0

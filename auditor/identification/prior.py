@@ -61,6 +61,8 @@ def prior_of_cause(cause: CauseIn) -> Prior:
         return CAUSE_PRIORS.late_lidar if sensor == 0 else CAUSE_PRIORS.late_camera
     if kind is Cause.DISPLACED:
         return CAUSE_PRIORS.displaced_lidar if sensor == 0 else CAUSE_PRIORS.displaced_camera
+    if kind is Cause.EXPOSURE:
+        return CAUSE_PRIORS.exposure
     return CAUSE_PRIORS.others
 
 

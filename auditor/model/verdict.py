@@ -59,14 +59,16 @@ class Cause(StrEnum):
     """What other than an attack may cause a finding.
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
-    SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
-    RAIN: the LiDAR sees drops all around.
+    SOILED: dirt on a lens, or whatever else takes light away. EXPOSURE: a camera's exposure, gain or tone is not what
+    it usually is beside the others. DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees
+    drops all around.
     """
 
     FROZEN = "frozen"
     LATE = "late"
     DISPLACED = "displaced"
     SOILED = "soiled"
+    EXPOSURE = "exposure"
     DARK = "dark"
     GLARE = "glare"
     RAIN = "rain"

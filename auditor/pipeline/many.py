@@ -308,6 +308,8 @@ def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
+    if judgement.drives == 0:
+        yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
     if not judgement.resolvable:
         yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
 
