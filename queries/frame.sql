@@ -153,7 +153,7 @@ fact AS (
         item: check_name || ' S_' || sensor || ' by ' || sensors_in_words(others, ''),
         value: NULL,
         measured: statistics.statistic,
-        theta: theta_of(mean, deviation, z_limit, z_offset),
+        theta: statistic_at_limit(mean, deviation, z_limit, z_offset),
         score: z,
         note: NULL
     }

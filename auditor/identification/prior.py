@@ -4,7 +4,8 @@ Frames of one drive are alike, and drives are not. A value of a frame (the log o
 score) is the mean of its drive and a deviation within the drive of standard deviation w; the means of drives deviate
 from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
 tell little about the next one, however many frames they have: its standard deviation is
-sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives.
+sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives. Rare values lie farther out than a normal distribution's; the
+prior says by which factor, and deviations are given times it.
 """
 
 from collections.abc import Sequence
@@ -60,6 +61,8 @@ def prior_of_cause(cause: CauseIn) -> Prior:
         return CAUSE_PRIORS.late_lidar if sensor == 0 else CAUSE_PRIORS.late_camera
     if kind is Cause.DISPLACED:
         return CAUSE_PRIORS.displaced_lidar if sensor == 0 else CAUSE_PRIORS.displaced_camera
+    if kind is Cause.EXPOSURE:
+        return CAUSE_PRIORS.exposure
     return CAUSE_PRIORS.others
 
 
@@ -96,7 +99,7 @@ def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
     D = len(seen)
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
     deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
-    return Expected(mean, deviation, D, sum(one.frames for one in seen))
+    return Expected(mean, prior.tail * deviation, D, sum(one.frames for one in seen))
 
 
 def joint_limit(r: float, checks: int) -> float:
@@ -122,7 +125,7 @@ def effective_size(values: Floats) -> float:
     """How many independent frames F successive ones are worth, 1 at least (docs/protocol.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
-    if F < HIERARCHY.fewest_frames or power == 0:
+    if HIERARCHY.fewest_frames > F or power == 0:
         return 1.0
     total = 1.0
     for lag in range(1, F):

@@ -11,7 +11,8 @@ import numpy as np
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.checks import Pair, SensorCheck
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, Triple
+from auditor.model.rig import Triple
+from auditor.model.rig_kind import Likeness, RigKind
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
 
@@ -26,8 +27,10 @@ class CleanFrames:
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
-    camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view; it is empty where
-    there is no LiDAR.
+    camera; each is (F,), NaN where it was not measured.
+
+    `returns` (F,) are the LiDAR's points in view, NaN where it was not there, and empty where they are not known;
+    `versions` are those that the counts were made with.
     """
 
     recording_id: str
@@ -41,6 +44,7 @@ class CleanFrames:
     features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
     returns: Floats = field(default_factory=lambda: np.zeros(0))
+    versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
@@ -51,6 +55,10 @@ class CleanFrames:
         """(F, M) statistics in the order of `sensor_checks`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
         return np.stack([self.statistics.get(check, unknown) for check in sensor_checks], axis=1)
+
+
+PRIOR = "prior"
+"""The id of the calibration that is made of no clean frames: every store has it, and none keeps it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +87,26 @@ class Calibration:
         """For each statistic and triple the measured E of all clean frames, in ascending order."""
         keys = dict.fromkeys(key for one in self.clean for key in one.errors)
         return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
+
+
+def prior_calibration(rig_kind: RigKind, procedure: Procedure) -> Calibration:
+    """The calibration of a rig kind of which no clean frame is known: the prior is all that it is judged by."""
+    return Calibration(PRIOR, rig_kind, procedure, ())
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What a judgement says of its calibration.
+
+    `likeness` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
+    `other_lidar`: the LiDAR has far more or fewer points than the calibration's, and its checks were judged by the
+    prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
+    """
+
+    likeness: Likeness = Likeness.SAME
+    in_sample: bool = False
+    other_lidar: bool = False
+    measured_otherwise: str = ""
 
 
 @dataclass(frozen=True)
@@ -114,11 +142,15 @@ class Expected:
 
 @dataclass(frozen=True)
 class Scale:
-    """theta of a fault and the scale of its z, from the clean frames of so many recordings."""
+    """theta of a fault and the scale of its z, from the clean frames of so many recordings.
+
+    A fault that may go either way has a `usual` score: theta is how far from it the score must be.
+    """
 
     theta: float
     scale: float
     drives: int
+    usual: float | None = None
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,15 @@ from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
-from auditor.model.rig import LIDAR, Rig, RigKind
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Method, Verdict
 from auditor.store import FrameStatistics, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
 Rows = list[tuple[int, int, Verdict]]
+
+SMALLEST_STRICT_R = Decimal("0.0001")
+"""`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,9 @@ class Criteria:
     """How verdicts are to be reached.
 
     `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` computes the robust
-    method's statistics again from the stored cells. Raises SettingError for what the paper's method does not have.
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve, and thresholds that are the prior
+    alone. `recount` computes the robust method's statistics again from the stored cells. Raises SettingError for what
+    the paper's method does not have.
     """
 
     r: Decimal
@@ -130,9 +135,7 @@ def _clean_frames(
     )
 
 
-def _unmasked(
-    rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]
-) -> dict[SensorCheck, NDArray[np.float64]]:
+def _unmasked(rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]) -> dict[SensorCheck, NDArray[np.float64]]:
     """The statistics without the LiDAR of those sensor checks for which they are others in some frame."""
     columns = zip(rig_sensor_checks(rig), frames.statistics[chosen].T, frames.unmasked[chosen].T, strict=True)
     return {one: alone for one, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
@@ -223,7 +226,8 @@ def judge_measurement(
 
     A rig that is a part of the calibration's is judged by what the calibration has of its sensors.
     `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
-    ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has more decimals than the store keeps.
+    ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has
+    more decimals than the store keeps.
     """
     refuse_earlier_counting(store, measurement)
     stored = store.measurement(measurement)
@@ -279,7 +283,9 @@ def _robust(
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
-def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics) -> Rows:
+def _judge_robust(
+    store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics
+) -> Rows:
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
     series = FrameSeries.of_recording(frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores)
@@ -298,7 +304,9 @@ def _refuse_unresolvable(
     calibration: Calibration, criteria: Criteria, thresholds: Thresholds | RobustThresholds
 ) -> None:
     where = f"calibration {calibration.calibration_id}"
-    if isinstance(thresholds, Thresholds) and not thresholds.resolvable:
+    if isinstance(thresholds, RobustThresholds):
+        refuse_unproven(thresholds)
+    elif not thresholds.resolvable:
         fewest = min(thresholds.samples.values())
         raise ThresholdsError(
             f"r = {criteria.r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
@@ -312,6 +320,22 @@ def _refuse_unresolvable(
             "frames: they would be judged as 0",
             where=where,
             remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
+        )
+
+
+def refuse_unproven(thresholds: RobustThresholds) -> None:
+    """Raises ThresholdsError for what `strict` refuses: thresholds that are the prior alone, and an r below 0.0001."""
+    if not thresholds.drives:
+        raise ThresholdsError(
+            "its thresholds are the prior alone: no clean drive of this rig kind was seen",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy="calibrate on clean recordings of this rig kind",
+        )
+    if thresholds.r < SMALLEST_STRICT_R:
+        raise ThresholdsError(
+            f"r = {thresholds.r} is smaller than what clean frames show",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy=f"take r = {SMALLEST_STRICT_R} or more",
         )
 
 

@@ -15,7 +15,8 @@ from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
-from auditor.model.rig import LIDAR, RigKind, Triple
+from auditor.model.rig import LIDAR, Triple
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows

@@ -226,6 +226,7 @@ def read_statistics(path: Path, rig: Rig) -> FrameStatistics:
     F, M, S = len(table), len(rig_sensor_checks(rig)), len(rig.sensors)
     statistics, unmasked = (_where_kept(table[name], M, path) for name in ("statistics", "unmasked_statistics"))
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
+    returns = _floats(table["returns"], F * S, path).reshape(F, S)
     return FrameStatistics(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
@@ -233,7 +234,7 @@ def read_statistics(path: Path, rig: Rig) -> FrameStatistics:
         unmasked=np.where(np.isnan(unmasked), statistics, unmasked),
         states=_texts(table["state"], F * S, path).reshape(F, S),
         fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
-        returns=_floats(table["returns"], F * S, path).reshape(F, S)[:, 0] if LIDAR in rig.sensors else np.full(F, np.nan),
+        returns=returns[:, rig.sensors.index(LIDAR)] if LIDAR in rig.sensors else np.full(F, np.nan),
     )
 
 

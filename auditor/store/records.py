@@ -169,7 +169,7 @@ class JudgingRules:
     """What verdicts are reached by, beside the thresholds.
 
     `digest` and `settings` (canonical JSON) are those of all parameters that can change a verdict. Two of them explain
-    scores: `z_offset` is added to a statistic before its logarithm is taken, and z is kept within `z_range`.
+    scores: `z_offset` is added to a statistic before its odds are taken, and z is kept within `z_range`.
     """
 
     digest: str

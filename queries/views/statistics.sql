@@ -7,9 +7,9 @@
 -- column sensor: The sensor that it checks.
 -- column others: The other cameras: those that the camera is compared with; of lidar_conflict all of the pairs that are compared with the LiDAR; of point_dropout and isolated_points the one whose view it is.
 -- column statistic: The statistic, 0 to 1; NULL where it was not measured.
--- column mean: What ln(statistic + z_offset) of a clean frame is expected to be by the current judgement; NULL where that is not of the robust method.
+-- column mean: What the log odds of a clean frame's statistic are expected to be by the current judgement; NULL where that is not of the robust method.
 -- column deviation: The standard deviation of that.
--- column z: Its score (ln(statistic + z_offset) - mean) / deviation, kept between -4 and 12.
+-- column z: Its score (log odds - mean) / deviation, kept between -4 and 12.
 SELECT
     frame.measurement_id,
     frame.frame,

@@ -143,9 +143,7 @@ def thresholds_of(
     return robust, Thresholds("", Statistic.GATED, r, theta, counts, resolvable=True)
 
 
-def judge_all(
-    scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, prior: bool = False
-) -> list[Judged]:
+def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, prior: bool = False) -> list[Judged]:
     """All scenes, each by the scenes of other families."""
     systems = {scene.name: system_of(scene, cameras) for scene in scenes}
     clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
@@ -179,8 +177,10 @@ def report(judged: Sequence[Judged]) -> Iterable[str]:
         )
 
 
-def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:  # noqa: ANN001
-    known = [(one.scene.name, is_so(one.paper if paper else one.robust, one.case)) for one in cases if one.paper or not paper]
+def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:
+    known = [
+        (one.scene.name, is_so(one.paper if paper else one.robust, one.case)) for one in cases if one.paper or not paper
+    ]
     counts: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     for name, so in known:
         counts[name][0] += so
