@@ -1,17 +1,17 @@
 -- Everything that is known of one frame, one row a fact: auditor query frame RECORDING FRAME.
 --
 -- Rows stand in this order: the frame, its sensors, the verdict, the disparity error of each triple, the score of each
--- pair check, other causes, the next-best explanations.
+-- sensor check, other causes, the next-best explanations.
 --
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 -- param frame BIGINT: Number of the frame.
 --
 -- column part: What the fact is about: frame, sensor, verdict, error, score, cause or alternative.
--- column item: Which frame's property, sensor, property of the verdict, triple, pair check, cause or explanation.
+-- column item: Which frame's property, sensor, property of the verdict, triple, sensor check, cause or explanation.
 -- column value: What was found, in a word: a sensor's state, the verdict, the sensors, the element e of a triple.
--- column measured: What was measured: the gap, the disparity error E, the windowed ratio, the score of a cause, how much worse an explanation is; NULL where it was not.
--- column theta: The threshold that it is compared with; NULL where there is none.
--- column score: The score z of the windowed ratio.
+-- column measured: What was measured: the gap, the disparity error E, the statistic of a sensor check, the score of a cause, how much worse an explanation is; NULL where it was not.
+-- column theta: The threshold that it is compared with, of a statistic that at which z is the limit; NULL where there is none.
+-- column score: The score z of the statistic.
 -- column note: What else is known of it, in words.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 WITH wanted AS (
@@ -120,7 +120,7 @@ fact AS (
             score: NULL,
             note: CASE
                 WHEN gap IS NULL THEN NULL
-                WHEN method = 'robust' THEN 'better than the next best by so much'
+                WHEN method = 'robust' THEN 'so much z above the next sensor or the limit; of a clean frame below it'
                 ELSE 'the smallest distance of an E from its theta'
             END
         },
@@ -149,15 +149,17 @@ fact AS (
     }
     FROM errors WHERE frame = $frame
     UNION ALL
-    SELECT measurement_id, 5, position, 'score', {
-        item: check_name || ' S_' || i || ' S_' || k,
+    SELECT statistics.measurement_id, 5, position, 'score', {
+        item: check_name || ' S_' || sensor || ' by ' || sensors_in_words(others, ''),
         value: NULL,
-        measured: ratio,
-        theta: theta,
+        measured: statistics.statistic,
+        theta: statistic_at_limit(mean, deviation, z_limit, z_offset),
         score: z,
         note: NULL
     }
-    FROM ratios WHERE frame = $frame
+    FROM statistics
+    LEFT JOIN judgements AS judgement ON judgement.measurement_id = statistics.measurement_id AND judgement.current
+    WHERE frame = $frame
     UNION ALL
     SELECT measurement_id, 6, row, 'cause', {
         item: cause['cause'] || coalesce(' S_' || cause['sensor'], ''),

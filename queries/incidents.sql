@@ -17,7 +17,7 @@
 -- column parts: What each recording has of it, in order.
 -- column strongest_frame: Number of the frame with the largest gap.
 -- column strongest_name: The recording that it is in.
--- column largest_gap: The largest gap of its frames: how much better the best explanation is than the second best.
+-- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column causes: What else than an attack may lie behind it, in words.

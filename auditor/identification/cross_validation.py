@@ -7,7 +7,6 @@ from math import sqrt
 
 import numpy as np
 
-from auditor.errors import ThresholdsError
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.identification.scores import thresholds_from
@@ -52,7 +51,7 @@ def robust_thresholds(
 ) -> RobustThresholds:
     """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
 
-    `transferred` is what `check_calibration` answered. Raises SettingError where r is not in [0, 1].
+    `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not in [0, 1].
     """
     found = _thresholds(calibration.clean, system, r, calibration.calibration_id)
     score = 0.0

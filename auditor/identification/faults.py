@@ -4,7 +4,7 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +45,16 @@ class ObservedFeatures:
     cameras: tuple[int, ...]
     level: Floats
     saturated: Floats
+
+
+def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
+    """The faults, each with its sensor, that a rig of these sensors has scores of."""
+    return (
+        *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
+        *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
+        (Cause.DARK, None),
+        (Cause.GLARE, None),
+    )
 
 
 def fault_scores(
@@ -243,13 +253,10 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
 
 
 def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a verdict that lack light more clearly than they have too much: an attack by light adds it."""
-    strongest: dict[int, tuple[float, str]] = {}
-    for one in verdict.evidence:
-        if one.k is None:
-            strongest[one.i] = max(strongest.get(one.i, (one.score, one.check_name)), (one.score, one.check_name))
-    dark = Check.REMOVED_LIGHT.value
-    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor, (_, name) in strongest.items() if name == dark)
+    """The cameras of a verdict that lack light and have none too much: an attack by light adds it."""
+    lit = {one.i for one in verdict.evidence if one.check_name == Check.ADDED_LIGHT.value}
+    dark = dict.fromkeys(one.i for one in verdict.evidence if one.check_name == Check.REMOVED_LIGHT.value)
+    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor in dark if sensor not in lit)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:

@@ -108,7 +108,11 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
 
 
 def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Named:
-    """Name the sensors of one frame in turn, until no check exceeds the limit or as many are named as are there."""
+    """Name the sensors of one frame in turn, until no check exceeds the limit.
+
+    What an attack on one sensor does to the checks of others is seldom nothing: each sensor after the first must exceed
+    the limit clearly.
+    """
     named: list[int] = []
     evidence: list[tuple[float, SensorCheck]] = []
     first: dict[int, float] = {}
@@ -118,7 +122,8 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _N
         scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
         of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
         first = first or _largest(of_one)
-        if not of_one or (strongest := max(of_one))[0] <= limit:
+        least = limit + NAMING.another if named else limit
+        if not of_one or (strongest := max(of_one))[0] <= least:
             unclear = tuple(check for value, check in scored if value > limit and len(check.nameable) > 1)
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
@@ -180,7 +185,7 @@ def _doubt(found: _Named, N: int) -> str:
 
 
 def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:
-    """What a verdict does not cover: sensors that were not there, and points that the LiDAR invents where none looks."""
+    """What a verdict does not cover: sensors that were not there, and invented points where no cameras look."""
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
     alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""

@@ -42,56 +42,57 @@ class WindowedMean:
 
 
 class Prior(NamedTuple):
-    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives."""
+    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
+
+    Rare values lie `tail` times as many deviations away as those of a normal distribution.
+    """
 
     mean: float
     within: float
     between: float
+    tail: float = 1.0
 
 
-def _prior(mean: float, within: float, between: float, source: str) -> Prior:
-    return parameter(Prior(mean, within, between), unit="mean, deviation within and between drives", source=source)
+_OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
 @dataclass(frozen=True)
 class CheckPriors:
-    """Of the logarithm of a statistic and the offset, by check and by how many cameras take part."""
+    """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.2, 0.25, 0.3, _PRIOR)
-    conflict_of_a_pair: Prior = _prior(-1.2, 0.3, 0.35, _PRIOR)
-    light: Prior = _prior(-2.6, 0.3, 0.3, _PRIOR)
-    light_of_two: Prior = _prior(-2.3, 0.3, 0.3, _PRIOR)
-    light_of_one: Prior = _prior(-1.8, 0.3, 0.4, _PRIOR)
-    darkness: Prior = _prior(-2.8, 0.3, 0.3, _PRIOR)
-    darkness_of_two: Prior = _prior(-2.4, 0.3, 0.3, _PRIOR)
-    inconsistency: Prior = _prior(-3.5, 0.4, 0.4, _PRIOR)
-    inconsistency_of_two: Prior = _prior(-3.0, 0.4, 0.4, _PRIOR)
-    inconsistency_of_one: Prior = _prior(-2.0, 0.4, 0.4, _PRIOR)
-    point_dropout: Prior = _prior(-0.7, 0.2, 0.2, _PRIOR)
-    isolated_points: Prior = _prior(-2.0, 0.3, 0.3, _PRIOR)
+    conflict: Prior = parameter(Prior(-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    conflict_of_a_pair: Prior = parameter(Prior(-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    light: Prior = parameter(Prior(-2.85, 0.32, 0.3, 1.6), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_two: Prior = parameter(Prior(-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_one: Prior = parameter(Prior(-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
+    darkness: Prior = parameter(Prior(-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    darkness_of_two: Prior = parameter(Prior(-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency: Prior = parameter(Prior(-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_two: Prior = parameter(Prior(-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_one: Prior = parameter(Prior(-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    point_dropout: Prior = parameter(Prior(-0.35, 0.38, 0.22, 1.2), unit=_OF_PRIOR, source=_PRIOR)
+    isolated_points: Prior = parameter(Prior(-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
-    late_lidar: Prior = _prior(-1.0, 0.5, 0.3, _PRIOR)
-    displaced_camera: Prior = _prior(-0.2, 0.2, 0.2, _PRIOR)
-    displaced_lidar: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
-    exposure: Prior = _prior(0.0, 0.15, 0.3, _PRIOR)
-    others: Prior = _prior(-1.0, 0.5, 0.5, _PRIOR)
+    late_camera: Prior = parameter(Prior(-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
+    late_lidar: Prior = parameter(Prior(-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_camera: Prior = parameter(Prior(0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_lidar: Prior = parameter(Prior(-2.0, 0.27, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    exposure: Prior = parameter(Prior(0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_PRIOR)
+    others: Prior = parameter(Prior(-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
 class Hierarchy:
     """How drives, rig kinds and the prior weigh."""
 
-    offset: float = parameter(0.02, unit="added to a statistic before its logarithm", source=_PRIOR)
-    rig_kind: float = parameter(1.0, unit="drives that the prior's mean weighs", source=BY_HAND)
-    prior_drives: float = parameter(
-        10.0, unit="drives that the prior's deviation between drives weighs", source=_METHOD
-    )
+    offset: float = parameter(0.02, unit="added to a statistic, and to what is left to 1", source=_PRIOR)
+    rig_kind: float = parameter(0.5, unit="drives that the prior's mean weighs", source=BY_HAND)
+    prior_drives: float = parameter(4.0, unit="drives that the prior's deviation between drives weighs", source=_PRIOR)
     prior_frames: float = parameter(
         20.0, unit="independent frames that the prior's deviation within weighs", source=BY_HAND
     )
@@ -105,7 +106,7 @@ class JointTail:
     """The largest z of all checks of a clean frame."""
 
     independent_share: float = parameter(0.5, unit="share of the checks that count as independent", source=_PRIOR)
-    stretch: float = parameter(1.0, unit="times the normal distribution's quantile", source=_PRIOR)
+    stretch: float = parameter(1.07, unit="times the normal distribution's quantile", source=_PRIOR)
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
@@ -151,6 +152,9 @@ class TemporalWindow:
 class Naming:
     """How sensors are named."""
 
+    another: float = parameter(
+        1.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
+    )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
@@ -202,6 +206,17 @@ class Frozen:
     )
 
 
+@dataclass(frozen=True)
+class OtherLidar:
+    """When a LiDAR is not the one that was calibrated: half the rings give half the points in view."""
+
+    factor: float = parameter(
+        1.4,
+        unit="times the points in view, more or fewer",
+        source="three KITTI drives with one LiDAR: medians differ by a factor of 1.1, frames of two drives by 1.25",
+    )
+
+
 WINDOWED_MEAN = WindowedMean()
 CHECK_PRIORS = CheckPriors()
 CAUSE_PRIORS = CausePriors()
@@ -215,6 +230,7 @@ NAMING = Naming()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
 FROZEN = Frozen()
+OTHER_LIDAR = OtherLidar()
 
 JUDGING = (
     DISPARITY_ERROR_SAMPLES,
@@ -234,6 +250,7 @@ JUDGING = (
     FAULT_SCALE,
     FAULT_HYPOTHESES,
     RIG_KIND_TOLERANCE,
+    OTHER_LIDAR,
 )
 """All that can change a verdict, given the measurement, the calibration and r."""
 

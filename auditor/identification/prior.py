@@ -1,15 +1,16 @@
 """What clean frames of a drive that nobody has seen are expected to have: a hierarchy of drives, with a prior.
 
-Frames of one drive are alike, and drives are not. A value of a frame (the logarithm of a check's statistic, or a fault
+Frames of one drive are alike, and drives are not. A value of a frame (the log odds of a check's statistic, or a fault
 score) is the mean of its drive and a deviation within the drive of standard deviation w; the means of drives deviate
 from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
 tell little about the next one, however many frames they have: its standard deviation is
-sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives.
+sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives. Rare values lie farther out than a normal distribution's; the
+prior says by which factor, and deviations are given times it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import exp, inf, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -21,7 +22,7 @@ from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorChec
 from auditor.model.verdict import Cause, CauseIn
 
 OFFSET = HIERARCHY.offset
-"""What is added to a statistic before its logarithm is taken: statistics may be 0."""
+"""What is added to a statistic, and to what is left to 1, before their logarithms are taken: both may be 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,15 @@ def prior_of_cause(cause: CauseIn) -> Prior:
     return CAUSE_PRIORS.others
 
 
-def logarithms(statistics: Floats) -> Floats:
-    """The values that are compared with what is expected, of any shape; NaN stays NaN."""
-    return np.asarray(np.log(statistics + OFFSET))
+def log_odds(statistics: Floats) -> Floats:
+    """The values that are compared with what is expected, log((T + o) / (1 - T + o)), of any shape; NaN stays NaN."""
+    return np.asarray(np.log((statistics + OFFSET) / (1 - statistics + OFFSET)))
+
+
+def statistic_at(odds: float) -> float:
+    """The statistic whose log odds these are, between 0 and 1."""
+    share = 1 / (1 + exp(-odds))
+    return min(max(share * (1 + 2 * OFFSET) - OFFSET, 0.0), 1.0)
 
 
 def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
@@ -92,7 +99,7 @@ def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
     D = len(seen)
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
     deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
-    return Expected(mean, deviation, D, sum(one.frames for one in seen))
+    return Expected(mean, prior.tail * deviation, D, sum(one.frames for one in seen))
 
 
 def joint_limit(r: float, checks: int) -> float:
@@ -118,7 +125,7 @@ def effective_size(values: Floats) -> float:
     """How many independent frames F successive ones are worth, 1 at least (docs/protocol.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
-    if F < HIERARCHY.fewest_frames or power == 0:
+    if HIERARCHY.fewest_frames > F or power == 0:
         return 1.0
     total = 1.0
     for lag in range(1, F):

@@ -5,8 +5,9 @@ from decimal import Decimal
 
 import numpy as np
 
+from auditor.identification.faults import faults_of
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
-from auditor.identification.prior import expected, joint_limit, logarithms, prior_of_cause, prior_of_check
+from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check
 from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
@@ -39,11 +40,11 @@ def thresholds_from(
     limit = joint_limit(float(checked(r)), judged_together)
     of_checks = {
         check: expected(
-            prior_of_check(check), [logarithms(one.statistics[check]) for one in clean if check in one.statistics]
+            prior_of_check(check), [log_odds(one.statistics[check]) for one in clean if check in one.statistics]
         )
         for check in sensor_checks
     }
-    causes = dict.fromkeys(cause for one in clean for cause in one.strengths)
+    causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
     of_causes = {
         cause: expected(prior_of_cause(cause), [one.strengths[cause] for one in clean if cause in one.strengths])
         for cause in causes
@@ -68,7 +69,7 @@ def normalised_scores(statistics: Floats, of_columns: Sequence[Expected | None])
     """
     mean = np.array([np.nan if one is None else one.mean for one in of_columns], dtype=np.float64)
     deviation = np.array([np.nan if one is None else one.deviation for one in of_columns], dtype=np.float64)
-    z = (logarithms(statistics) - mean) / deviation
+    z = (log_odds(statistics) - mean) / deviation
     return np.asarray(np.clip(z, SCORE_LIMITS.lowest, SCORE_LIMITS.highest))
 
 

@@ -16,16 +16,17 @@ from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.measurement import Statistic
-from auditor.model.rig import LIDAR, Rig, RigKind, Triple
+from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.model.rig_kind import Likeness, RigKind
 from auditor.model.sub_rigs import SubRig, sub_rig
 
 
 def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
-    """The calibration as it holds for a rig: itself for a rig of its kind, a part of it for a part of its rig.
+    """The calibration as it holds for a rig: itself for a rig of its kind or a similar one, or a part of it.
 
     The part has the whole's id, and `part` says what it is. None where the rig is neither.
     """
-    if calibration.rig_kind.matches(rig.kind):
+    if calibration.rig_kind.likeness(rig.kind) is not Likeness.OTHER:
         return calibration
     part = sub_rig(calibration.rig_kind, rig)
     if part is None:
@@ -33,12 +34,18 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
     return _of_part(calibration, part, rig.kind, rig.measured_triples, rig.pairs, rig_sensor_checks(rig))
 
 
-def additional_sensors(calibration: Calibration, rig: Rig) -> int | None:
-    """How many sensors a calibration's rig has beyond those of a rig; None where it does not hold for it."""
-    if calibration.rig_kind.matches(rig.kind):
-        return 0
-    part = sub_rig(calibration.rig_kind, rig)
-    return None if part is None else len(part.absent)
+def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
+    """How close a calibration's rig is to another, smaller where closer; None where it does not hold for that.
+
+    Whether its kind is only similar, and how many sensors it has beyond the other's.
+    """
+    likeness, additional = calibration.rig_kind.likeness(rig.kind), 0
+    if likeness is Likeness.OTHER:
+        part = sub_rig(calibration.rig_kind, rig)
+        if part is None:
+            return None
+        likeness, additional = part.likeness, len(part.absent)
+    return likeness is Likeness.SIMILAR, additional
 
 
 @lru_cache(maxsize=8)
@@ -78,6 +85,8 @@ def _clean_of_part(
         fault_scores(_features(clean, kind, there, tuple(pairs)), clean.stamps_ns, list(own)),
         missing={sensor: clean.missing[known] for sensor, known in there.items() if known in clean.missing},
         frozen={sensor: clean.frozen[known] for sensor, known in there.items() if known in clean.frozen},
+        returns=clean.returns,
+        versions=clean.versions,
     )
 
 

@@ -7,7 +7,7 @@ from decimal import ROUND_FLOOR, Decimal, InvalidOperation, localcontext
 from auditor.errors import SettingError, ThresholdsError
 from auditor.model.calibration import Calibration, Thresholds
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind
+from auditor.model.rig_kind import Likeness, RigKind
 
 BELOW_EVERY_ERROR = -1.0
 """theta at r = 1, where every sample has to lie above it; disparity errors are never negative."""
@@ -54,8 +54,8 @@ def thresholds_at(
 ) -> Thresholds:
     """Thresholds at r, for every triple that the calibration has samples of.
 
-    `transferred` is what `check_calibration` answered. Raises ThresholdsError where no triple has samples, and
-    SettingError where r is not in [0, 1].
+    `transferred` says that the calibration is of another rig kind. Raises ThresholdsError where no triple has samples,
+    and SettingError where r is not in [0, 1].
     """
     samples = {
         triple: values
@@ -81,10 +81,10 @@ def thresholds_at(
 
 def check_calibration(
     calibration: Calibration, *, rig_kind: RigKind, procedure: Procedure, transfer: bool = False
-) -> bool:
-    """Refuse thresholds of measurements that were made otherwise; True where they come from another rig kind.
+) -> Likeness:
+    """Refuse thresholds of measurements that were made otherwise; say how alike the rig kinds are.
 
-    Another rig kind is accepted only with `transfer`; another matcher, other settings or another counting
+    A similar kind is accepted, another one only with `transfer`; another matcher, other settings or another counting
     version never are. Raises ThresholdsError that says what differs and what to do.
     """
     where = f"calibration {calibration.calibration_id}"
@@ -95,15 +95,14 @@ def check_calibration(
             where=where,
             remedy="calibrate again with the same matcher and settings, or measure again with the calibration's",
         )
-    if calibration.rig_kind.matches(rig_kind):
-        return False
-    if not transfer:
+    likeness = calibration.part.likeness if calibration.part else calibration.rig_kind.likeness(rig_kind)
+    if likeness is Likeness.OTHER and not transfer:
         raise ThresholdsError(
             f"its thresholds are for another rig kind: {calibration.rig_kind}, where this one is {rig_kind}",
             where=where,
             remedy="calibrate on clean recordings of this rig kind, or ask for a transfer, which the verdicts will say",
         )
-    return True
+    return likeness
 
 
 def _differences(calibrated: Procedure, measured: Procedure) -> Iterator[str]:

@@ -12,6 +12,7 @@ from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _FEATURES = "stands in docs/causes.md; no experiment recorded"
 _DECISIONS = "docs/decisions.md"
+_STREETS = "streets 2000 to 2053 in colour: chosen on them"
 _LIGHT = "62 frames of KITTI drives 0009, 0001 and odometry 04 (docs/method.md): chosen on them"
 
 
@@ -127,6 +128,9 @@ class PhotometricConsistency:
 
     textured_norm: float = parameter(40.0, unit="grey levels, norm of a patch: 5.7 a half px", source=_CHECKS)
     inconsistent: float = parameter(0.2, unit="NCC below which no patch nearby shows the same", source=_CHECKS)
+    inverted: float = parameter(
+        -0.4, unit="NCC below which a grey and a colour camera show the same, light for dark", source=_STREETS
+    )
     nearby_px: tuple[int, int] = parameter((5, 5), unit="half px", source=_CHECKS)
     lands_left_px: float = parameter(2.0, unit="half px from which on a pixel is occluded", source=_CHECKS)
     around_occluded_px: tuple[int, int] = parameter((3, 3), unit="half px", source=_CHECKS)
@@ -171,6 +175,9 @@ class Light:
     share: float = parameter(0.25, unit="of the prediction, more", source=_LIGHT)
     infrared_level: float = parameter(30.0, unit="as `level`, where a grey camera is brighter", source=_LIGHT)
     infrared_share: float = parameter(0.35, unit="as `share`, where a grey camera is brighter", source=_LIGHT)
+    infrared_dim: float = parameter(
+        0.5, unit="of the prediction, the least a grey camera shows of what saturates colours", source=_STREETS
+    )
     colour_saturation: int = parameter(250, unit="levels of any channel", source=_LIGHT)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.checks import Pair, SensorCheck
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, Triple
+from auditor.model.rig import Triple
+from auditor.model.rig_kind import Likeness, RigKind
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
 
@@ -27,6 +28,9 @@ class CleanFrames:
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
     camera; each is (F,), NaN where it was not measured.
+
+    `returns` (F,) are the LiDAR's points in view, NaN where it was not there, and empty where they are not known;
+    `versions` are those that the counts were made with.
     """
 
     recording_id: str
@@ -39,6 +43,8 @@ class CleanFrames:
     unmasked: Mapping[SensorCheck, Floats] = field(default_factory=dict)
     features: Mapping[tuple[str, Pair], Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
+    returns: Floats = field(default_factory=lambda: np.zeros(0))
+    versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
@@ -49,6 +55,10 @@ class CleanFrames:
         """(F, M) statistics in the order of `sensor_checks`, NaN for those that are not known here."""
         unknown = np.full(self.frames, np.nan)
         return np.stack([self.statistics.get(check, unknown) for check in sensor_checks], axis=1)
+
+
+PRIOR = "prior"
+"""The id of the calibration that is made of no clean frames: every store has it, and none keeps it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +89,26 @@ class Calibration:
         return {key: _samples([one.errors[key] for one in self.clean if key in one.errors]) for key in keys}
 
 
+def prior_calibration(rig_kind: RigKind, procedure: Procedure) -> Calibration:
+    """The calibration of a rig kind of which no clean frame is known: the prior is all that it is judged by."""
+    return Calibration(PRIOR, rig_kind, procedure, ())
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What a judgement says of its calibration.
+
+    `likeness` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
+    `other_lidar`: the LiDAR has far more or fewer points than the calibration's, and its checks were judged by the
+    prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
+    """
+
+    likeness: Likeness = Likeness.SAME
+    in_sample: bool = False
+    other_lidar: bool = False
+    measured_otherwise: str = ""
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """The paper's: theta for each triple at the designated false-alarm rate r.
@@ -100,7 +130,7 @@ class Thresholds:
 class Expected:
     """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
 
-    Of a sensor check they are of the logarithm of its statistic and an offset; of a fault of its score. `drives` is how
+    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score. `drives` is how
     many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are the prior.
     """
 

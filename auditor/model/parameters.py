@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, parameter
 
+_SIMILAR = "KITTI's calibrations of two days differ by 2 %; no experiment recorded"
 _COMMON_VIEW = "docs/decisions.md, the common view is the largest rectangle"
 
 
@@ -90,10 +91,14 @@ class PointExcess:
 
 @dataclass(frozen=True)
 class RigKindTolerance:
-    """How far two rigs of one kind may differ, so that thresholds of one hold for the other."""
+    """How far two rigs of one kind may differ, or of a similar one, so that thresholds of one hold for the other."""
 
     share: float = parameter(0.02, unit="share of a focal length or baseline", source="docs/decisions.md, a rig kind")
     baseline_m: float = parameter(0.005, unit="m", source="docs/decisions.md, a rig kind")
+    similar_share: float = parameter(
+        0.05, unit="share of a size, focal length or baseline: a similar kind", source=_SIMILAR
+    )
+    similar_baseline_m: float = parameter(0.02, unit="m: a similar kind", source=_SIMILAR)
 
 
 RIG_GEOMETRY = RigGeometry()

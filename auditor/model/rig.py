@@ -1,4 +1,4 @@
-"""Rigs: the LiDAR and the cameras of a vehicle, their triples and pairs, and the kind that two vehicles share."""
+"""Rigs: the LiDAR and the cameras of a vehicle, their triples and pairs."""
 
 import hashlib
 import json
@@ -13,7 +13,8 @@ from auditor.errors import RigError
 from auditor.model.fields import Fields
 from auditor.model.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
 from auditor.model.lenses import NO_LENS, PINHOLE, Lens
-from auditor.model.parameters import RIG_GEOMETRY, RIG_KIND_TOLERANCE
+from auditor.model.parameters import RIG_GEOMETRY
+from auditor.model.rig_kind import RigKind
 
 LIDAR = 0
 """The number of the LiDAR S_0."""
@@ -23,53 +24,6 @@ PIXEL_BITS, MOST_BITS = 8, 16
 
 MOST_OFF_PX = RIG_GEOMETRY.most_off_line_px
 """A camera beside the line of the others sees what is 10 m away on other rows: more than this and matching fails."""
-
-KIND_TOLERANCE_SHARE = RIG_KIND_TOLERANCE.share
-KIND_TOLERANCE_M = RIG_KIND_TOLERANCE.baseline_m
-
-
-@dataclass(frozen=True)
-class RigKind:
-    """What two vehicles of one model share: sensors and order, image sizes, focal lengths and baselines.
-
-    `baselines_m` are those of neighbouring cameras, right to left; where cameras do not stand on one line, those of all
-    other pairs follow.
-    """
-
-    lidar: bool
-    sizes_px: tuple[tuple[int, int], ...]
-    focals_px: tuple[float, ...]
-    baselines_m: tuple[float, ...]
-
-    def matches(self, other: "RigKind") -> bool:
-        """True where sensors and sizes are equal and lengths agree within 2 % or 5 mm."""
-        return (
-            self.lidar == other.lidar
-            and self.sizes_px == other.sizes_px
-            and len(self.baselines_m) == len(other.baselines_m)
-            and all(same_focal(a, b) for a, b in zip(self.focals_px, other.focals_px, strict=True))
-            and all(same_baseline(a, b) for a, b in zip(self.baselines_m, other.baselines_m, strict=True))
-        )
-
-    def __str__(self) -> str:
-        sizes = "/".join(dict.fromkeys(f"{width}x{height}" for width, height in self.sizes_px))
-        focals = "/".join(dict.fromkeys(f"{focal:.0f}" for focal in self.focals_px))
-        baselines = ",".join(f"{baseline:.2f}" for baseline in self.baselines_m)
-        return f"{'LiDAR + ' if self.lidar else ''}{len(self.sizes_px)} cameras {sizes} f={focals}px b={baselines}m"
-
-
-def same_focal(a: float, b: float) -> bool:
-    """Whether two focal lengths in pixels are those of one rig kind."""
-    return _close(a, b, 0.0)
-
-
-def same_baseline(a: float, b: float) -> bool:
-    """Whether two baselines in metres are those of one rig kind."""
-    return _close(a, b, KIND_TOLERANCE_M)
-
-
-def _close(a: float, b: float, tolerance: float) -> bool:
-    return abs(a - b) <= max(tolerance, KIND_TOLERANCE_SHARE * max(abs(a), abs(b)))
 
 
 class Triple(NamedTuple):

@@ -3,15 +3,20 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from auditor.model.rig import LIDAR, Rig, RigKind, same_baseline, same_focal
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import TOLERANCES, Likeness, RigKind, Tolerance
 
 
 @dataclass(frozen=True)
 class SubRig:
-    """A rig as a part of the rig kind `whole`: by its sensors, ascending, their numbers there."""
+    """A rig as a part of the rig kind `whole`: by its sensors, ascending, their numbers there.
+
+    `likeness` is how alike the rig is to the same sensors of the whole.
+    """
 
     whole: RigKind
     sensors: tuple[int, ...]
+    likeness: Likeness = Likeness.SAME
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -26,35 +31,38 @@ class SubRig:
 def sub_rig(whole: RigKind, rig: Rig) -> SubRig | None:
     """The rig as a part of a rig kind with more sensors; None where it is none.
 
-    Cameras are the same where sizes are equal, and focal lengths and all baselines agree as those of one rig kind do.
-    Where several choices of cameras agree, that with the nearest baselines is taken, of these the first.
+    Cameras are the same where sizes, focal lengths and all baselines agree as those of one rig kind do; only where none
+    are, as those of similar kinds do. Where several choices of cameras agree, that with the nearest baselines is taken,
+    of these the first.
     """
     if (rig.lidar and not whole.lidar) or len(rig.sensors) >= len(_cameras(whole)) + whole.lidar:
         return None
-    choices = ((_apart_m(whole, rig, cameras), cameras) for cameras in _choices(whole, rig, ()))
-    found = min(choices, default=None)
-    return None if found is None else SubRig(whole, ((LIDAR,) if rig.lidar else ()) + found[1])
+    for likeness, tolerance in TOLERANCES.items():
+        choices = ((_apart_m(whole, rig, cameras), cameras) for cameras in _choices(whole, rig, tolerance, ()))
+        if found := min(choices, default=None):
+            return SubRig(whole, ((LIDAR,) if rig.lidar else ()) + found[1], likeness)
+    return None
 
 
-def _choices(whole: RigKind, rig: Rig, chosen: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+def _choices(whole: RigKind, rig: Rig, tolerance: Tolerance, chosen: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     """Every choice of cameras of the whole that agrees with the rig's and begins so, in ascending order."""
     if len(chosen) == rig.n:
         yield chosen
         return
     for number in range(chosen[-1] + 1 if chosen else 1, len(_cameras(whole)) + 1):
-        if _agrees(whole, rig, (*chosen, number)):
-            yield from _choices(whole, rig, (*chosen, number))
+        if _agrees(whole, rig, tolerance, (*chosen, number)):
+            yield from _choices(whole, rig, tolerance, (*chosen, number))
 
 
-def _agrees(whole: RigKind, rig: Rig, chosen: tuple[int, ...]) -> bool:
+def _agrees(whole: RigKind, rig: Rig, tolerance: Tolerance, chosen: tuple[int, ...]) -> bool:
     """Whether the last camera chosen agrees with the rig's camera of that place, and with those before it."""
     number = chosen[-1]
     own = rig.camera(len(chosen))
     return (
-        whole.sizes_px[number - 1] == (own.width_px, own.height_px)
-        and same_focal(whole.focals_px[number - 1], own.focal_px)
+        tolerance.sizes(whole.sizes_px[number - 1], (own.width_px, own.height_px))
+        and tolerance.focals(whole.focals_px[number - 1], own.focal_px)
         and all(
-            same_baseline(baseline_m(whole, other, number), rig.baseline_m(place, own.number))
+            tolerance.baselines(baseline_m(whole, other, number), rig.baseline_m(place, own.number))
             for place, other in enumerate(chosen[:-1], start=1)
         )
     )

@@ -47,7 +47,8 @@ class Evidence(NamedTuple):
 class Alternative(NamedTuple):
     """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in z: how much weaker the strongest check of that sensor is, by the paper's in elements of e that disagree.
+    By the robust method in z: how much weaker the strongest check of that sensor is; by the paper's in elements of e
+    that disagree.
     """
 
     attacked: tuple[int, ...]

@@ -14,22 +14,27 @@ from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, frozen
-from auditor.identification.naming import System
 from auditor.identification.paper import judge_frames as judge_by_paper
-from auditor.identification.parameters import judging_digest, judging_settings
+from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
+from auditor.identification.prior import OFFSET
 from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.statistics import sensor_statistics
 from auditor.identification.sub_rigs import additional_sensors, calibration_for
+from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
-from auditor.model.checks import PairCheck, rig_pair_checks
+from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
-from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import Rig, RigKind
+from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.rig import LIDAR, Rig
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Method, Verdict
-from auditor.store import FrameRatios, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
+from auditor.store import FrameStatistics, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
 
 Rows = list[tuple[int, int, Verdict]]
+
+SMALLEST_STRICT_R = Decimal("0.0001")
+"""`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,9 @@ class Criteria:
     """How verdicts are to be reached.
 
     `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` computes the robust
-    method's statistics again from the stored cells. Raises SettingError for what the paper's method does not have.
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve, and thresholds that are the prior
+    alone. `recount` computes the robust method's statistics again from the stored cells. Raises SettingError for what
+    the paper's method does not have.
     """
 
     r: Decimal
@@ -63,7 +69,7 @@ class Criteria:
 
 def system_of(rig: Rig) -> System:
     """What the frames of a rig are judged by."""
-    return System(rig_pair_checks(rig), rig.triples, rig.sensors, rig.fallback)
+    return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
 
 
 def calibrate(
@@ -72,13 +78,15 @@ def calibrate(
     """Collect the clean frames of measurements of one rig kind and procedure, each measurement once.
 
     `frames` restricts it to these frame numbers of each measurement, `recount` computes their statistics again from the
-    stored cells. Raises ThresholdsError where kinds or procedures differ or nothing was measured.
+    stored cells. Raises ThresholdsError where kinds or procedures differ, nothing was measured, or it was counted
+    otherwise than today.
     """
     clean: list[CleanFrames] = []
     kinds: list[RigKind] = []
     procedures: list[Procedure] = []
     for known, store in {known: store for store, known in measurements}.items():
         measurement = store.measurement(known)
+        refuse_earlier_counting(store, known)
         rig = store.rig(measurement.rig_id)
         kinds.append(rig.kind)
         procedures.append(measurement.procedure)
@@ -94,13 +102,13 @@ def calibrate(
 def _clean_frames(
     store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:
-    ratios = _frame_ratios(store, known, recount=recount)
+    frames_of = _frame_statistics(store, known, recount=recount)
     features = _observed_features(store, known)
-    present = ratios.states == SensorState.PRESENT
-    chosen = np.array([frames is None or int(number) in frames for number in ratios.frames], dtype=np.bool_)
+    present = frames_of.states == SensorState.PRESENT
+    chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
     return CleanFrames(
         recording_id,
-        ratios.stamps_ns[chosen],
+        frames_of.stamps_ns[chosen],
         {
             (statistic, triple): column
             for statistic in Statistic
@@ -108,11 +116,11 @@ def _clean_frames(
                 rig.measured_triples, store.load_errors(known, statistic).E[chosen].T, strict=True
             )
         },
-        dict(zip(rig_pair_checks(rig), ratios.ratios[chosen].T, strict=True)),
-        {cause: column[chosen] for cause, column in fault_scores(features, ratios.stamps_ns, rig.sensors).items()},
+        dict(zip(rig_sensor_checks(rig), frames_of.statistics[chosen].T, strict=True)),
+        {cause: column[chosen] for cause, column in fault_scores(features, frames_of.stamps_ns, rig.sensors).items()},
         missing=_of_sensors(rig, ~present[chosen]),
-        frozen=_of_sensors(rig, frozen(ratios.fingerprints, present)[chosen]),
-        unmasked=_unmasked(rig, ratios, chosen),
+        frozen=_of_sensors(rig, frozen(frames_of.fingerprints, present)[chosen]),
+        unmasked=_unmasked(rig, frames_of, chosen),
         features={
             (name, pair): column
             for name in SCORED
@@ -123,13 +131,14 @@ def _clean_frames(
             for name, values in (("level", features.level), ("saturated_share", features.saturated))
             for camera, column in zip(features.cameras, values[chosen].T, strict=True)
         },
+        returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
     )
 
 
-def _unmasked(rig: Rig, ratios: FrameRatios, chosen: NDArray[np.bool_]) -> dict[PairCheck, NDArray[np.float64]]:
-    """The statistics without the LiDAR of those pair checks for which they are others in some frame."""
-    columns = zip(rig_pair_checks(rig), ratios.ratios[chosen].T, ratios.unmasked[chosen].T, strict=True)
-    return {e: alone for e, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
+def _unmasked(rig: Rig, frames: FrameStatistics, chosen: NDArray[np.bool_]) -> dict[SensorCheck, NDArray[np.float64]]:
+    """The statistics without the LiDAR of those sensor checks for which they are others in some frame."""
+    columns = zip(rig_sensor_checks(rig), frames.statistics[chosen].T, frames.unmasked[chosen].T, strict=True)
+    return {one: alone for one, usual, alone in columns if not np.array_equal(usual, alone, equal_nan=True)}
 
 
 def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool_]]:
@@ -143,24 +152,39 @@ def _observed_features(store: Store, measurement: str) -> ObservedFeatures:
     return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
 
 
-def _frame_ratios(store: Store, measurement: str, *, recount: bool) -> FrameRatios:
-    stored = store.load_ratios(measurement)
-    return replace(stored, ratios=ratios_from_cells(store, measurement)) if recount else stored
+def _frame_statistics(store: Store, measurement: str, *, recount: bool) -> FrameStatistics:
+    stored = store.load_statistics(measurement)
+    if not recount:
+        return stored
+    counted = statistics_from_cells(store, measurement)
+    same = stored.unmasked == stored.statistics
+    return replace(stored, statistics=counted, unmasked=np.where(same, counted, stored.unmasked))
 
 
-def ratios_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
-    """(F, M) windowed ratios computed again from the stored cells, as a scan computes them from the images.
+def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]:
+    """(F, M) statistics computed again from the stored cells, as a scan computes them from the images.
 
-    For measurements made before windows were changed. Statistics without cells stay as they were measured.
+    For measurements made before windows or votes were changed. Statistics without cells stay as they were measured.
     """
-    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
-    stored = store.load_ratios(measurement)
-    ratios, row_of = stored.ratios.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
+    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
+    counted = [column for column, one in enumerate(sensor_checks) if one.check not in LIDAR_CHECKS]
+    of_cells = [sensor_checks[column] for column in counted]
+    stored = store.load_statistics(measurement)
+    statistics, row_of = stored.statistics.copy(), {frame: row for row, frame in enumerate(stored.frames.tolist())}
     for frame, cells in store.load_cells(measurement):
-        columns = [column for column, pair_check in enumerate(pair_checks) if pair_check in cells]
-        found = windowed_ratios([pair_checks[column] for column in columns], cells, {})
-        ratios[row_of[frame], columns] = np.array(found, dtype=np.float64)
-    return ratios
+        statistics[row_of[frame], counted] = np.array(sensor_statistics(of_cells, cells, {}), dtype=np.float64)
+    return statistics
+
+
+def refuse_earlier_counting(store: Store, measurement: str) -> None:
+    """Raises ThresholdsError for a measurement that today's thresholds cannot be compared with."""
+    stored = store.measurement(measurement)
+    if stored.procedure.counting_version < COUNTING_VERSION:
+        raise ThresholdsError(
+            "measured by an earlier way of counting",
+            where=store.recording(stored.recording_id).name,
+            remedy="measure again with auditor scan --measure-again",
+        )
 
 
 def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -> None:
@@ -202,8 +226,10 @@ def judge_measurement(
 
     A rig that is a part of the calibration's is judged by what the calibration has of its sensors.
     `current` is `store.current_judgements()`, read once where many measurements are judged. Raises
-    ThresholdsError where the thresholds do not fit and StoreError where r has more decimals than the store keeps.
+    ThresholdsError where the thresholds do not fit or it was counted otherwise than today, and StoreError where r has
+    more decimals than the store keeps.
     """
+    refuse_earlier_counting(store, measurement)
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
     whole, calibration = calibration, calibration_for(calibration, rig) or calibration
@@ -214,15 +240,13 @@ def judge_measurement(
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
         thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
-        frames = _frame_ratios(store, measurement, recount=criteria.recount)
+        frames = _frame_statistics(store, measurement, recount=criteria.recount)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
-        fewest = min(scale_of.samples for scale_of in thresholds.scales_of.values())
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)
-        fewest = min(thresholds.samples.values())
     if criteria.strict:
-        _refuse_unresolvable(calibration, criteria, fewest, resolvable=thresholds.resolvable)
+        _refuse_unresolvable(calibration, criteria, thresholds)
     before = (store.current_judgements() if current is None else current).get(measurement)
     judgement = JudgementRecord(
         measurement,
@@ -241,7 +265,8 @@ def judge_measurement(
 
 def todays_rules() -> JudgingRules:
     """The rules that this auditor judges by."""
-    return JudgingRules(judging_digest(), judging_settings(), __version__)
+    scores = (SCORE_LIMITS.lowest, SCORE_LIMITS.highest)
+    return JudgingRules(judging_digest(), judging_settings(), __version__, OFFSET, scores)
 
 
 def _after(before: StoredJudgement | None) -> datetime:
@@ -258,10 +283,12 @@ def _robust(
     return robust_thresholds(calibration, system, r, incidents_per_hour, transferred=transferred)
 
 
-def _judge_robust(store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameRatios) -> Rows:
+def _judge_robust(
+    store: Store, measurement: str, rig: Rig, thresholds: RobustThresholds, frames: FrameStatistics
+) -> Rows:
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
-    series = FrameSeries.of_recording(frames.stamps_ns, frames.ratios, present, frames.fingerprints, scores)
+    series = FrameSeries.of_recording(frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores)
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 
@@ -273,9 +300,14 @@ def _judge_paper(store: Store, measurement: str, rig: Rig, thresholds: Threshold
     return list(zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True))
 
 
-def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: int, *, resolvable: bool) -> None:
+def _refuse_unresolvable(
+    calibration: Calibration, criteria: Criteria, thresholds: Thresholds | RobustThresholds
+) -> None:
     where = f"calibration {calibration.calibration_id}"
-    if not resolvable:
+    if isinstance(thresholds, RobustThresholds):
+        refuse_unproven(thresholds)
+    elif not thresholds.resolvable:
+        fewest = min(thresholds.samples.values())
         raise ThresholdsError(
             f"r = {criteria.r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
             where=where,
@@ -288,6 +320,22 @@ def _refuse_unresolvable(calibration: Calibration, criteria: Criteria, fewest: i
             "frames: they would be judged as 0",
             where=where,
             remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
+        )
+
+
+def refuse_unproven(thresholds: RobustThresholds) -> None:
+    """Raises ThresholdsError for what `strict` refuses: thresholds that are the prior alone, and an r below 0.0001."""
+    if not thresholds.drives:
+        raise ThresholdsError(
+            "its thresholds are the prior alone: no clean drive of this rig kind was seen",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy="calibrate on clean recordings of this rig kind",
+        )
+    if thresholds.r < SMALLEST_STRICT_R:
+        raise ThresholdsError(
+            f"r = {thresholds.r} is smaller than what clean frames show",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy=f"take r = {SMALLEST_STRICT_R} or more",
         )
 
 

@@ -10,7 +10,14 @@ from auditor.errors import AuditorError, LimitError, RecordingError, RigError, T
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
 from auditor.model.verdict import VerdictKind
-from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement, resolves_incidents
+from auditor.pipeline.judge import (
+    Criteria,
+    calibrate,
+    fitting_calibration,
+    judge_measurement,
+    refuse_earlier_counting,
+    resolves_incidents,
+)
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
 from auditor.pipeline.vehicles import UsualRigs
@@ -253,10 +260,11 @@ class Judge:
         recording = store.recording(stored.recording_id)
         name, reading = recording.name, _reading(stored, self._settings.min_coverage)
         told = (*reading.remarks, *self._missing(recording, stored))
-        calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
-        if calibration is None:
-            return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
         try:
+            refuse_earlier_counting(store, measurement)
+            calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            if calibration is None:
+                return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
@@ -297,6 +305,8 @@ def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
+    if judgement.drives == 0:
+        yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
     if not judgement.resolvable:
         yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
 

@@ -12,8 +12,8 @@ from time import perf_counter
 
 from auditor import __version__
 from auditor.errors import RigError
-from auditor.identification.scores import candidates
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.scores import worth_localising
+from auditor.identification.statistics import sensor_statistics
 from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
@@ -32,9 +32,9 @@ from auditor.measurement.disparity.matchers import (
     preflight,
 )
 from auditor.measurement.parameters import measuring_digest
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import CAMERA_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Procedure, procedure_of
+from auditor.model.measurement import Measurement, Procedure, procedure_of
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.recordings import (
@@ -200,7 +200,7 @@ def _measure(
     started, rig = perf_counter(), in_force.rig
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
     thumbnails, check = PictureBook(), CalibrationCheck()
-    stream = synchronise(recording, rig, in_force.survey, colour=matcher.colour, stretches=in_force.stretches)
+    stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, progress)
     with (
@@ -250,31 +250,50 @@ def _measure_frames(
     check: CalibrationCheck,
 ) -> Generator[int]:
     """Measure and write every frame; yields how many frames, skipped ones included, are done."""
-    pair_checks, fault_features = rig_pair_checks(rig), FaultFeatures()
+    sensor_checks, fault_features = rig_sensor_checks(rig), FaultFeatures()
     with closing(measure_stream(stream, rig, matcher)) as measured:
         for done, item in enumerate(measured, start=1):
             if isinstance(item, Skipped):
                 writer.skip(item)
             else:
                 counted, evidence = item
-                ratios = windowed_ratios(pair_checks, counted.cells, counted.shares)
-                unmasked = windowed_ratios(pair_checks, counted.unmasked_cells, counted.unmasked_shares)
+                statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
                 measurement = replace(
                     counted,
                     fault_features=fault_features.update(evidence),
-                    regions=localise(evidence, candidates(pair_checks, ratios)),
+                    regions=localise(evidence, worth_localising(sensor_checks, statistics)),
                 )
-                writer.add(measurement, ratios, unmasked)
+                writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted))
                 thumbnails.offer(counted, evidence)
                 check.offer(evidence, measurement.fault_features)
             yield done
+
+
+def unmasked_statistics(
+    sensor_checks: Sequence[SensorCheck], measurement: Measurement
+) -> tuple[float | None, ...] | None:
+    """The statistics of those sensor checks that are others without the LiDAR, None of the rest; None where all are.
+
+    The LiDAR's range masks belong to pairs: a check of several voters is another where one of them is.
+    """
+    if not measurement.unmasked_cells:
+        return None
+    changed = {(one.sensor, one.other) for one in measurement.unmasked_cells}
+    others = [
+        one
+        for one in sensor_checks
+        if one.check in CAMERA_CHECKS and any((one.sensor, other) in changed for other in one.others)
+    ]
+    found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
+    of_check = dict(zip(others, found, strict=True))
+    return tuple(of_check.get(one) for one in sensor_checks)
 
 
 def calibration_warnings_of(recording: Recording, in_force: RigInForce) -> tuple[str, ...]:
     """What of a rig does not fit its first frames of a recording, one sentence a piece."""
     use_one_thread()
     matcher, check, rig = find_matcher("sgbm"), CalibrationCheck(), in_force.rig
-    stream = synchronise(recording, rig, in_force.survey, stretches=in_force.stretches)
+    stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     frames = (frame for frame in stream if isinstance(frame, Frame))
     for frame in islice(frames, *_CALIBRATION_FRAMES):
         _, evidence = measure(frame, rig, matcher)

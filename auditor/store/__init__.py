@@ -10,7 +10,7 @@ from auditor.store.pictures import Picture
 from auditor.store.queries import list_queries, query, run_query, run_sql
 from auditor.store.records import (
     FrameErrors,
-    FrameRatios,
+    FrameStatistics,
     JudgementRecord,
     JudgingRules,
     MeasurementRecord,
@@ -28,7 +28,7 @@ pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
 __all__ = [
     "Description",
     "FrameErrors",
-    "FrameRatios",
+    "FrameStatistics",
     "FramesWriter",
     "JudgementRecord",
     "JudgingRules",

@@ -6,16 +6,17 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames
-from auditor.model.checks import COLUMNS, Check, Pair, PairCheck
-from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, Triple
+from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
+from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.rig import LIDAR, Triple
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
@@ -28,6 +29,37 @@ _UNMASKED = "_unmasked"
 _BRIGHTNESS = ("level", "saturated_share")
 _MISSING, _FROZEN = "missing", "standing_still"
 """Names of the flags of sensors in a calibration's file; flags that are never set are not kept."""
+
+_RETURNS = "returns"
+
+
+class _Column(NamedTuple):
+    """What a column of a clean recording is of; _NONE and () are NULL in the file."""
+
+    statistic: str
+    i: int = _NONE
+    j: int = _NONE
+    k: int = _NONE
+    sensor: int = _NONE
+    others: tuple[int, ...] = ()
+
+    @classmethod
+    def of_check(cls, one: SensorCheck, suffix: str = "") -> "_Column":
+        return cls(one.check.value + suffix, sensor=one.sensor, others=one.others)
+
+    @property
+    def order(self) -> tuple[object, ...]:
+        """The order of every list: by statistic, then k downwards, then i, then j."""
+        return self.statistic, -self.k, self.i, self.j, self.sensor, self.others
+
+    @property
+    def row(self) -> Row:
+        numbers = {name: getattr(self, name) for name in ("i", "j", "k", "sensor")}
+        return {
+            "statistic": self.statistic,
+            **{name: None if number == _NONE else number for name, number in numbers.items()},
+            "others": list(self.others) or None,
+        }
 
 
 class OutdatedCalibrationError(ThresholdsError):
@@ -69,7 +101,7 @@ def read_calibration(path: Path) -> Calibration:
     """Read a calibration from its file.
 
     Raises ThresholdsError where it is none or one of a newer version, OutdatedCalibrationError where it is of an older
-    one that did not keep clean recordings apart, or what they show of causes.
+    one that did not keep clean recordings apart, or what they show of causes, or that counted otherwise.
     """
     try:
         rows = read_rows("calibrations", path)
@@ -88,6 +120,12 @@ def read_calibration(path: Path) -> Calibration:
             "it was made by an older auditor, which did not keep what clean recordings show of causes",
             where=path,
             remedy=_AGAIN,
+        )
+    if rows[0]["counting_version"] < COUNTING_VERSION:
+        raise OutdatedCalibrationError(
+            "its clean recordings were measured by an earlier way of counting",
+            where=path,
+            remedy="measure them again with auditor calibrate --measure-again",
         )
     try:
         calibration = calibration_of(rows)
@@ -111,30 +149,31 @@ def rig_kind_fields(kind: RigKind) -> dict[str, object]:
     }
 
 
-def _columns(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
-    """The columns of a recording with what they are of: a statistic's triple, a pair check, or something in a sensor.
+def _columns(clean: CleanFrames) -> Iterator[tuple[_Column, NDArray[np.float64]]]:
+    """The columns of a recording with what they are of: a statistic's triple, a sensor check, or something in a sensor.
 
-    The last is a cause, or that the sensor is missing or frozen: these have no j and no k, and no i where they are of
-    all cameras: -1.
+    The last is a cause, or that the sensor is missing or frozen; it has no i where it is of all cameras.
     """
     yield from _columns_for_parts(clean)
-    for (statistic, triple), errors in clean.errors.items():
-        yield (statistic.value, *triple), errors
-    for pair_check, ratios in clean.ratios.items():
-        yield (pair_check.check.value, pair_check.i, _NONE, pair_check.k), ratios
+    for (error, triple), errors in clean.errors.items():
+        yield _Column(error.value, *triple), errors
+    for check, statistics in clean.statistics.items():
+        yield _Column.of_check(check), statistics
     for (cause, sensor), scores in clean.strengths.items():
-        yield (cause.value, _NONE if sensor is None else sensor, _NONE, _NONE), scores
+        yield _Column(cause.value, _NONE if sensor is None else sensor), scores
     for name, of_sensor in ((_MISSING, clean.missing), (_FROZEN, clean.frozen)):
         for sensor, flags in of_sensor.items():
-            yield (name, sensor, _NONE, _NONE), flags.astype(np.float64)
+            yield _Column(name, sensor), flags.astype(np.float64)
+    if clean.returns.size:
+        yield _Column(_RETURNS, LIDAR), clean.returns
 
 
-def _columns_for_parts(clean: CleanFrames) -> Iterator[tuple[tuple[str, int, int, int], NDArray[np.float64]]]:
+def _columns_for_parts(clean: CleanFrames) -> Iterator[tuple[_Column, NDArray[np.float64]]]:
     """The columns that serve rigs with fewer sensors; those in which nothing was measured are left out."""
-    columns = {(e.check.value + _UNMASKED, e.i, _NONE, e.k): ratios for e, ratios in clean.unmasked.items()}
-    columns |= {(name, i, _NONE, k): values for (name, (i, k)), values in clean.features.items()}
-    columns |= {(name, camera, _NONE, _NONE): values for (name, camera), values in clean.brightness.items()}
-    return ((key, values) for key, values in columns.items() if not np.isnan(values).all())
+    columns = {_Column.of_check(check, _UNMASKED): values for check, values in clean.unmasked.items()}
+    columns |= {_Column(name, i, k=k): values for (name, (i, k)), values in clean.features.items()}
+    columns |= {_Column(name, camera): values for (name, camera), values in clean.brightness.items()}
+    return ((column, values) for column, values in columns.items() if not np.isnan(values).all())
 
 
 def _digest(column: NDArray[Any]) -> str:
@@ -145,8 +184,8 @@ def _digest(column: NDArray[Any]) -> str:
 
 def _rows(calibration: Calibration) -> Iterator[Row]:
     for number, clean in enumerate(calibration.clean):
-        for_parts = {key for key, _ in _columns_for_parts(clean)}
-        for (statistic, i, j, k), column in sorted(_columns(clean), key=_order):
+        for_parts = {column for column, _ in _columns_for_parts(clean)}
+        for column, values in sorted(_columns(clean), key=lambda one: one[0].order):
             yield {
                 "calibration_id": calibration.calibration_id,
                 "kind": str(calibration.rig_kind),
@@ -156,20 +195,13 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
                 "counting_version": calibration.procedure.counting_version,
                 "recordings": list(calibration.recordings),
                 "calibrated_at": calibration.calibrated_at and to_utc(calibration.calibrated_at),
-                "statistic": statistic,
-                **{name: None if number == _NONE else number for name, number in (("i", i), ("j", j), ("k", k))},
+                **column.row,
                 "part": number,
                 "recording_id": clean.recording_id,
                 "stamps_ns": clean.stamps_ns.tolist(),
-                "for_parts": (statistic, i, j, k) in for_parts,
-                "clean": [None if np.isnan(value) else value for value in column.tolist()],
+                "for_parts": column in for_parts,
+                "clean": [None if np.isnan(value) else value for value in values.tolist()],
             }
-
-
-def _order(item: tuple[tuple[str, int, int, int], object]) -> tuple[str, int, int, int]:
-    """The order of every list: by statistic, then k downwards, then i, then j."""
-    (statistic, i, j, k), _ = item
-    return statistic, -k, i, j
 
 
 def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
@@ -192,12 +224,13 @@ def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
 
 def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
     errors: dict[tuple[Statistic, Triple], NDArray[np.float64]] = {}
-    ratios: dict[PairCheck, NDArray[np.float64]] = {}
+    statistics: dict[SensorCheck, NDArray[np.float64]] = {}
     fault_scores: dict[CauseIn, NDArray[np.float64]] = {}
     flags: dict[str, dict[int, NDArray[np.bool_]]] = {_MISSING: {}, _FROZEN: {}}
-    unmasked: dict[PairCheck, NDArray[np.float64]] = {}
+    unmasked: dict[SensorCheck, NDArray[np.float64]] = {}
     features: dict[tuple[str, Pair], NDArray[np.float64]] = {}
     brightness: dict[tuple[str, int], NDArray[np.float64]] = {}
+    returns = np.zeros(0)
     for row in rows:
         what, i, k, column = row["statistic"], row["i"], row["k"], _column(row)
         if what in set(Statistic):
@@ -208,25 +241,32 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
             flags[what][i] = column > 0
         elif what in _BRIGHTNESS:
             brightness[what, i] = column
+        elif what == _RETURNS:
+            returns = column
         elif what in COLUMNS:
             features[what, (i, k)] = column
         elif what.endswith(_UNMASKED):
-            unmasked[PairCheck(Check(what.removesuffix(_UNMASKED)), i, k)] = column
+            unmasked[_sensor_check(row, what.removesuffix(_UNMASKED))] = column
         else:
-            ratios[PairCheck(Check(what), i, k)] = column
+            statistics[_sensor_check(row, what)] = column
     stamps_ns = np.array(rows[0]["stamps_ns"], dtype=np.int64)
     return CleanFrames(
         rows[0]["recording_id"],
         stamps_ns,
         errors,
-        ratios,
+        statistics,
         fault_scores,
         flags[_MISSING],
         flags[_FROZEN],
         unmasked,
         features,
         brightness,
+        returns,
     )
+
+
+def _sensor_check(row: Mapping[str, Any], check: str) -> SensorCheck:
+    return SensorCheck(Check(check), row["sensor"], tuple(row["others"]))
 
 
 def _column(row: Mapping[str, Any]) -> NDArray[np.float64]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import duckdb
 
 from auditor.errors import StoreError
-from auditor.model.calibration import HIGHEST_SCORE, LOWEST_SCORE
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
@@ -29,8 +28,6 @@ _CONSTANTS = {
     "min_valid_px": MIN_VALID_PX,
     "kind_tolerance_share": KIND_TOLERANCE_SHARE,
     "kind_tolerance_m": KIND_TOLERANCE_M,
-    "lowest_score": LOWEST_SCORE,
-    "highest_score": HIGHEST_SCORE,
 }
 _LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""

@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS, Check, Pair, PairCheck, PairFaultFeatures, rig_pair_checks, usual_pair_checks
+from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     MIN_VALID_PX,
@@ -28,43 +28,43 @@ from auditor.model.measurement import (
     Statistic,
 )
 from auditor.model.rig import LIDAR, Rig
-from auditor.store.records import FrameErrors, FrameRatios, MeasurementRecord
+from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row
 from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
 
-FrameCells = tuple[int, dict[PairCheck, Cells]]
-"""The number of a frame, and its counts by pair check."""
+FrameCells = tuple[int, dict[CountedPair, Cells]]
+"""The number of a frame, and its counts by what they are of."""
 
 
-def cell_rows(measurement_id: str, frame: int, cells: Mapping[PairCheck, Cells], rig: Rig) -> Iterator[Row]:
-    """The rows of one frame, in the order of the rig's pair checks."""
-    for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
-        if pair_check in cells:
-            of_it = cells[pair_check]
-            rows, columns = of_it.valid.shape
-            yield {
-                "measurement_id": measurement_id,
-                "frame": frame,
-                "position": position,
-                "rows": rows,
-                "columns": columns,
-                "valid": of_it.valid.tobytes(),
-                "inconsistent": of_it.inconsistent.tobytes(),
-            }
+def cell_rows(measurement_id: str, frame: int, cells: Mapping[CountedPair, Cells]) -> Iterator[Row]:
+    """The rows of one frame."""
+    for counted, grid in cells.items():
+        rows, columns = grid.valid.shape
+        yield {
+            "measurement_id": measurement_id,
+            "frame": frame,
+            "check_name": counted.check.value,
+            "i": counted.i,
+            "k": counted.k,
+            "sensor": counted.sensor,
+            "rows": rows,
+            "columns": columns,
+            "valid": grid.valid.tobytes(),
+            "total": grid.total.tobytes(),
+        }
 
 
-def read_cells(path: Path, rig: Rig) -> Iterator[FrameCells]:
+def read_cells(path: Path) -> Iterator[FrameCells]:
     """The cells of a finished file, frame by frame; frames without any are left out. Raises StoreError."""
-    pair_checks = rig_pair_checks(rig)
     for frame, rows in groupby(stream_rows("cells", path), key=itemgetter("frame")):
-        yield (
-            frame,
-            {pair_checks[row["position"] - 1]: Cells(_grid(row, "valid"), _grid(row, "inconsistent")) for row in rows},
-        )
+        yield frame, dict(map(_cells, rows))
 
 
-def _grid(row: Mapping[str, Any], name: str) -> NDArray[np.uint8]:
-    return np.frombuffer(row[name], dtype=np.uint8).reshape(row["rows"], row["columns"])
+def _cells(row: Mapping[str, Any]) -> tuple[CountedPair, Cells]:
+    shape = row["rows"], row["columns"]
+    valid, total = (np.frombuffer(row[name], dtype) for name, dtype in (("valid", np.uint8), ("total", np.int8)))
+    counted = CountedPair(Check(row["check_name"]), row["i"], row["k"], row["sensor"])
+    return counted, Cells(valid.reshape(shape), total.reshape(shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +93,10 @@ def fault_feature_rows(
         yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
 
 
-def matched_pairs(rig: Rig) -> tuple[Pair, ...]:
-    """The pairs (i, k) that fault features are of, in the order of the rig's pair checks."""
-    return tuple((e.i, e.k) for e in rig_pair_checks(rig) if e.check is Check.PHOTOMETRIC_INCONSISTENCY)
-
-
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
-    pairs = matched_pairs(rig)
+    pairs = rig.pairs
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
     table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
@@ -177,16 +172,16 @@ def skipped_row(measurement_id: str, skipped: Skipped) -> Row:
 def measured_row(
     measurement_id: str,
     measurement: Measurement,
-    ratios: Sequence[float | None],
+    statistics: Sequence[float | None],
     rig: Rig,
     unmasked: Sequence[float | None] | None = None,
 ) -> Row:
-    """The row of a measured frame, with its windowed ratio by pair check. Raises StoreError if it does not fit."""
-    M, T = len(rig_pair_checks(rig)), len(rig.measured_triples)
-    if (len(measurement.counts), len(ratios), set(measurement.presence)) != (T, M, set(rig.sensors)):
+    """The row of a measured frame, with its statistic by sensor check. Raises StoreError if it does not fit."""
+    M, T = len(rig_sensor_checks(rig)), len(rig.measured_triples)
+    if (len(measurement.counts), len(statistics), set(measurement.presence)) != (T, M, set(rig.sensors)):
         raise StoreError(
             f"frame {measurement.number} does not fit its rig: {len(measurement.counts)} counts for "
-            f"{T} triples, {len(ratios)} ratios for {M} pair checks, "
+            f"{T} triples, {len(statistics)} statistics for {M} sensor checks, "
             f"sensors {sorted(measurement.presence)} for {list(rig.sensors)}",
             where=f"measurement {measurement_id}",
         )
@@ -201,8 +196,8 @@ def measured_row(
         "skew_ns": [sensor.skew_ns for sensor in presence],
         **{name: [getattr(sensor, name) for sensor in coverage] for name in _COVERAGE},
         **{name: [_count(counts, name) for counts in measurement.counts] for name in _COUNTS},
-        "ratios": list(ratios),
-        "unmasked_ratios": None if unmasked is None else list(unmasked),
+        "statistics": list(statistics),
+        "unmasked_statistics": None if unmasked is None else list(unmasked),
         "fingerprint": [measurement.fingerprints.get(sensor) for sensor in rig.sensors],
     }
 
@@ -224,25 +219,22 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     )
 
 
-def read_ratios(path: Path, rig: Rig) -> FrameRatios:
-    """The windowed ratios of a finished frames file, its skipped ticks left out. Raises StoreError."""
-    table = _measured(path, ["frame", "stamp_ns", "state", "ratios", "unmasked_ratios", "fingerprint"])
-    F, M, S = len(table), len(rig_pair_checks(rig)), len(rig.sensors)
-    usual = len(usual_pair_checks(rig))
-    ratios = _padded(table["ratios"], M, usual, path)
-    unmasked = (
-        np.full((F, M), np.nan)
-        if table["unmasked_ratios"].null_count
-        else _padded(table["unmasked_ratios"], M, usual, path)
-    )
+def read_statistics(path: Path, rig: Rig) -> FrameStatistics:
+    """The statistics of a finished frames file, its skipped ticks left out. Raises StoreError."""
+    kept = ["statistics", "unmasked_statistics", "fingerprint", "returns"]
+    table = _measured(path, ["frame", "stamp_ns", "state", *kept])
+    F, M, S = len(table), len(rig_sensor_checks(rig)), len(rig.sensors)
+    statistics, unmasked = (_where_kept(table[name], M, path) for name in ("statistics", "unmasked_statistics"))
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
-    return FrameRatios(
+    returns = _floats(table["returns"], F * S, path).reshape(F, S)
+    return FrameStatistics(
         frames=table["frame"].to_numpy(),
         stamps_ns=table["stamp_ns"].to_numpy(),
-        ratios=ratios,
-        unmasked=np.where(np.isnan(unmasked), ratios, unmasked),
+        statistics=statistics,
+        unmasked=np.where(np.isnan(unmasked), statistics, unmasked),
         states=_texts(table["state"], F * S, path).reshape(F, S),
         fingerprints=fingerprints.to_numpy(zero_copy_only=False).reshape(F, S),
+        returns=returns[:, rig.sensors.index(LIDAR)] if LIDAR in rig.sensors else np.full(F, np.nan),
     )
 
 
@@ -276,6 +268,14 @@ def _padded(column: pa.ChunkedArray, width: int, before: int, path: Path) -> NDA
     stored = before if len(column.combine_chunks().flatten()) == rows * before else width
     values = _floats(column, rows * stored, path).reshape(rows, stored)
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
+
+
+def _where_kept(column: pa.ChunkedArray, width: int, path: Path) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL and where the whole list is."""
+    kept = column.is_valid().to_numpy()
+    values = np.full((len(column), width), np.nan)
+    values[kept] = _floats(column, int(kept.sum()) * width, path).reshape(-1, width)
+    return values
 
 
 def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
@@ -318,16 +318,16 @@ class FramesWriter:
         return self._measured
 
     def add(
-        self, frame: Measurement, ratios: Sequence[float | None], unmasked: Sequence[float | None] | None = None
+        self, frame: Measurement, statistics: Sequence[float | None], unmasked: Sequence[float | None] | None = None
     ) -> None:
-        """Take a measured frame and all that goes with it; its windowed ratios in the order of `rig_pair_checks(rig)`.
+        """Take a measured frame and all that goes with it; its statistics in the order of `rig_sensor_checks(rig)`.
 
         `unmasked` are those that are others without the LiDAR, None elsewhere. Raises StoreError where they do not fit
         the rig.
         """
         measurement_id = self._measurement_id
-        self._tables["frames"].add(measured_row(measurement_id, frame, ratios, self._rig, unmasked))
-        for row in cell_rows(measurement_id, frame.number, frame.cells, self._rig):
+        self._tables["frames"].add(measured_row(measurement_id, frame, statistics, self._rig, unmasked))
+        for row in cell_rows(measurement_id, frame.number, frame.cells):
             self._tables["cells"].add(row)
         for row in fault_feature_rows(measurement_id, frame.number, frame.fault_features):
             self._tables["fault_features"].add(row)

@@ -146,32 +146,37 @@ class FrameErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameRatios:
-    """The windowed ratios of a measurement's F measured frames, skipped ticks left out.
+class FrameStatistics:
+    """The statistics of a measurement's F measured frames, skipped ticks left out.
 
-    `frames` and `stamps_ns` are (F,) int64; `ratios` is (F, M) float64 in the order of `rig_pair_checks(rig)`, NaN
-    where it was not measured, and `unmasked` (F, M) what they are without the LiDAR; `states` is (F, S) text and
+    `frames` and `stamps_ns` are (F,) int64; `statistics` is (F, M) float64 in the order of `rig_sensor_checks(rig)`,
+    NaN where it was not measured, and `unmasked` (F, M) what they are without the LiDAR; `states` is (F, S) text and
     `fingerprints` (F, S) int64 in the order of `rig.sensors`, the latter -1 where the sensor was not there.
+    `returns` (F,) are the LiDAR points in view, NaN where there was no LiDAR.
     """
 
     frames: NDArray[np.int64]
     stamps_ns: NDArray[np.int64]
-    ratios: NDArray[np.float64]
+    statistics: NDArray[np.float64]
     unmasked: NDArray[np.float64]
     states: NDArray[np.str_]
     fingerprints: NDArray[np.int64]
+    returns: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class JudgingRules:
     """What verdicts are reached by, beside the thresholds.
 
-    `digest` and `settings` (canonical JSON) are those of all parameters that can change a verdict.
+    `digest` and `settings` (canonical JSON) are those of all parameters that can change a verdict. Two of them explain
+    scores: `z_offset` is added to a statistic before its odds are taken, and z is kept within `z_range`.
     """
 
     digest: str
     settings: str
     auditor_version: str
+    z_offset: float
+    z_range: tuple[float, float]
     judging_version: int = JUDGING_VERSION
 
 
@@ -230,7 +235,8 @@ class StoredJudgement:
     `statistic` is None by the robust method; `counts` are its frames by kind of verdict, `in_incidents` those that
     belong to an incident. `recounted` is True where its statistics came from the stored cells. `judging_version` is 0
     and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
-    what its rig lacks of the calibration's.
+    what its rig lacks of the calibration's. `drives` are the clean recordings that the robust method's thresholds were
+    learnt from, 0 where they are the prior; None by the paper's method, and of judgements of before there was a prior.
     """
 
     judgement_id: str
@@ -248,6 +254,7 @@ class StoredJudgement:
     judging_version: int
     rules: str | None
     absent_sensors: tuple[str, ...] = ()
+    drives: int | None = None
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

@@ -6,8 +6,8 @@ from dataclasses import fields
 from datetime import UTC
 from typing import Any
 
-from auditor.model.calibration import RobustThresholds, Thresholds
-from auditor.model.checks import rig_pair_checks
+from auditor.model.calibration import Thresholds
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
@@ -85,15 +85,15 @@ def triple_rows(rig: Rig) -> Iterator[Row]:
         }
 
 
-def pair_check_rows(rig: Rig) -> Iterator[Row]:
-    """The rows of a rig's pair checks, in their order."""
-    for position, pair_check in enumerate(rig_pair_checks(rig), start=1):
+def sensor_check_rows(rig: Rig) -> Iterator[Row]:
+    """The rows of a rig's sensor checks, in their order."""
+    for position, one in enumerate(rig_sensor_checks(rig), start=1):
         yield {
             "rig_id": rig.rig_id,
             "position": position,
-            "check_name": pair_check.check.value,
-            "i": pair_check.i,
-            "k": pair_check.k,
+            "check_name": one.check.value,
+            "sensor": one.sensor,
+            "others": list(one.others),
         }
 
 
@@ -162,7 +162,6 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "calibration_id": thresholds.calibration_id,
         "method": str(judgement.method),
         "r": round(thresholds.r, DIGITS_OF_R),
-        "resolvable": thresholds.resolvable,
         "transferred": thresholds.transferred,
         "judged_at": to_utc(judgement.judged_at),
         "recounted": judgement.recounted,
@@ -173,23 +172,31 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "rules": judgement.rules.digest,
         "judging_settings": judgement.rules.settings,
         "schema_version": SCHEMA_VERSION,
-        **_threshold_columns(thresholds, rig),
+        **_threshold_columns(judgement, rig),
     }
 
 
-def _threshold_columns(thresholds: Thresholds | RobustThresholds, rig: Rig) -> Row:
+def _threshold_columns(judgement: JudgementRecord, rig: Rig) -> Row:
+    thresholds, rules = judgement.thresholds, judgement.rules
     if isinstance(thresholds, Thresholds):
         return {
+            "resolvable": thresholds.resolvable,
             "statistic": thresholds.statistic.value,
             "theta": [thresholds.theta.get(triple) for triple in rig.measured_triples],
             "samples": [thresholds.samples.get(triple) for triple in rig.measured_triples],
+            "drives": None,
         }
-    scales_of = [thresholds.scales_of.get(pair_check) for pair_check in rig_pair_checks(rig)]
+    of_checks = [thresholds.expected.get(one) for one in rig_sensor_checks(rig)]
     return {
+        "resolvable": True,
         "statistic": None,
-        "check_theta": [y and y.theta for y in scales_of],
-        "check_scale": [y and y.scale for y in scales_of],
-        "check_samples": [y and y.samples for y in scales_of],
+        "check_mean": [one and one.mean for one in of_checks],
+        "check_deviation": [one and one.deviation for one in of_checks],
+        "check_samples": [one and one.samples for one in of_checks],
+        "z_limit": thresholds.limit,
+        "z_offset": rules.z_offset,
+        "z_range": list(rules.z_range),
+        "drives": thresholds.drives,
         "score_threshold": thresholds.score,
         "incidents_per_hour": thresholds.incidents_per_hour,
     }
@@ -210,6 +217,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         judging_version=row["judging_version"],
         rules=row["rules"],
         absent_sensors=tuple(row["absent_sensors"] or ()),
+        drives=row["drives"],
     )
 
 

@@ -9,7 +9,7 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 """Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
 `upgrade` brings a store of the version before to this one.
@@ -19,7 +19,7 @@ TABLES = (
     "recordings",
     "rigs",
     "triples",
-    "pair_checks",
+    "sensor_checks",
     "measurements",
     "frames",
     "cells",

@@ -25,13 +25,13 @@ from auditor.store.measurement_tables import (
     read_cells,
     read_errors,
     read_fault_features,
-    read_ratios,
     read_regions,
+    read_statistics,
 )
 from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
 from auditor.store.records import (
     FrameErrors,
-    FrameRatios,
+    FrameStatistics,
     GivenLabel,
     JudgementRecord,
     RecordingRecord,
@@ -41,9 +41,9 @@ from auditor.store.records import (
 )
 from auditor.store.rows import (
     judgement_row,
-    pair_check_rows,
     recording_row,
     rig_row,
+    sensor_check_rows,
     stored_judgement,
     stored_measurement,
     stored_recording,
@@ -136,8 +136,8 @@ class Store:
         return stored_recording(self._row("recordings", recording_id))
 
     def write_rig(self, rig: Rig) -> None:
-        """Keep a rig, its triples and its pair checks."""
-        write_rows("pair_checks", self.path("pair_checks", rig.rig_id), pair_check_rows(rig))
+        """Keep a rig, its triples and its sensor checks."""
+        write_rows("sensor_checks", self.path("sensor_checks", rig.rig_id), sensor_check_rows(rig))
         write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
         write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
 
@@ -229,15 +229,15 @@ class Store:
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_errors(self.path("frames", measurement_id), rig, statistic)
 
-    def load_ratios(self, measurement_id: str) -> FrameRatios:
-        """The windowed ratios and fingerprints of a finished measurement."""
+    def load_statistics(self, measurement_id: str) -> FrameStatistics:
+        """The statistics of the sensor checks and the fingerprints of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_ratios(self.path("frames", measurement_id), rig)
+        return read_statistics(self.path("frames", measurement_id), rig)
 
     def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
-        """The counts of a finished measurement on their grids, frame by frame: enough to recount windowed ratios."""
-        rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_cells(self.path("cells", measurement_id), rig)
+        """The counts of a finished measurement on their grids, frame by frame: enough to recount its statistics."""
+        self.measurement(measurement_id)
+        return read_cells(self.path("cells", measurement_id))
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
         """The fault features of a finished measurement's frames."""

@@ -69,6 +69,10 @@ CREATE MACRO names_of(numbers, sensors) AS
 CREATE MACRO counts_of(grid) AS
     list_transform(regexp_extract_all(hex(grid), '..'), lambda byte: CAST('0x' || byte AS UTINYINT));
 
+-- The signed bytes of a grid as numbers, row by row.
+CREATE MACRO signed_counts_of(grid) AS
+    list_transform(counts_of(grid), lambda byte: CAST(CASE WHEN byte > 127 THEN byte - 256::SMALLINT ELSE byte END AS TINYINT));
+
 -- The number of a sensor in the rig of a calibration: `calibrated_as` follows the sensors of a rig, S_0 first where it
 -- has a LiDAR; NULL where they have the same numbers.
 CREATE MACRO number_there(sensor, lidar, calibrated_as) AS

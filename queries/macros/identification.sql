@@ -94,9 +94,16 @@ LEFT JOIN systems USING (id)
 LEFT JOIN last_reference USING (id)
 LEFT JOIN answer USING (id);
 
--- The score z of a windowed ratio; NULL where any of the three is.
-CREATE MACRO z_score(ratio, theta, scale) AS
+-- The log odds of a statistic, 0 to 1, which the offset keeps finite.
+CREATE MACRO log_odds(statistic, z_offset) AS ln((statistic + z_offset) / (1 - statistic + z_offset));
+
+-- The score z of a statistic, kept between the two of z_range; NULL where any of them is.
+CREATE MACRO z_score(statistic, mean, deviation, z_offset, z_range) AS
     CASE
-        WHEN (ratio - theta) / scale IS NOT NULL
-            THEN least(greatest((ratio - theta) / scale, lowest_score()), highest_score())
+        WHEN (log_odds(statistic, z_offset) - mean) / deviation IS NOT NULL AND z_range IS NOT NULL
+            THEN least(greatest((log_odds(statistic, z_offset) - mean) / deviation, z_range[1]), z_range[2])
     END;
+
+-- The statistic of a check whose z is the limit, between 0 and 1.
+CREATE MACRO statistic_at_limit(mean, deviation, z_limit, z_offset) AS
+    least(greatest((1 + 2 * z_offset) / (1 + exp(-mean - z_limit * deviation)) - z_offset, 0), 1);

@@ -1,13 +1,21 @@
 -- Structured columns of verdicts in words.
 
--- One piece of evidence in words, without its score.
+-- One piece of evidence in words, without its score: of sensor i, or of a pair (i, k), of which verdicts of before
+-- checks of sensors know no other.
 CREATE MACRO check_in_words(check_name, i, j, k) AS
     CASE check_name
-        WHEN 'lidar_conflict' THEN 'S_' || i || ' and S_' || k || ' both disagree with the LiDAR'
-        WHEN 'photometric_inconsistency' THEN 'S_' || i || ' and S_' || k || ' do not see the same'
+        WHEN 'lidar_conflict'
+            THEN coalesce('S_' || i || ' and S_' || k || ' both', 'the cameras') || ' disagree with the LiDAR'
+        WHEN 'added_light'
+            THEN coalesce('S_' || i || ' or S_' || k || ' alone sees light', 'S_' || i || ' sees light that others do not')
+        WHEN 'removed_light'
+            THEN coalesce('S_' || i || ' or S_' || k || ' alone lacks light', 'S_' || i || ' lacks light that others see')
+        WHEN 'photometric_inconsistency' THEN coalesce(
+            'S_' || i || ' and S_' || k || ' do not see the same', 'S_' || i || ' does not see what others see'
+        )
         WHEN 'brightness_difference' THEN 'S_' || i || ' or S_' || k || ' alone sees light'
-        WHEN 'point_dropout' THEN 'the LiDAR lacks points in the view of S_' || k
-        WHEN 'isolated_points' THEN 'the LiDAR has isolated points in the view of S_' || k
+        WHEN 'point_dropout' THEN 'the LiDAR lacks points' || coalesce(' in the view of S_' || k, '')
+        WHEN 'isolated_points' THEN 'the LiDAR has isolated points' || coalesce(' in the view of S_' || k, '')
         ELSE 'E_' || i || ',' || j || ',' || k || ' above theta'
     END;
 

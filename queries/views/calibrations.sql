@@ -1,6 +1,6 @@
--- One row a statistic and triple, pair check, or cause of a calibration, over all of its clean recordings.
+-- One row a statistic and triple, sensor check, or cause of a calibration, over all of its clean recordings.
 --
--- column samples: What was measured of its clean frames, ascending: disparity errors E, windowed ratios, or fault scores.
+-- column samples: What was measured of its clean frames, ascending: disparity errors E, statistics of sensor checks, or fault scores.
 -- column N: Number of its samples.
 -- column statistic: What is counted: plain or gated, a disparity error E of a triple; the name of a check; or a cause that is not an attack.
 SELECT
@@ -16,8 +16,10 @@ SELECT
     i,
     j,
     k,
+    sensor,
+    others,
     list_sort(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS samples,
     len(list_filter(flatten(list(clean)), lambda x: x IS NOT NULL)) AS N
 FROM stored_calibrations
-WHERE recording_id IS NOT NULL AND statistic NOT IN ('missing', 'standing_still') AND NOT coalesce(for_parts, FALSE)
-GROUP BY calibration_id, statistic, i, j, k
+WHERE recording_id IS NOT NULL AND statistic NOT IN ('missing', 'standing_still', 'returns') AND NOT coalesce(for_parts, FALSE)
+GROUP BY calibration_id, statistic, i, j, k, sensor, others

@@ -1,25 +1,23 @@
--- One row a measured frame and pair check that counts pixels, on a grid of cells of 8 x 8 px.
+-- One row a measured frame and grid of counts: a check of a camera pair on the image of one of the two, or of the LiDAR's directions.
 --
 -- column frame: Number of the frame within the recording.
--- column position: The pair check's place among the rig's pair checks, counted from 1.
--- column check_name: Which check: lidar_conflict or photometric_inconsistency.
+-- column check_name: Which check: lidar_conflict, added_light (which counts removed light with the other sign) or photometric_inconsistency.
 -- column i: First camera of the pair.
--- column k: Second camera of the pair, whose image the grid is of.
+-- column k: Second camera of the pair.
+-- column sensor: Whose grid it is: camera i or k, cells of 8 x 8 px of its image; 0 of lidar_conflict, cells of the LiDAR's directions.
 -- column rows: Rows of the grid.
 -- column columns: Columns of the grid.
--- column valid: By cell, row by row: LiDAR points (lidar_conflict) or half-resolution pixels (photometric_inconsistency) that could be compared.
--- column inconsistent: By cell, row by row: those of them that are inconsistent.
+-- column valid: By cell, row by row: LiDAR points (lidar_conflict) or half-resolution pixels that could be compared, 127 at most.
+-- column total: By cell, row by row: how many of them are inconsistent; of added_light the sum of their residuals, -1 to 1 each, in steps of 1/7.
 SELECT
     cells.measurement_id,
     cells.frame,
-    cells.position,
-    pair_check.check_name,
-    pair_check.i,
-    pair_check.k,
+    cells.check_name,
+    cells.i,
+    cells.k,
+    cells.sensor,
     cells.rows,
     cells.columns,
     counts_of(cells.valid) AS valid,
-    counts_of(cells.inconsistent) AS inconsistent
+    signed_counts_of(cells.total) AS total
 FROM stored_cells AS cells
-JOIN stored_measurements AS measurement USING (measurement_id)
-JOIN stored_pair_checks AS pair_check ON pair_check.rig_id = measurement.rig_id AND pair_check.position = cells.position

@@ -19,7 +19,8 @@ from auditor.identification.naming import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import Check, pair_checks_of
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig import RigKind, Triple, triples_of
+from auditor.model.rig import Triple, triples_of
+from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause
 
 PAIRS = ((1, 3), (2, 3))

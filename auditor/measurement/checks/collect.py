@@ -101,7 +101,8 @@ def collect_checks(
         if k in views
     }
     consistencies = {
-        (i, k): photometric_consistency(half_res[k], half_res[i], stereo) for (i, k), stereo in maps.items()
+        (i, k): photometric_consistency(half_res[k], half_res[i], stereo, mixed=(i in colours) != (k in colours))
+        for (i, k), stereo in maps.items()
     }
     lights = {
         (i, k): light_difference(lit[k], lit[i], seen.matches.column, seen.matches.seen)

@@ -154,6 +154,9 @@ def _relative(
     highest, lowest = cv2.dilate(predicted, _NEARBY), cv2.erode(predicted, _NEARBY)
     highest = cv2.max(highest, cv2.dilate(source_saturated.astype(np.uint8) * np.uint8(_WHITE), _NEARBY))
     above = cv2.subtract(value, highest).astype(np.float32)
+    if infrared:  # how dark a grey camera sees what is white in the other's colours, as the sky, is not known well
+        dim = (lowest * np.float32(LIGHT.infrared_dim)).astype(np.uint8)
+        lowest = np.where(cv2.dilate(source_saturated.view(np.uint8), _NEARBY) > 0, dim, lowest)
     below = cv2.subtract(lowest, value).astype(np.float32)
     below[saturated] = 0
     level, share = (LIGHT.infrared_level, LIGHT.infrared_share) if infrared else (LIGHT.level, LIGHT.share)

@@ -60,8 +60,14 @@ def matches_of(stereo: StereoMap) -> Matches:
     return Matches(np.nan_to_num(column, nan=-1), _inside(valid) & ~_occluded(column))
 
 
-def photometric_consistency(reference: Image, source: Image, stereo: StereoMap) -> PairConsistency:
-    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution."""
+def photometric_consistency(
+    reference: Image, source: Image, stereo: StereoMap, *, mixed: bool = False
+) -> PairConsistency:
+    """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution.
+
+    Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
+    brighter than the sky in the infrared, and darker in colours.
+    """
     matches = matches_of(stereo)
     row = np.broadcast_to(np.arange(len(reference), dtype=np.float32)[:, None], reference.shape)
     warped = cv2.remap(
@@ -75,6 +81,8 @@ def photometric_consistency(reference: Image, source: Image, stereo: StereoMap) 
     structured = np.maximum(norm_r, norm_w) > PHOTOMETRIC_CONSISTENCY.textured_norm
     comparable = np.asarray(matches.seen & structured)
     no_match = cv2.dilate(ncc, _NEARBY) < PHOTOMETRIC_CONSISTENCY.inconsistent
+    if mixed:
+        no_match &= cv2.erode(ncc, _NEARBY) > PHOTOMETRIC_CONSISTENCY.inverted
     return PairConsistency(np.asarray(ncc, np.float32), comparable, np.asarray(comparable & no_match), matches)
 
 

@@ -19,7 +19,7 @@ _ID = {
     "given_labels": "recording_id",
     "rigs": "rig_id",
     "triples": "rig_id",
-    "pair_checks": "rig_id",
+    "sensor_checks": "rig_id",
     "calibrations": "calibration_id",
     "judgements": "judgement_id",
     "verdicts": "judgement_id",

@@ -1,0 +1,211 @@
+"""Rates of the judge that ships on scenes that were left out: false alarms at r, and how often sensors are named.
+
+Reads what `python -m tests.benchmarks.clean_statistics` measured. Each scene is judged by thresholds learnt from the
+scenes of other families (real drives: from the other real drives), or by the prior alone:
+
+    python -m tests.benchmarks.rates FOLDER [--against FOLDER] [--r 0.01] [--cameras 1 2 3] [--prior]
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.paper import judge_frames as judge_by_paper
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import thresholds_from
+from auditor.identification.statistics import runs_of
+from auditor.identification.systems import System
+from auditor.identification.thresholds import threshold
+from auditor.model.calibration import CleanFrames, RobustThresholds, Thresholds
+from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
+from auditor.model.measurement import Statistic
+from auditor.model.rig import LIDAR
+from auditor.model.verdict import Verdict, VerdictKind
+from tests.benchmarks.clean_statistics import Case, Scene, load
+from tests.benchmarks.clustered import clustered_interval
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A case and its verdicts, by the robust method and by the paper's."""
+
+    scene: Scene
+    case: Case
+    robust: Verdict
+    paper: Verdict | None
+
+
+def system_of(scene: Scene, cameras: Sequence[int]) -> System:
+    """The system of these cameras and the LiDAR, out of a scene's sensors."""
+    sensors = tuple(sensor for sensor in scene.rig.sensors if sensor == LIDAR or sensor in cameras)
+    checks = tuple(one for one in rig_sensor_checks(scene.rig) if set(one.needed) <= set(sensors))
+    triples = tuple(triple for triple in scene.rig.measured_triples if set(triple) <= set(sensors))
+    fallback = scene.rig.fallback
+    usual = tuple(triple for triple in triples if triple != fallback)
+    return System(checks, usual or triples, sensors, fallback if usual and fallback in triples else None)
+
+
+def clean_frames(scene: Scene, system: System) -> CleanFrames:
+    """The clean frames of a scene as a calibration has them."""
+    cases = [case for case in scene.cases if not case.attack]
+    return _frames(scene, system, cases)
+
+
+def _frames(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrames:
+    place = {check: column for column, check in enumerate(rig_sensor_checks(scene.rig))}
+    stamps = np.array([case.stamp_ns for case in cases], dtype=np.int64)
+    statistics = np.stack([case.statistics for case in cases])
+    errors = np.stack([case.errors for case in cases])
+    return CleanFrames(
+        scene.name,
+        stamps,
+        {
+            (Statistic.GATED, triple): errors[:, column]
+            for column, triple in enumerate(scene.rig.measured_triples)
+            if set(triple) <= set(system.sensors)
+        },
+        {check: statistics[:, place[check]] for check in system.sensor_checks},
+        _fault_scores(cases, system, stamps),
+    )
+
+
+def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> dict:
+    cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
+    pairs = tuple(p for p in dict.fromkeys(p for c in cases for p in c.features) if set(p) <= set(cameras))
+    if not pairs:
+        return {}
+    rows = [[case.features.get(pair, (np.nan,) * len(COLUMNS)) for pair in pairs] for case in cases]
+    values = np.array(rows, dtype=np.float64)
+    columns = {name: values[:, :, at] for at, name in enumerate(COLUMNS)}
+    if LIDAR not in system.sensors:
+        columns |= {name: np.full_like(columns[name], np.nan) for name in OF_LIDAR}
+    level, saturated = (
+        np.array([[getattr(case, name).get(camera) for camera in cameras] for case in cases], dtype=np.float64)
+        for name in ("level", "saturated")
+    )
+    return fault_scores(ObservedFeatures(pairs, columns, cameras, level, saturated), stamps, system.sensors)
+
+
+def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
+    """The verdicts on a scene: clean frames in their order, attacked frames each by itself among clean neighbours."""
+    cases = [case for case in scene.cases if set(case.attacked) <= set(system.sensors)]
+    clean = [case for case in cases if not case.attack]
+    own = _frames(scene, system, clean)
+    here = np.ones((len(clean), len(system.sensors)), dtype=np.bool_)
+    series = FrameSeries(
+        own.stamps_ns, runs_of(own.stamps_ns), own.statistics_of(system.sensor_checks), here, ~here, own.strengths
+    )
+    verdicts = judge_frames(series, system, thresholds)
+    places = {case.frame: place for place, case in enumerate(clean)}
+    attacked = [case for case in cases if case.attack]
+    if attacked:
+        alone = _frames(scene, system, attacked).statistics_of(system.sensor_checks)
+        # Each attacked frame is a run of its own; faults are those of the clean frame at its place.
+        number = np.arange(len(attacked))
+        at = [places[case.frame] for case in attacked]
+        scores = {cause: values[at] for cause, values in own.strengths.items()}
+        here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
+        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores)
+        verdicts += judge_frames(lone, system, thresholds)
+    ordered = [*clean, *attacked]
+    papers = _paper(ordered, scene, system, theta)
+    return [Judged(scene, *one) for one in zip(ordered, verdicts, papers, strict=True)]
+
+
+def _paper(cases: Sequence[Case], scene: Scene, system: System, theta: Thresholds | None) -> list[Verdict | None]:
+    if theta is None:
+        return [None] * len(cases)
+    columns = [scene.rig.measured_triples.index(triple) for triple in system.triples]
+    E = np.stack([case.errors for case in cases])[:, columns]
+    return list(judge_by_paper(E, theta, system.triples, system.sensors, [frozenset()] * len(cases)))
+
+
+def thresholds_of(
+    clean: Sequence[CleanFrames], system: System, r: Decimal
+) -> tuple[RobustThresholds, Thresholds | None]:
+    """The robust method's and the paper's thresholds from these drives; from none the prior, and none."""
+    robust = thresholds_from(clean, system.sensor_checks, system.judged_together, r)
+    if not clean:
+        return robust, None
+    samples = {
+        triple: np.sort(np.concatenate([one.errors[Statistic.GATED, triple] for one in clean]))
+        for triple in system.triples
+    }
+    samples = {triple: values[~np.isnan(values)] for triple, values in samples.items()}
+    theta = {triple: threshold(values.tolist(), r) for triple, values in samples.items() if values.size}
+    counts = {triple: int(values.size) for triple, values in samples.items()}
+    return robust, Thresholds("", Statistic.GATED, r, theta, counts, resolvable=True)
+
+
+def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, prior: bool = False) -> list[Judged]:
+    """All scenes, each by the scenes of other families."""
+    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
+    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
+    found: list[Judged] = []
+    of_family: dict[str, list[CleanFrames]] = {}
+    for scene in scenes:
+        if scene.family not in of_family:
+            of_family[scene.family] = [clean[other.name] for other in scenes if other.family != scene.family]
+        system = systems[scene.name]
+        learnt = [] if prior else of_family[scene.family]
+        found += judge_scene(scene, system, *thresholds_of(learnt, system, r))
+    return found
+
+
+def report(judged: Sequence[Judged]) -> Iterable[str]:
+    """Clean frames first: not clean, accused; then by attack: named exactly, found, an innocent named."""
+    groups: dict[str, list[Judged]] = defaultdict(list)
+    for one in judged:
+        groups[one.case.attack or "clean"].append(one)
+    for attack, cases in groups.items():
+        if attack == "clean":
+            yield f"clean: {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN)} not clean, " + (
+                f"{_share(cases, lambda v, c: v.kind is VerdictKind.ATTACKED)} accused; "
+                f"paper {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN, paper=True)}"
+            )
+            continue
+        yield f"{attack}: named {_share(cases, lambda v, c: v.attacked == c.attacked)}, " + (
+            f"found {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN)}, "
+            f"an innocent {_share(cases, lambda v, c: bool(set(v.attacked) - set(c.attacked)))}; "
+            f"paper named {_share(cases, lambda v, c: v.attacked == c.attacked, paper=True)}"
+        )
+
+
+def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:
+    known = [
+        (one.scene.name, is_so(one.paper if paper else one.robust, one.case)) for one in cases if one.paper or not paper
+    ]
+    counts: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    for name, so in known:
+        counts[name][0] += so
+        counts[name][1] += 1
+    k, n = (sum(values) for values in zip(*counts.values(), strict=True)) if counts else (0, 0)
+    if not n:
+        return "-"
+    interval = ""
+    if len(counts) >= 5:
+        low, high = clustered_interval(*(list(one) for one in zip(*counts.values(), strict=True)))
+        interval = f" [{100 * low:.1f}, {100 * high:.1f}]"
+    return f"{k}/{n} {100 * k / n:.1f} %{interval}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
+    parser.add_argument("--cameras", type=int, nargs="+", default=[1, 2, 3, 4])
+    parser.add_argument("--prior", action="store_true", help="by the prior alone")
+    options = parser.parse_args()
+    scenes = load(options.folder)
+    for line in report(judge_all(scenes, options.cameras, options.r, prior=options.prior)):
+        print(line)
+
+
+if __name__ == "__main__":
+    main()
