@@ -12,7 +12,7 @@ from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
-from auditor.model.verdict import Cause
+from auditor.model.verdict import Cause, CauseIn
 
 EITHER_WAY = frozenset({Cause.EXPOSURE})
 """Faults whose scores are as unusual far below what is usual as far above it."""
