@@ -16,8 +16,9 @@
 -- column strength: Amplitude of the faculas by name.
 -- column attacked: The attacked sensors; NULL for all seven combinations together.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
 -- column not_measured: Those in which nothing could be compared; they are not detected.
 -- column detected: Those with E above theta, or whose robust verdict is not clean.
@@ -58,6 +59,7 @@ judged AS (
         attacked,
         r,
         samples[position] AS samples,
+        drives,
         resolvable_with(samples[position], r) AS resolvable,
         1 AS cases,
         E > theta[position] AS raised
@@ -75,6 +77,7 @@ judged AS (
         attacked,
         r,
         samples,
+        drives,
         resolvable,
         cases,
         CASE WHEN verdict <> 'not_auditable' THEN raised END AS raised
@@ -94,6 +97,7 @@ tally AS (
         attacked,
         r,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
@@ -116,6 +120,7 @@ SELECT
     attacked,
     CAST(r AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     cases,
     not_measured,

@@ -1,6 +1,6 @@
--- How often clean frames are raised: by three sensors of the leftmost camera, by the system of n = 3, and by all sensors.
+-- How often clean frames are not clean: by three sensors of the leftmost camera, by the system of n = 3, and by all sensors.
 --
--- In sample this is about r by construction for one disparity error, and more for a system, which has several.
+-- By the paper's method this is about r in sample, by construction, for one disparity error, and more for a system, which has several. By the robust method r is the rate of a frame, whatever the number of its checks, in drives that it has not seen.
 --
 -- param r RATE[] = 0, 0.01, 0.02, 0.03, 0.05: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
@@ -11,14 +11,19 @@
 -- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column system: The sensors that took part.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column frames: Clean frames.
 -- column not_auditable: Those in which nothing was measured.
--- column raised: Those in which some disparity error of the system is above its theta, or the robust verdict is not clean.
+-- column raised: Those that are a finding: some disparity error of the system is above its theta, or the robust verdict is attacked, unidentified or suspect.
 -- column rate: raised / frames.
 -- column low: Lower end of its interval.
 -- column high: Upper end of its interval.
+-- column not_clean: Those whose verdict is anything but clean: raised or not auditable.
+-- column not_clean_rate: not_clean / frames.
+-- column not_clean_low: Lower end of its interval.
+-- column not_clean_high: Upper end of its interval.
 -- column identified: Those whose verdict names a sensor.
 -- column hours: Time that the frames stand for: their number times the usual time between two; NULL where there are no two, as all that follows.
 -- column raised_an_hour: Raised frames per hour of driving.
@@ -56,6 +61,7 @@ counted AS (
         system,
         r,
         min(samples[position]) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable_with(samples[position], r)) AS resolvable,
         count(*) AS frames,
         count(*) - count(E > theta[position]) AS not_auditable,
@@ -72,6 +78,7 @@ counted AS (
         system,
         r,
         min(samples),
+        min(drives),
         bool_and(resolvable),
         CAST(sum(cases) AS BIGINT),
         CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT),
@@ -79,6 +86,7 @@ counted AS (
         CAST(coalesce(sum(cases) FILTER (verdict = 'attacked'), 0) AS BIGINT)
     FROM (
         FROM verdict_of
+        WHERE len(system) > 3
         UNION ALL BY NAME
         SELECT 'robust' AS method, *
         FROM robust_verdicts(case_verdicts, $r, $block_frames)
@@ -94,6 +102,7 @@ SELECT
     system,
     CAST(r AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     frames,
     not_auditable,
@@ -101,6 +110,10 @@ SELECT
     raised / frames AS rate,
     wilson(raised, frames, -1) AS low,
     wilson(raised, frames, 1) AS high,
+    raised + not_auditable AS not_clean,
+    not_clean / frames AS not_clean_rate,
+    wilson(not_clean, frames, -1) AS not_clean_low,
+    wilson(not_clean, frames, 1) AS not_clean_high,
     identified,
     frames * period_s / 3600 AS hours,
     raised / (frames * period_s / 3600) AS raised_an_hour,

@@ -15,8 +15,9 @@
 -- column size: Its size: a sector's width and a turn in degrees, points, rows in px, frames of delay, grey levels.
 -- column attacked: The attacked sensors.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
 -- column detected: Those that are raised: some disparity error of the system is above its theta, or the verdict is not clean.
 -- column rate: detected / cases.
@@ -41,6 +42,7 @@ tally AS (
         attacked,
         r,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (raised), 0) AS BIGINT) AS detected,
@@ -60,6 +62,7 @@ SELECT
     attacked,
     CAST(r AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     cases,
     detected,

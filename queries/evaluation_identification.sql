@@ -12,8 +12,9 @@
 -- column attacked: The attacked sensors; NULL for all sets of this size together.
 -- column attacked_sensors: How many they are.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
 -- column not_auditable: Those in which nothing was measured.
 -- column named: Those in which exactly the attacked sensors are named: by Algorithm 2, which is what Table II counts, or by the robust verdict.
@@ -24,6 +25,10 @@
 -- column identification_rate: identified / cases.
 -- column identification_low: Lower end of its interval.
 -- column identification_high: Upper end of its interval.
+-- column innocents: Attacked frames whose verdict is attacked and names a sensor that is not.
+-- column innocent_rate: innocents / cases.
+-- column innocent_low: Lower end of its interval.
+-- column innocent_high: Upper end of its interval.
 WITH verdict_of AS MATERIALIZED (
     FROM verdicts_by_method(cases, paper_triples, case_verdicts, $r, $statistic, $block_frames)
 ),
@@ -38,11 +43,13 @@ tally AS (
         len(attacked) AS attacked_sensors,
         r,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT) AS not_auditable,
         CAST(coalesce(sum(cases) FILTER (raised AND named = attacked), 0) AS BIGINT) AS named,
-        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND named = attacked), 0) AS BIGINT) AS identified
+        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND named = attacked), 0) AS BIGINT) AS identified,
+        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND NOT list_has_all(attacked, named)), 0) AS BIGINT) AS innocents
     FROM verdict_of
     WHERE experiment = 'combinations' AND len(system) >= 4
     GROUP BY GROUPING SETS (
@@ -60,6 +67,7 @@ SELECT
     attacked_sensors,
     CAST(r AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     cases,
     not_auditable,
@@ -70,6 +78,10 @@ SELECT
     identified,
     identified / cases AS identification_rate,
     wilson(identified, cases, -1) AS identification_low,
-    wilson(identified, cases, 1) AS identification_high
+    wilson(identified, cases, 1) AS identification_high,
+    innocents,
+    innocents / cases AS innocent_rate,
+    wilson(innocents, cases, -1) AS innocent_low,
+    wilson(innocents, cases, 1) AS innocent_high
 FROM tally
 ORDER BY setup, method, left_out, len(system), strength, r, attacked_sensors, attacked NULLS LAST

@@ -14,8 +14,9 @@
 -- column attacked: The attacked sensors; empty for clean drives.
 -- column variant: still or moving; NULL for clean drives.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column frames: Frames, attacked or clean.
 -- column incidents: Incidents in them.
 -- column intervals: Attacked intervals; NULL for clean drives, as all that follows on them.
@@ -67,8 +68,9 @@ judged AS MATERIALIZED (
         strength,
         attacked,
         r,
-        samples,
-        resolvable_with(samples, r) AS resolvable,
+        CAST(NULL AS BIGINT) AS samples,
+        drives,
+        TRUE AS resolvable,
         'robust' AS method,
         window_kind AS verdict,
         window_named AS identified
@@ -101,6 +103,7 @@ line AS (
         arg_min(stamp_ns, frame) AS from_ns,
         count(*) AS frames,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable
     FROM placed
     GROUP BY what, line
@@ -125,19 +128,21 @@ found AS (
         line.what,
         line.frames,
         line.samples,
+        line.drives,
         line.resolvable,
         count(incident.frames) AS incidents,
         list(incident.identified ORDER BY incident.frames DESC, incident.first_frame)[1] AS identified,
         (min(incident.from_ns) FILTER (incident.clock = 0) - line.from_ns) / 1e9 AS delay_s
     FROM line
     LEFT JOIN incident ON incident.what = line.what AND incident.line = line.line
-    GROUP BY line.what, line.line, line.frames, line.samples, line.resolvable, line.from_ns
+    GROUP BY line.what, line.line, line.frames, line.samples, line.drives, line.resolvable, line.from_ns
 ),
 tally AS (
     SELECT
         what,
         what['attacked'] = [] AS clean,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         CAST(sum(frames) AS BIGINT) AS frames,
         CAST(sum(incidents) AS BIGINT) AS incidents,
@@ -161,6 +166,7 @@ SELECT
     what['variant'] AS variant,
     CAST(what['r'] AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     frames,
     incidents,

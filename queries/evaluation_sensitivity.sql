@@ -15,8 +15,9 @@
 -- column nominal_share: The paper's contaminated area of such a facula: pi R^2 over 1242 x 375 px.
 -- column visible_share: Mean share of the image that lies within R of the facula's centre.
 -- column r: The designated false-alarm rate.
--- column samples: The smallest number N of clean samples that a theta came from.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column samples: The smallest number N of clean samples that a theta came from; NULL by the robust method.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
 -- column cases: Attacked frames.
 -- column not_measured: Those in which nothing could be compared; they are not detected.
 -- column detected: Those with E above theta, or whose robust verdict is not clean.
@@ -58,6 +59,7 @@ judged AS (
         size,
         r,
         samples[position] AS samples,
+        drives,
         resolvable_with(samples[position], r) AS resolvable,
         1 AS cases,
         E > theta[position] AS raised
@@ -73,6 +75,7 @@ judged AS (
         size,
         r,
         samples,
+        drives,
         resolvable,
         cases,
         CASE WHEN verdict <> 'not_auditable' THEN raised END AS raised
@@ -89,6 +92,7 @@ tally AS (
         size,
         r,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         CAST(sum(cases) AS BIGINT) AS cases,
         CAST(coalesce(sum(cases) FILTER (raised IS NULL), 0) AS BIGINT) AS not_measured,
@@ -107,6 +111,7 @@ SELECT
     visible_share,
     CAST(r AS DOUBLE) AS r,
     samples,
+    drives,
     resolvable,
     cases,
     not_measured,

@@ -1,4 +1,4 @@
--- The evaluation in short: detection in the paper's two scenarios and identification by both methods, averaged over the combinations, by strength and r.
+-- The evaluation in short: clean frames that are not clean, detection in the paper's two scenarios and identification by both methods, averaged over the combinations, by strength and r.
 --
 -- The scenarios are those of the leftmost camera and the one farthest from it: with the LiDAR, and with the camera next to that one.
 --
@@ -14,12 +14,16 @@
 -- column left_out: What theta was not taken from: nothing (in sample), the block of the frame, its recording, or its family.
 -- column strength: Amplitude of the faculas by name.
 -- column r: The designated false-alarm rate.
--- column resolvable: FALSE where 0 < r < 1/N for some theta: it is then the maximum of its N samples.
+-- column resolvable: FALSE where 0 < r < 1/N for some theta of the paper's method: it is then the maximum of its N samples.
+-- column drives: The smallest number of clean recordings that thresholds came from; 0 where they are the robust method's prior.
+-- column clean_frames: Clean frames, judged by all sensors.
+-- column not_clean: The share of them whose verdict is anything but clean; r is what the robust method is asked for.
 -- column scenario_1: Detection rate over the seven combinations of the LiDAR and two cameras.
 -- column scenario_2: Detection rate over the seven combinations of three cameras.
 -- column one_of_3: Identification rate of one attacked sensor among the LiDAR and three cameras.
 -- column one_of_all: Identification rate of one attacked sensor among all sensors, where they are more.
 -- column two_of_all: Identification rate of two attacked sensors among all sensors.
+-- column innocents: The share of attacked frames whose verdict, by all sensors, names a sensor that was not attacked.
 WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
@@ -86,10 +90,27 @@ sized AS (
     SELECT
         *,
         len(attacked) AS hit,
-        len(system) = max(len(system)) OVER (PARTITION BY setup) AND len(system) > 4 AS everyone,
+        len(system) = max(len(system)) OVER (PARTITION BY setup) AS largest,
+        largest AND len(system) > 4 AS everyone,
         coalesce(raised AND named = attacked, FALSE) AS right_name
     FROM verdict_of
     WHERE experiment = 'combinations' AND len(system) >= 4
+),
+alarm AS (
+    SELECT
+        setup,
+        method,
+        left_out,
+        r,
+        min(drives) AS drives,
+        CAST(sum(cases) AS BIGINT) AS clean_frames,
+        coalesce(sum(cases) FILTER (verdict <> 'clean'), 0) / sum(cases) AS not_clean
+    FROM (
+        FROM verdict_of
+        WHERE experiment = 'clean'
+        QUALIFY len(system) = max(len(system)) OVER (PARTITION BY setup)
+    )
+    GROUP BY setup, method, left_out, r
 ),
 identification AS (
     SELECT
@@ -103,7 +124,9 @@ identification AS (
         coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 1), 0)
             / sum(cases) FILTER (everyone AND hit = 1) AS one_of_all,
         coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 2), 0)
-            / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all
+            / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all,
+        coalesce(sum(cases) FILTER (largest AND verdict = 'attacked' AND NOT list_has_all(attacked, named)), 0)
+            / sum(cases) FILTER (largest) AS innocents
     FROM sized
     GROUP BY setup, method, left_out, strength, r
 ),
@@ -126,12 +149,17 @@ SELECT
     strength,
     CAST(r AS DOUBLE) AS r,
     resolvable,
+    drives,
+    clean_frames,
+    not_clean,
     scenario_1,
     scenario_2,
     one_of_3,
     one_of_all,
-    two_of_all
+    two_of_all,
+    innocents
 FROM detection
+LEFT JOIN alarm USING (setup, method, left_out, r)
 LEFT JOIN identification USING (setup, method, left_out, strength, r)
 JOIN described USING (setup)
 JOIN chosen USING (setup)

@@ -12,6 +12,8 @@
 -- column attacked: Frames in which the attacked sensors are named.
 -- column statistic: Which pixels the current judgement counted: plain or gated.
 -- column r: The designated false-alarm rate of the current judgement.
+-- column drives: How many clean recordings the current judgement's thresholds were learnt from, 0 where they are the prior; NULL by the paper's method.
+-- column z_limit: What the largest z of a frame had to exceed; NULL by the paper's method.
 -- column damage: Pieces of damage met while reading.
 -- column attacked_sets: The sets of sensors that incidents name, each with its number of frames, the most frames first.
 SELECT
@@ -36,6 +38,8 @@ SELECT
     judgement.statistic,
     CAST(judgement.r AS DOUBLE) AS r,
     judgement.resolvable,
+    judgement.drives,
+    judgement.z_limit,
     judgement.transferred,
     judgement.calibration_id,
     len(recording.damage) + coalesce(len(measurement.damage), 0) AS damage,

@@ -8,28 +8,44 @@ from auditor.cli.output import answer, emit, print_rows, say
 
 if TYPE_CHECKING:
     from auditor.identification.cross_validation import LeftOut
-    from auditor.identification.naming import System
-    from auditor.model.calibration import Calibration
+    from auditor.identification.systems import System
+    from auditor.model.calibration import Calibration, Expected, RobustThresholds
     from auditor.store import Store
 
 _MOST_ROWS = 20
 _MOST_NAMED = 5
-_ROBUST_COLUMNS = ("check", "sensors", "N", "median", "max", "r", "theta", "scale", "resolvable")
+_ROBUST_COLUMNS = ("check", "sensor", "others", "N", "expected", "theta", "thresholds")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
 _LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "findings", "incidents", "findings by paper")
 
 
 def show_robust(calibration: "Calibration", system: "System", r: Decimal, form: str) -> None:
-    """The thresholds of the robust method at r, one row a pair check."""
+    """The thresholds of the robust method at r, one row a sensor check.
+
+    A table has the checks that count where no sensor is missing or named; other forms have all.
+    """
+    from auditor.identification.cross_validation import robust_thresholds  # noqa: PLC0415 - NumPy is heavy
     from auditor.store import table_of  # noqa: PLC0415 - Arrow is heavy
 
-    rows = list(_pair_checks(calibration, system, r))
+    thresholds = robust_thresholds(calibration, system, r)
+    rows = _sensor_checks(thresholds, system)
     if form != "table":
         emit(table_of(rows), form)
         return
     _head(calibration)
-    shown = [{**row, "sensors": f"S_{row['i']} S_{row['k']}", "max": row["largest"]} for row in rows]
+    answer(f"thresholds {learnt(thresholds.drives)}: at r = {r} a finding has a z above {thresholds.limit:.2f}")
+    counting = [rows[place] for place in system.counting(frozenset()).tolist()]
+    shown = [
+        {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{other}" for other in row["others"])}
+        for row in counting
+    ]
     print_rows(shown, _ROBUST_COLUMNS)
+    answer(f"the other {len(rows) - len(counting)} are for frames in which a sensor is missing or named: --format csv")
+
+
+def learnt(drives: int) -> str:
+    """What thresholds rest on, in words."""
+    return f"learnt from {drives} drive{'' if drives == 1 else 's'}" if drives else "prior"
 
 
 def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str) -> None:
@@ -49,7 +65,7 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
 def show_left_out(
     calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
 ) -> None:
-    """How many frames of each clean recording are findings by thresholds of the others; `names` are by id."""
+    """How many frames of each clean recording are not clean by thresholds of the others; `names` are by id."""
     from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
@@ -70,7 +86,6 @@ def show_left_out(
         f"{_share(robust)} and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
     _warn_of_incidents(robust, names)
-    say(f"{frames} clean frames resolve r = 0 and r from {1 / frames:.2g} up")
 
 
 def _head(calibration: "Calibration") -> None:
@@ -78,32 +93,32 @@ def _head(calibration: "Calibration") -> None:
     answer(f"holds for {calibration.rig_kind}, matcher {calibration.procedure.matcher}")
 
 
-def _pair_checks(calibration: "Calibration", system: "System", r: Decimal) -> "list[dict[str, Any]]":
-    import numpy as np  # noqa: PLC0415 - keeps --help quick
-
-    from auditor.identification.scores import scales_of  # noqa: PLC0415
-    from auditor.identification.thresholds import resolvable  # noqa: PLC0415
-
-    ratios = calibration.ratios_of(system.pair_checks)
+def _sensor_checks(thresholds: "RobustThresholds", system: "System") -> "list[dict[str, Any]]":
     return [
         {
-            "calibration_id": calibration.calibration_id,
-            "check": pair_check.check.value,
-            "i": pair_check.i,
-            "k": pair_check.k,
-            "N": scale.samples,
-            "median": float(np.nanmedian(column)),
-            "largest": float(np.nanmax(column)),
-            "r": r,
-            "theta": scale.theta,
-            "scale": scale.scale,
-            "resolvable": resolvable(r, scale.samples),
+            "calibration_id": thresholds.calibration_id,
+            "check": one.check.value,
+            "sensor": one.sensor,
+            "others": list(one.others),
+            "drives": expected.drives,
+            "N": expected.samples,
+            "mean": expected.mean,
+            "deviation": expected.deviation,
+            "expected": _statistic(expected, 0),
+            "r": thresholds.r,
+            "limit": thresholds.limit,
+            "theta": _statistic(expected, thresholds.limit),
+            "thresholds": learnt(expected.drives),
         }
-        for pair_check, column, scale in zip(
-            system.pair_checks, ratios.T, scales_of(ratios, system.pair_checks, r), strict=True
-        )
-        if scale is not None
+        for one, expected in ((one, thresholds.expected[one]) for one in system.sensor_checks)
     ]
+
+
+def _statistic(expected: "Expected", z: float) -> float:
+    """The statistic that has this z: at 0 what is expected, at the limit the threshold."""
+    from auditor.identification.prior import statistic_at  # noqa: PLC0415 - NumPy is heavy
+
+    return statistic_at(expected.mean + z * expected.deviation)
 
 
 def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:

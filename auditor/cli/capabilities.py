@@ -10,15 +10,8 @@ Pair = tuple[int, int]
 
 def short_pairs(rig: "Rig") -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
-    from auditor.model.checks import Check, rig_pair_checks  # noqa: PLC0415 - NumPy is heavy
-
-    pair_checks = rig_pair_checks(rig)
     wide = _pairs(rig)
-    return [
-        (e.i, e.k)
-        for e in pair_checks
-        if rig.lidar and e.check is Check.PHOTOMETRIC_INCONSISTENCY and (e.i, e.k) not in wide
-    ]
+    return [pair for pair in rig.pairs if rig.lidar and pair not in wide]
 
 
 def capabilities(rig: "Rig") -> list[str]:
@@ -54,15 +47,15 @@ def _of_lidar(rig: "Rig") -> list[str]:
 
 def _of_cameras() -> list[str]:
     return [
-        "without a LiDAR cameras are compared by photometric consistency only: the robust method does not notice a "
-        "camera whose image is shifted along its rows"
+        "without a LiDAR cameras are compared with each other only: the robust method does not notice a camera whose "
+        "image is shifted along its rows"
     ]
 
 
 def _pairs(rig: "Rig") -> list[Pair]:
-    from auditor.model.checks import Check, rig_pair_checks  # noqa: PLC0415 - NumPy is heavy
+    from auditor.model.checks import conflict_pairs  # noqa: PLC0415 - NumPy is heavy
 
-    return [(e.i, e.k) for e in rig_pair_checks(rig) if e.check is Check.LIDAR_CONFLICT]
+    return list(conflict_pairs(rig))
 
 
 def _listed(pairs: list[Pair]) -> str:

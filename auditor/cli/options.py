@@ -242,7 +242,15 @@ method_option = click.option(
     type=click.Choice(["robust", "paper"]),
     default="robust",
     show_default=True,
-    help="Five checks and joint identification, or disparity errors and Algorithm 2.",
+    help="Six checks and joint identification, or disparity errors and Algorithm 2.",
+)
+
+
+strict_option = click.option(
+    "--strict",
+    is_flag=True,
+    help="Refuse thresholds that are the prior alone and r < 0.0001; with --method paper r < 1/N, which N clean "
+    "samples cannot resolve.",
 )
 
 
@@ -261,7 +269,7 @@ def judging_options(command: Decorated) -> Decorated:
             show_default=True,
             help="Share of frames, messages and time below which a recording counts as not fully audited.",
         ),
-        click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N)."),
+        strict_option,
         click.option(
             "--transfer", is_flag=True, help="Accept thresholds of another rig kind; the verdicts will say so."
         ),
@@ -281,7 +289,7 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: at most so many on clean drives; sets the threshold of its score.",
+            help="With --method robust: at most so many on clean drives; sets what a window must exceed the limit by.",
         ),
         click.option(
             "-r",
@@ -289,7 +297,7 @@ def judging_options(command: Decorated) -> Decorated:
             type=RATE,
             default="0.01",
             show_default=True,
-            help="Designated false-alarm rate of each statistic: 0.01 or 1%.",
+            help="Designated false-alarm rate, as 0.01 or 1%: of a frame, or with --method paper of each E.",
         ),
         method_option,
     ):

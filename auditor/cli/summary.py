@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from auditor.cli.calibration_tables import learnt
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown
 from auditor.model.text import storable
@@ -183,6 +184,8 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
     if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
+    for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
+        answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
     if incidents:
         print_rows(
             [_incident(row) for row in incidents],

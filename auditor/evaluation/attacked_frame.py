@@ -2,15 +2,15 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.evaluation.attacks import Attack, Attacks, CameraAttack, LidarAttack, of_two
-from auditor.identification.statistics import windowed_ratios
-from auditor.measurement.checks.collect import FrameChecks, collect_checks
+from auditor.identification.statistics import sensor_statistics
+from auditor.measurement.checks.collect import FrameChecks, collect_checks, with_pairs
+from auditor.measurement.checks.count_grid import ImageGrid
 from auditor.measurement.checks.disparity_error import compare_cameras, compare_with_lidar
 from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import LidarView, lidar_view
@@ -21,9 +21,9 @@ from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_m
 from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
 from auditor.measurement.frame import level, saturated_share
-from auditor.measurement.pairwise_views import OF_TWO, joined
+from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, Mask, matched
-from auditor.model.checks import Pair, PairFaultFeatures, rig_pair_checks
+from auditor.model.checks import Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
 from auditor.model.measurement import Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple
@@ -34,14 +34,14 @@ Made = TypeVar("Made")
 class AttackedFrame:
     """Measures one clean frame under one set of attacks after the other.
 
-    Counts and windowed ratios are those that measuring the attacked frame would give. Images, views, disparity maps,
-    counts and ratios of sensors under the same attack (or none) are made once and used again until `forget_attacks`.
+    Counts and statistics are those that measuring the attacked frame would give. Images, views, disparity maps, counts
+    and checks of sensors under the same attack (or none) are made once and used again until `forget_attacks`.
     """
 
     def __init__(self, frame: Frame, rig: Rig, matcher: Matcher) -> None:
         self.frame = frame
         self.rig = rig
-        self.pair_checks = rig_pair_checks(rig)
+        self.sensor_checks = rig_sensor_checks(rig)
         self._matcher = matcher
         self._made: dict[tuple[object, ...], object] = {}
         self._seen = self._rectification()
@@ -63,6 +63,11 @@ class AttackedFrame:
         """(H, W) valid mask by camera, of cameras that do not see the whole view."""
         return {}
 
+    @property
+    def grid(self) -> ImageGrid | None:
+        """The grid of the cameras' images, None where they are in this view."""
+        return None
+
     def _rectification(self) -> Rectification:
         return rectification(self.rig)
 
@@ -72,15 +77,12 @@ class AttackedFrame:
         every = self.rig.measured_triples
         return tuple(self._counts(triple, attacks) if triple in wanted else None for triple in every)
 
-    def ratios(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
-        """Windowed ratios in the order of `pair_checks`, as far as measuring these triples gives them."""
-        wanted = self._measurable(triples)
-        pairs = matched(wanted)
-        cameras = sorted({sensor for t in wanted for sensor in t if sensor != LIDAR})
-        collected = [self.frame_checks(i, k, attacks, matched=(i, k) in pairs) for i, k in combinations(cameras, 2)]
-        cells = {pair_check: grid for one in collected for pair_check, grid in one.cells.items()}
-        shares = {pair_check: share for one in collected for pair_check, share in one.shares.items()}
-        return windowed_ratios(self.pair_checks, cells, shares)
+    def statistics(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
+        """The statistics in the order of `sensor_checks`, as far as measuring these triples gives them."""
+        collected = [self.frame_checks(pair, attacks) for pair in self.pairs(triples)]
+        cells = {counted: grid for one in collected for counted, grid in one.cells.items()}
+        shares = {check: share for one in collected for check, share in one.shares.items()}
+        return sensor_statistics(self.sensor_checks, cells, shares)
 
     def fingerprint(self, sensor: int, attacks: Attacks) -> int:
         """The fingerprint of a present sensor's data under these attacks: equal data have equal ones."""
@@ -144,7 +146,7 @@ class AttackedFrame:
             half_res = {camera: self._half(camera, attacks) for camera in pair}
             maps = {pair: self.stereo_map(i, k, attacks)}
             views = {k: self.lidar_view(k, attacks)} if self.frame.cloud is not None else {}
-            checks = self.frame_checks(i, k, attacks)
+            checks = self.frame_checks(pair, attacks)
             arrays = FrameArrays(self._seen.rig, half_res, {}, maps, views, checks, valid_masks=self.valid_masks)
             return feature_inputs(arrays)
 
@@ -199,22 +201,20 @@ class AttackedFrame:
 
         return self.memoise("counts", triple, attacks, triple, count)
 
-    def frame_checks(self, i: int, k: int, attacks: Attacks, *, matched: bool = True) -> FrameChecks:
-        """The checks of two cameras i < k under these attacks, and of the LiDAR in k's view if it is present.
-
-        Where they are not `matched`, only those checks that need no disparities.
-        """
+    def frame_checks(self, pair: Pair, attacks: Attacks) -> FrameChecks:
+        """The checks of a matched pair (i, k) under these attacks, and of the LiDAR in k's view if it is present."""
+        i, k = pair
 
         def collect() -> FrameChecks:
-            half_res = {camera: self._half(camera, attacks) for camera in (i, k)}
-            maps = {(i, k): self.stereo_map(i, k, attacks)} if matched else {}
-            views = {k: self.lidar_view(k, attacks)} if matched and self.frame.cloud is not None else {}
+            half_res = {camera: self._half(camera, attacks) for camera in pair}
+            views = {k: self.lidar_view(k, attacks)} if self.frame.cloud is not None else {}
             if self._pairs:
-                of_pairs = {pair: self._pairs[pair].frame_checks(*OF_TWO, of_two(attacks, pair)) for pair in maps}
-                return joined(of_pairs, half_res, views, self._seen.rig)
-            return collect_checks(half_res, maps, views, self._seen.rig)
+                own = self._pairs[pair].frame_checks(OF_TWO, of_two(attacks, pair))
+                return with_pairs(collect_checks(half_res, {}, {}, views, self._seen.rig), {pair: own}, OF_TWO)
+            maps = {pair: self.stereo_map(i, k, attacks)}
+            return collect_checks(half_res, self._colours(pair, attacks), maps, views, self._seen.rig, self.grid)
 
-        return self.memoise("checks", (i, k), attacks, (LIDAR, i, k) if matched else (i, k), collect)
+        return self.memoise("checks", pair, attacks, (LIDAR, *pair), collect)
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{i,k} under these attacks, in the common view."""
@@ -247,6 +247,15 @@ class AttackedFrame:
 
     def _half(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         return self.memoise("half", camera, attacks, (camera,), lambda: halve(grey(self._matched(camera, attacks))))
+
+    def _colours(self, pair: Pair, attacks: Attacks) -> dict[int, NDArray[np.uint8]]:
+        """The half-resolution images (h, w, 3) of those of two cameras that have colours."""
+        images = {camera: self.rectified(camera, attacks) for camera in pair}
+        return {
+            camera: self.memoise("colours", camera, attacks, (camera,), lambda pixels=pixels: halve(pixels))
+            for camera, pixels in images.items()
+            if pixels.ndim > 2
+        }
 
     def _matched(self, camera: int, attacks: Attacks) -> NDArray[np.uint8]:
         """The rectified image in the matcher's colours."""
@@ -299,6 +308,11 @@ class _AttackedPair(AttackedFrame):
     def valid_masks(self) -> Mapping[int, Mask]:
         """The valid mask of each of the two cameras."""
         return self._view.valid_masks
+
+    @property
+    def grid(self) -> ImageGrid:
+        """The grid of the common view."""
+        return self._view.to_shared.grid
 
     def stereo_map(self, i: int, k: int, attacks: Attacks) -> StereoMap:
         """DM_{1,2}, where both cameras see."""

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
-from auditor.identification.naming import System
 from auditor.identification.robust import FrameSeries
 from auditor.identification.statistics import runs_of, window_bounds
-from auditor.model.checks import COLUMNS, rig_pair_checks
+from auditor.identification.systems import System
+from auditor.model.calibration import CleanFrames
+from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import CauseIn
 from auditor.store.case_arrays import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
-from auditor.store.measurement_tables import matched_pairs
 
 Numbers = NDArray[np.int64]
 Places = NDArray[np.intp]
@@ -55,6 +55,26 @@ class _Part:
     judged: int
 
 
+@dataclass(frozen=True, eq=False)
+class CleanSeries:
+    """The F clean frames of a drive; `blocks` (F,) are the blocks of time that they belong to."""
+
+    family: str
+    blocks: Numbers
+    frames: CleanFrames
+
+    def without(self, block: int) -> CleanFrames:
+        """The frames of the other blocks."""
+        kept, frames = self.blocks != block, self.frames
+        return CleanFrames(
+            frames.recording_id,
+            frames.stamps_ns[kept],
+            {},
+            {check: values[kept] for check, values in frames.statistics.items()},
+            {cause: scores[kept] for cause, scores in frames.strengths.items()},
+        )
+
+
 class CaseSeries:
     """The series of all cases of one setup."""
 
@@ -74,14 +94,22 @@ class CaseSeries:
         one = self._cases.known[place]
         return one.drive in self._drives and one.frame in self._drives[one.drive].row_of
 
-    def clean_scores(self, system: System) -> dict[CauseIn, Floats]:
-        """(N,) fault scores of the clean cases, each in its whole drive, NaN for all others."""
-        found: dict[CauseIn, Floats] = {}
-        for drive in self._drives.values():
-            features = self._cases.features[drive.places]
-            for cause, scores in self._scores(system, drive.places, features, drive.stamps_ns, drive.runs).items():
-                found.setdefault(cause, np.full(len(self._cases.known), np.nan))[drive.places] = scores
-        return found
+    def clean(self, system: System) -> list[CleanSeries]:
+        """The clean frames of each drive, as thresholds are learnt from them."""
+        return [self._clean(drive, system) for drive in self._drives.values()]
+
+    def _clean(self, drive: _Drive, system: System) -> CleanSeries:
+        known = [self._cases.known[place] for place in drive.places]
+        statistics = self._statistics(drive.places, system)
+        features = self._cases.features[drive.places]
+        frames = CleanFrames(
+            known[0].recording_id,
+            drive.stamps_ns,
+            {},
+            dict(zip(system.sensor_checks, statistics.T, strict=True)),
+            self._scores(system, drive.places, features, drive.stamps_ns, drive.runs),
+        )
+        return CleanSeries(known[0].family, np.array([one.block[1] for one in known], dtype=np.int64), frames)
 
     def window(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
         """The parts of drives around the cases at these places, one after the other, and the row of each case.
@@ -95,13 +123,10 @@ class CaseSeries:
         most = 1 + max(int(part.runs.max()) for part in parts)
         runs = np.repeat(np.arange(len(parts)) * most, lengths) + np.concatenate([part.runs for part in parts])
         scores = self._scores(system, places, np.concatenate([part.features for part in parts]), stamps, runs)
-        columns = [
-            at for at, pair_check in enumerate(rig_pair_checks(self._cases.rig)) if pair_check in system.pair_checks
-        ]
         series = FrameSeries(
             stamps,
             runs,
-            self._cases.ratios[places][:, columns],
+            self._statistics(places, system),
             self._of_sensors(self._cases.present, places, system),
             np.concatenate([self._frozen(part.places, system) for part in parts]),
             scores,
@@ -129,7 +154,7 @@ class CaseSeries:
     def _scores(
         self, system: System, places: Places, features: Floats, stamps_ns: Numbers, runs: Numbers
     ) -> dict[CauseIn, Floats]:
-        pairs = matched_pairs(self._cases.rig)
+        pairs = self._cases.rig.pairs
         chosen = [at for at, pair in enumerate(pairs) if set(pair) <= set(system.sensors)]
         cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
         columns = {name: features[:, chosen, at] for at, name in enumerate(COLUMNS)}
@@ -137,6 +162,11 @@ class CaseSeries:
         saturated = self._of_sensors(self._cases.saturated, places, system)[:, -len(cameras) :]
         seen = ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
         return fault_scores(seen, stamps_ns, system.sensors, runs)
+
+    def _statistics(self, places: Places, system: System) -> Floats:
+        """(R, M) the statistics of a system's sensor checks at these places."""
+        place_of = {check: at for at, check in enumerate(rig_sensor_checks(self._cases.rig))}
+        return np.asarray(self._cases.statistics[places][:, [place_of[check] for check in system.sensor_checks]])
 
     def _frozen(self, places: Places, system: System) -> NDArray[np.bool_]:
         present = self._of_sensors(self._cases.present, places, system)

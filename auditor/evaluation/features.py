@@ -1,4 +1,4 @@
-"""The features of a case of an evaluation that show faults and frozen sensors: the judge takes them beside ratios."""
+"""The features of a case of an evaluation that show faults and frozen sensors: the judge takes them beside statistics."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
 from auditor.store.evaluation_tables import CaseFeatures
-from auditor.store.measurement_tables import matched_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +91,6 @@ def _in_order(
     attacked_frame: AttackedFrame, fault_features: Mapping[Pair, PairFaultFeatures]
 ) -> Iterator[float | None]:
     """All numbers of all pairs that the rig has matched; NaN becomes None."""
-    for pair in matched_pairs(attacked_frame.rig):
+    for pair in attacked_frame.rig.pairs:
         values = fault_features[pair].values if pair in fault_features else [nan] * len(COLUMNS)
         yield from (None if isnan(value) else value for value in values)

@@ -232,7 +232,7 @@ def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
     experiments = experiments_of(task.patterns)
-    with task.source.open(colour=matcher.colour) as drives:
+    with task.source.open() as drives:
         return together(_Run(task, drive, matcher, store, experiments).go(progress) for drive in drives)
 
 
@@ -268,7 +268,7 @@ class _Run(Run):
                 visible_share=case.visible_share,
                 parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
                 counts=attacked_frame.counts(case.attacks, triples),
-                ratios=attacked_frame.ratios(case.attacks, triples),
+                statistics=attacked_frame.statistics(case.attacks, triples),
                 features=self._features.of(now, experiment, draw, case),
             )
 

@@ -51,7 +51,7 @@ class Recorded:
         return str(self.path)
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames by each rig. Raises RecordingError where it cannot be read or was attacked, and RigError."""
         with open_recording(self.path) as recording:
             if recording.labels():
@@ -112,7 +112,7 @@ class Street:
         return f"{self.style}, {self.condition}"
 
     @contextmanager
-    def open(self, *, colour: bool) -> Iterator[tuple[CleanDrive, ...]]:
+    def open(self, *, colour: bool = True) -> Iterator[tuple[CleanDrive, ...]]:
         """Its frames, each made when it is read; without `colour` all are grey, as a recording's would be."""
         drive = make_drive(
             self.seed,

@@ -7,7 +7,6 @@ from math import sqrt
 
 import numpy as np
 
-from auditor.errors import ThresholdsError
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.robust import FrameSeries, judge_frames, window_scores
 from auditor.identification.scores import thresholds_from

@@ -13,7 +13,7 @@ from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAU
 from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import COLUMNS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
@@ -69,6 +69,8 @@ def fault_scores(
     for camera in seen.cameras:
         found[Cause.LATE, camera] = _lagging(seen, camera)
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
+    if len(seen.cameras) > FEWEST_VOTERS:
+        found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
@@ -92,7 +94,8 @@ def fault_hypotheses(
     known = [scales.get(key) for key in keys]
     theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
-    z = np.minimum((np.stack([scores[key] for key in keys], axis=1) - theta) / scale, FAULT_SCALE.highest)
+    unusual = np.stack([_unusual(scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
+    z = np.minimum((unusual - theta) / scale, FAULT_SCALE.highest)
     share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / FAULT_SCALE.highest))
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
@@ -177,6 +180,25 @@ def _rotated_lidar(seen: ObservedFeatures) -> Floats:
     moved = relative_excess(columns["rotated_only"], columns["unrotated_only"])
     cameras = (np.abs(columns["bias_px"]) >= FAULT_SCORES.biased_by_px) & (columns["biased"] >= columns["rotated"])
     return _least(list(np.where(cameras, np.minimum(moved, 0), moved).T), seen) / FAULT_SCORES.rotated_lidar
+
+
+def _levels(seen: ObservedFeatures) -> list[Floats]:
+    """By camera, how much brighter than the median of the others it is, as a logarithm: darker cameras are below 0."""
+    levels = np.log(np.maximum(seen.level, 1.0))
+    others = (np.delete(levels, place, axis=1) for place in range(len(seen.cameras)))
+    medians = (np.array([_median(row) for row in one]) for one in others)
+    return [(levels[:, place] - median) / FAULT_SCORES.exposure for place, median in enumerate(medians)]
+
+
+def _median(values: Floats) -> float:
+    """The median of what was measured, of two at least; else NaN."""
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if known.size >= FEWEST_VOTERS else np.nan
+
+
+def _unusual(scores: Floats, scale: Scale | None) -> Floats:
+    """The scores, or how far they are from what is usual."""
+    return scores if scale is None or scale.usual is None else np.abs(scores - scale.usual)
 
 
 def _rain(seen: ObservedFeatures) -> Floats:

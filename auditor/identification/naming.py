@@ -124,7 +124,7 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _N
         first = first or _largest(of_one)
         least = limit + NAMING.another if named else limit
         if not of_one or (strongest := max(of_one))[0] <= least:
-            unclear = tuple(check for value, check in scored if value > least and len(check.nameable) > 1)
+            unclear = tuple(check for value, check in scored if value > limit and len(check.nameable) > 1)
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
         sensor = strongest[1].sensor
@@ -185,7 +185,7 @@ def _doubt(found: _Named, N: int) -> str:
 
 
 def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:
-    """What a verdict does not cover: sensors that were not there, and points that the LiDAR invents where none looks."""
+    """What a verdict does not cover: sensors that were not there, and invented points where no cameras look."""
     outside = [sensor for sensor in system.sensors if sensor not in present]
     without = f"judged without {listed(outside)}" if outside else ""
     alone = f"only {listed(system.fallback)} were compared" if by_fallback and system.fallback else ""

@@ -5,7 +5,6 @@ above its threshold theta.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
@@ -41,51 +40,37 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-class Prior(NamedTuple):
-    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
-
-    Rare values lie `tail` times as many deviations away as those of a normal distribution.
-    """
-
-    mean: float
-    within: float
-    between: float
-    tail: float = 1.0
-
-
-def _prior(mean: float, within: float, between: float, tail: float = 1.0) -> Prior:
-    return parameter(
-        Prior(mean, within, between, tail), unit="mean, deviation within and between drives, tail", source=_PRIOR
-    )
+_OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
 @dataclass(frozen=True)
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = _prior(-1.4, 0.45, 0.29)
-    conflict_of_a_pair: Prior = _prior(-1.3, 0.47, 0.29)
-    light: Prior = _prior(-2.85, 0.32, 0.3)
-    light_of_two: Prior = _prior(-2.2, 0.37, 0.33)
-    light_of_one: Prior = _prior(-2.1, 0.41, 0.42)
-    darkness: Prior = _prior(-3.05, 0.3, 0.27)
-    darkness_of_two: Prior = _prior(-2.75, 0.33, 0.35)
-    inconsistency: Prior = _prior(-3.3, 0.52, 0.3)
-    inconsistency_of_two: Prior = _prior(-3.3, 0.46, 0.31)
-    inconsistency_of_one: Prior = _prior(-2.5, 0.59, 0.4)
-    point_dropout: Prior = _prior(-0.35, 0.38, 0.22)
-    isolated_points: Prior = _prior(-2.0, 0.46, 0.33)
+    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    conflict_of_a_pair: tuple[float, ...] = parameter((-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    light: tuple[float, ...] = parameter((-2.85, 0.32, 0.3, 1.6), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_two: tuple[float, ...] = parameter((-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
+    darkness: tuple[float, ...] = parameter((-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.2), unit=_OF_PRIOR, source=_PRIOR)
+    isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = _prior(-6.5, 0.4, 0.6)
-    late_lidar: Prior = _prior(-2.1, 0.4, 0.37)
-    displaced_camera: Prior = _prior(0.0, 0.1, 0.1)
-    displaced_lidar: Prior = _prior(-2.0, 0.27, 0.37)
-    others: Prior = _prior(-0.3, 0.2, 0.3)
+    late_camera: tuple[float, ...] = parameter((-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
+    late_lidar: tuple[float, ...] = parameter((-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_camera: tuple[float, ...] = parameter((0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_lidar: tuple[float, ...] = parameter((-2.0, 0.27, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    exposure: tuple[float, ...] = parameter((0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_PRIOR)
+    others: tuple[float, ...] = parameter((-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
@@ -94,9 +79,7 @@ class Hierarchy:
 
     offset: float = parameter(0.02, unit="added to a statistic, and to what is left to 1", source=_PRIOR)
     rig_kind: float = parameter(0.5, unit="drives that the prior's mean weighs", source=BY_HAND)
-    prior_drives: float = parameter(
-        10.0, unit="drives that the prior's deviation between drives weighs", source=_METHOD
-    )
+    prior_drives: float = parameter(4.0, unit="drives that the prior's deviation between drives weighs", source=_PRIOR)
     prior_frames: float = parameter(
         20.0, unit="independent frames that the prior's deviation within weighs", source=BY_HAND
     )
@@ -110,7 +93,7 @@ class JointTail:
     """The largest z of all checks of a clean frame."""
 
     independent_share: float = parameter(0.5, unit="share of the checks that count as independent", source=_PRIOR)
-    stretch: float = parameter(1.0, unit="times the normal distribution's quantile", source=_PRIOR)
+    stretch: float = parameter(1.07, unit="times the normal distribution's quantile", source=_PRIOR)
     smallest_r: float = parameter(
         1e-5, unit="rate: a smaller one is taken for it", source="no clean frames reach further"
     )
@@ -157,7 +140,7 @@ class Naming:
     """How sensors are named."""
 
     another: float = parameter(
-        2.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
+        1.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
     )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
@@ -177,6 +160,7 @@ class FaultScores:
     dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
+    exposure: float = parameter(0.2, unit="logarithm of a level against the other cameras'", source=BY_HAND)
     rain: float = parameter(0.01, unit="share of isolated points nearby, less those beyond", source=_RAIN)
     rain_beyond: float = parameter(2.0, unit="times the share of isolated points beyond", source=_RAIN)
 

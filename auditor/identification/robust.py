@@ -74,8 +74,8 @@ def judge_frames(
     """The verdicts on F frames, or `only` on those at these places.
 
     Each is that of its frame by itself. Its `finding` is the verdict of the temporal window, where both are findings:
-    incidents are made of these, and `thresholds.score` is what the window must exceed the limit by. A sensor with frozen
-    data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
+    incidents are made of these, and `thresholds.score` is what the window must exceed the limit by. A sensor with
+    frozen data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
     unless the caller wants verdicts `without_causes`.
     """
     judged = np.arange(len(series.stamps_ns)) if only is None else np.asarray(only, dtype=np.intp)

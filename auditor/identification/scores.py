@@ -12,7 +12,10 @@ from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
-from auditor.model.verdict import CauseIn
+from auditor.model.verdict import Cause
+
+EITHER_WAY = frozenset({Cause.EXPOSURE})
+"""Faults whose scores are as unusual far below what is usual as far above it."""
 
 _LOCALISED_FROM: Mapping[Check, float] = {
     Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
@@ -47,14 +50,16 @@ def thresholds_from(
         for cause in causes
     }
     drives = len({one.recording_id for one in clean})
-    scales = {cause: fault_scale(found, limit) for cause, found in of_causes.items()}
+    scales = {cause: fault_scale(cause[0], found, limit) for cause, found in of_causes.items()}
     return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
 
 
-def fault_scale(found: Expected, limit: float) -> Scale:
+def fault_scale(cause: Cause, found: Expected, limit: float) -> Scale:
     """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it."""
-    theta = max(found.mean + max(limit, 0.0) * found.deviation, FAULT_SCALE.least_theta)
-    return Scale(theta, FAULT_SCALE.scale * theta, found.drives)
+    usual = found.mean if cause in EITHER_WAY else None
+    beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
+    theta = max(beyond, FAULT_SCALE.least_theta)
+    return Scale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
 
 
 def normalised_scores(statistics: Floats, of_columns: Sequence[Expected | None]) -> Floats:

@@ -7,7 +7,7 @@ from auditor.measurement.checks.disparity_error import Comparison, compare_camer
 from auditor.measurement.disparity.rectification import PairView
 from auditor.measurement.shared_view import FrameArrays, PairArrays, RectifiedFrame, lidar_views
 from auditor.model.checks import Pair
-from auditor.model.rig import LIDAR, Rig, Triple
+from auditor.model.rig import LIDAR, Triple
 
 OF_TWO: Pair = (1, 2)
 """The cameras of a rig of two."""

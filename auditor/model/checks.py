@@ -3,7 +3,7 @@
 Fault features separate faults from attacks; they are measured with every frame, so that judging needs no images.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from functools import lru_cache
 from itertools import combinations

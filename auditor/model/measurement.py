@@ -57,7 +57,7 @@ NO_FINGERPRINT = -1
 """Of a sensor that is not there, or whose data cannot show whether it repeats them."""
 
 
-EXPERIMENTS_VERSION = 2
+EXPERIMENTS_VERSION = 3
 """Raised whenever an evaluation would try other cases from the same seed or keep more of them, or an attack changes.
 
 Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
@@ -133,8 +133,8 @@ class Cells:
 class Measurement:
     """One frame, measured. `counts` follows `rig.measured_triples`; None where a sensor of the triple was not there.
 
-    `cells` are the counts of the checks on grids, `shares` the statistics of the checks that need none; `unmasked_cells`
-    are those that the LiDAR's range masks changed, as they are without it.
+    `cells` are the counts of the checks on grids, `shares` the statistics of the checks that need none;
+    `unmasked_cells` are those that the LiDAR's range masks changed, as they are without it.
     `fingerprints` show by sensor whether its data change from frame to frame; `fault_features` are by matched pair.
     `regions` are the portions of sensors that would be damaged if they are attacked.
     """

@@ -47,7 +47,8 @@ class Evidence(NamedTuple):
 class Alternative(NamedTuple):
     """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in z: how much weaker the strongest check of that sensor is, by the paper's in elements of e that disagree.
+    By the robust method in z: how much weaker the strongest check of that sensor is; by the paper's in elements of e
+    that disagree.
     """
 
     attacked: tuple[int, ...]
@@ -58,14 +59,16 @@ class Cause(StrEnum):
     """What other than an attack may cause a finding.
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
-    SOILED: dirt on a lens, or whatever else takes light away. DARK, GLARE: too little or too much light in all cameras.
-    RAIN: the LiDAR sees drops all around.
+    SOILED: dirt on a lens, or whatever else takes light away. EXPOSURE: a camera's exposure, gain or tone is not what
+    it usually is beside the others. DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees
+    drops all around.
     """
 
     FROZEN = "frozen"
     LATE = "late"
     DISPLACED = "displaced"
     SOILED = "soiled"
+    EXPOSURE = "exposure"
     DARK = "dark"
     GLARE = "glare"
     RAIN = "rain"

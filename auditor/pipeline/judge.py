@@ -52,14 +52,18 @@ Rows = list[tuple[int, int, Verdict]]
 PRIOR_MATCHER = "sgbm"
 """The matcher whose disparities the prior was fitted on: others give other statistics."""
 
+SMALLEST_STRICT_R = Decimal("0.0001")
+"""`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
+
 
 @dataclass(frozen=True)
 class Criteria:
     """How verdicts are to be reached.
 
     `statistic` is for the paper's method, `incidents_per_hour` for the robust one. `transfer` accepts thresholds of
-    another rig kind, `strict` refuses rates that the clean frames cannot resolve. `recount` computes the robust
-    method's statistics again from the stored cells. Raises SettingError for what the paper's method does not have.
+    another rig kind, `strict` refuses rates that the clean frames cannot resolve, and thresholds that are the prior
+    alone. `recount` computes the robust method's statistics again from the stored cells. Raises SettingError for what
+    the paper's method does not have.
     """
 
     r: Decimal
@@ -332,7 +336,9 @@ def _refuse_unresolvable(
     calibration: Calibration, criteria: Criteria, thresholds: Thresholds | RobustThresholds
 ) -> None:
     where = f"calibration {calibration.calibration_id}"
-    if isinstance(thresholds, Thresholds) and not thresholds.resolvable:
+    if isinstance(thresholds, RobustThresholds):
+        refuse_unproven(thresholds)
+    elif not thresholds.resolvable:
         fewest = min(thresholds.samples.values())
         raise ThresholdsError(
             f"r = {criteria.r} is not resolvable with {fewest} clean samples: it would be judged as r = 0",
@@ -347,6 +353,22 @@ def _refuse_unresolvable(
             "frames: they would be judged as 0",
             where=where,
             remedy=f"{enough} on more clean frames",
+        )
+
+
+def refuse_unproven(thresholds: RobustThresholds) -> None:
+    """Raises ThresholdsError for what `strict` refuses: thresholds that are the prior alone, and an r below 0.0001."""
+    if not thresholds.drives:
+        raise ThresholdsError(
+            "its thresholds are the prior alone: no clean drive of this rig kind was seen",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy="calibrate on clean recordings of this rig kind",
+        )
+    if thresholds.r < SMALLEST_STRICT_R:
+        raise ThresholdsError(
+            f"r = {thresholds.r} is smaller than what clean frames show",
+            where=f"calibration {thresholds.calibration_id}",
+            remedy=f"take r = {SMALLEST_STRICT_R} or more",
         )
 
 

@@ -8,24 +8,23 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from auditor.model.checks import COLUMNS, Check, rig_pair_checks, usual_pair_checks
+from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.evaluation_tables import CHUNK_FRAMES
-from auditor.store.measurement_tables import matched_pairs
 from auditor.store.queries import run_sql
 from auditor.store.store import Store
 
 _KNOWN_BY = (
     "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size, family"
 )
-_MEASURED = "ratios, present, fingerprint, level, saturated_share, fault_features, fault_features_after"
+_MEASURED = "statistics, present, fingerprint, level, saturated_share, fault_features, fault_features_after"
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
-WHERE ratios IS NOT NULL AND present IS NOT NULL
+WHERE statistics IS NOT NULL
 ORDER BY setup, rig_id, evaluation_id, frame, draw
 """  # noqa: S608 - our own names
-_TOO_OLD = "SELECT DISTINCT evaluation_id FROM cases WHERE present IS NULL ORDER BY evaluation_id"
+_TOO_OLD = "SELECT DISTINCT evaluation_id FROM cases WHERE statistics IS NULL ORDER BY evaluation_id"
 
 Floats = NDArray[np.float64]
 
@@ -62,14 +61,14 @@ class Known:
 class Cases:
     """N cases of rigs of one kind, of which `rig` is one; NaN where something was not measured.
 
-    `ratios` are (N, M) windowed ratios by pair check; by sensor (N, S): `present`, `fingerprints`, grey `level` and
+    `statistics` are (N, M) by sensor check; by sensor (N, S): `present`, `fingerprints`, grey `level` and
     `saturated` share; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
     frame and of the clean one after it.
     """
 
     rig: Rig
     known: tuple[Known, ...]
-    ratios: Floats
+    statistics: Floats
     present: NDArray[np.bool_]
     fingerprints: NDArray[np.int64]
     level: Floats
@@ -91,7 +90,7 @@ def load_cases(store: Store) -> Iterator[Cases]:
     groups: dict[tuple[object, ...], list[int]] = {}
     rigs = {rig_id: store.rig(rig_id) for rig_id in table["rig_id"].unique().to_pylist()}
     for row, (setup, rig_id) in enumerate(zip(table["setup"].to_pylist(), table["rig_id"].to_pylist(), strict=True)):
-        groups.setdefault((setup, rig_pair_checks(rigs[rig_id])), []).append(row)
+        groups.setdefault((setup, rig_sensor_checks(rigs[rig_id])), []).append(row)
     for rows in groups.values():
         part = table.take(rows)
         yield _cases(part, rigs[part["rig_id"][0].as_py()])
@@ -103,38 +102,27 @@ def too_old(store: Store) -> list[str]:
 
 
 def _cases(table: pa.Table, rig: Rig) -> Cases:
-    N, S, pairs = len(table), len(rig.sensors), len(matched_pairs(rig))
+    N, S, pairs = len(table), len(rig.sensors), len(rig.pairs)
     known = table.select(_KNOWN_BY.split(", ")).to_pylist()
     by_pair = N, pairs, len(COLUMNS)
-    before = (
-        len(usual_pair_checks(rig)),
-        sum(e.check is Check.PHOTOMETRIC_INCONSISTENCY for e in usual_pair_checks(rig)),
-    )
     return Cases(
         rig,
         tuple(Known(**{**one, "attacked": tuple(one["attacked"])}) for one in known),
-        _padded(table["ratios"], len(rig_pair_checks(rig)), before[0]),
+        _floats(table["statistics"]).reshape(N, len(rig_sensor_checks(rig))),
         np.asarray(_values(table["present"]).to_numpy(zero_copy_only=False), dtype=np.bool_).reshape(N, S),
         np.asarray(_values(table["fingerprint"]).fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(
             N, S
         ),
         _floats(table["level"]).reshape(N, S),
         _floats(table["saturated_share"]).reshape(N, S),
-        _padded(table["fault_features"], pairs * len(COLUMNS), before[1] * len(COLUMNS)).reshape(by_pair),
-        _padded(table["fault_features_after"], pairs * len(COLUMNS), before[1] * len(COLUMNS)).reshape(by_pair),
+        _floats(table["fault_features"]).reshape(by_pair),
+        _floats(table["fault_features_after"]).reshape(by_pair),
     )
 
 
 def _floats(column: pa.ChunkedArray) -> Floats:
     """The values of all lists, NaN where NULL."""
     return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
-def _padded(column: pa.ChunkedArray, width: int, before: int) -> Floats:
-    """(N, width) values of the lists, NaN where NULL; lists of before there was a fallback lack the last of them."""
-    values = _floats(column)
-    stored = before if values.size == len(column) * before else width
-    return np.pad(values.reshape(len(column), stored), ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
 def _values(column: pa.ChunkedArray) -> pa.Array:

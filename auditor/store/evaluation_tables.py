@@ -167,7 +167,7 @@ class CaseFeatures:
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """The counts of one case in the order of the rig's triples, its windowed ratios in that of its pair checks.
+    """The counts of one case in the order of the rig's triples, its statistics in that of its sensor checks.
 
     The other fields are as in the table `cases`.
     """
@@ -182,7 +182,7 @@ class MeasuredCase:
     visible_share: float | None
     parameters: Mapping[str, object]
     counts: Sequence[Counts | None]
-    ratios: Sequence[float | None]
+    statistics: Sequence[float | None]
     features: CaseFeatures
 
     def row(self) -> Row:
@@ -191,7 +191,7 @@ class MeasuredCase:
             **vars(self),
             **vars(self.features),
             "attacked": list(self.attacked),
-            "ratios": list(self.ratios),
+            "statistics": list(self.statistics),
             "parameters": json.dumps(self.parameters, sort_keys=True),
             **{name: [c and getattr(c, name) for c in self.counts] for name in _PIXELS},
         }
@@ -201,7 +201,7 @@ class MeasuredCase:
 class CaseVerdict:
     """The verdict of a scan on one case, judged by some sensors with thresholds that leave out some clean frames.
 
-    The fields are those of the table `case_verdicts`.
+    The fields are those of the table `case_verdicts`; `drives` is how many clean recordings the thresholds come from.
     """
 
     frame: int
@@ -213,7 +213,7 @@ class CaseVerdict:
     size: float | None
     system: tuple[int, ...]
     left_out: str
-    samples: int
+    drives: int
     verdict: VerdictKind
     identified: tuple[int, ...]
     window_kind: VerdictKind | None = None

@@ -36,7 +36,8 @@ SELECT setup, median(step_ns) FILTER (step_ns > 0) / 1e9 AS period_s FROM step G
 
 -- theta by triple for the frames of each block of each recording, in sample (left_out = 'nothing') and left out: from
 -- the clean frames of all other blocks ('block'), of all other recordings ('recording') or of all other families
--- ('family', where some family has more than one recording). `source` names the cases.
+-- ('family', where some family has more than one recording). `drives` counts the recordings that they come from.
+-- `source` names the cases.
 CREATE MACRO evaluation_thresholds(source, rates, statistic, block_frames) AS TABLE
 WITH rate AS (
     SELECT DISTINCT unnest(CAST(rates AS DECIMAL(18, 17)[])) AS r
@@ -67,25 +68,25 @@ family AS (
 -- one fold is what is left out together, with the samples that are left
 fold AS (
     SELECT 'nothing' AS left_out, setup, NULL AS fold_family, NULL AS fold_recording, NULL AS fold_block, position,
-        list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples
+        list(E ORDER BY E) FILTER (E IS NOT NULL) AS samples, count(DISTINCT sample.recording_id) AS drives
     FROM sample
     GROUP BY setup, position
     UNION ALL
     SELECT 'block', block.setup, NULL, block.recording_id, block.block, position,
-        list(E ORDER BY E) FILTER (E IS NOT NULL)
+        list(E ORDER BY E) FILTER (E IS NOT NULL), count(DISTINCT sample.recording_id)
     FROM block
     JOIN sample ON sample.setup = block.setup
         AND (sample.recording_id <> block.recording_id OR sample.block <> block.block)
     GROUP BY block.setup, block.recording_id, block.block, position
     UNION ALL
     SELECT 'recording', recording.setup, NULL, recording.recording_id, NULL, position,
-        list(E ORDER BY E) FILTER (E IS NOT NULL)
+        list(E ORDER BY E) FILTER (E IS NOT NULL), count(DISTINCT sample.recording_id)
     FROM (SELECT DISTINCT setup, recording_id FROM block) AS recording
     JOIN sample ON sample.setup = recording.setup AND sample.recording_id <> recording.recording_id
     GROUP BY recording.setup, recording.recording_id, position
     UNION ALL
     SELECT 'family', family.setup, family.family, NULL, NULL, position,
-        list(E ORDER BY E) FILTER (E IS NOT NULL)
+        list(E ORDER BY E) FILTER (E IS NOT NULL), count(DISTINCT sample.recording_id)
     FROM family
     JOIN sample ON sample.setup = family.setup AND sample.family <> family.family
     GROUP BY family.setup, family.family, position
@@ -99,11 +100,12 @@ theta AS (
         fold_block,
         r,
         list(threshold(samples, r) ORDER BY position) AS theta,
-        list(len(samples) ORDER BY position) AS samples
+        list(len(samples) ORDER BY position) AS samples,
+        max(drives) AS drives
     FROM fold CROSS JOIN rate
     GROUP BY ALL
 )
-SELECT theta.setup, left_out, block.recording_id, block.block, r, theta, samples
+SELECT theta.setup, left_out, block.recording_id, block.block, r, theta, samples, drives
 FROM theta
 JOIN block ON block.setup = theta.setup
     AND (fold_family IS NULL OR fold_family = block.family)
@@ -181,6 +183,7 @@ SELECT
         theta[:len(system.triples)]
     ) AS e,
     list_min(samples[:len(system.triples)]) AS samples,
+    threshold_of.drives,
     len(list_filter(samples[:len(system.triples)], lambda N: NOT resolvable_with(N, threshold_of.r))) = 0 AS resolvable
 FROM error
 JOIN system USING (rig_id)
@@ -212,6 +215,7 @@ WITH counted AS MATERIALIZED (
         r,
         e,
         min(samples) AS samples,
+        min(drives) AS drives,
         bool_and(resolvable) AS resolvable,
         count(*) AS cases
     FROM evaluation_states(source, sensors, rates, statistic, block_frames)
@@ -237,6 +241,7 @@ SELECT
     answer.named,
     contains(counted.e, '1') AS raised,
     counted.samples,
+    counted.drives,
     counted.resolvable,
     counted.cases
 FROM counted
@@ -245,8 +250,8 @@ JOIN answer ON answer.e = counted.e AND answer.triples = counted.triples;
 -- What an attacked sensor is in the system of the LiDAR, the leftmost camera k and the one farthest from it.
 CREATE MACRO attacked_role(sensor, k) AS CASE sensor WHEN 0 THEN 'lidar' WHEN k THEN 'reference' ELSE 'source' END;
 
--- The robust method's verdicts on all cases, counted alike; only its own r and blocks were judged. `judged` names the
--- table of verdicts.
+-- The robust method's verdicts on all cases, counted alike; only its own r and blocks were judged. Its thresholds come
+-- from drives, not from samples, so that it resolves every r. `judged` names the table of verdicts.
 CREATE MACRO robust_verdicts(judged, rates, block_frames) AS TABLE
 SELECT
     setup,
@@ -261,15 +266,18 @@ SELECT
     verdict,
     CASE WHEN verdict = 'attacked' THEN identified END AS named,
     verdict NOT IN ('clean', 'not_auditable') AS raised,
-    min(samples) AS samples,
-    bool_and(resolvable_with(samples, r)) AS resolvable,
+    CAST(NULL AS BIGINT) AS samples,
+    min(drives) AS drives,
+    TRUE AS resolvable,
     count(*) AS cases
 FROM query_table(judged)
 WHERE list_contains(CAST(rates AS DECIMAL(18, 17)[]), r) AND (left_out <> 'block' OR block_frames = robust_block_frames())
 GROUP BY ALL;
 
--- Both, of systems of more than three sensors.
+-- Both, of systems of more than three sensors; of rigs without one of all three.
 CREATE MACRO verdicts_by_method(source, sensors, judged, rates, statistic, block_frames) AS TABLE
 SELECT 'paper' AS method, * FROM evaluation_verdicts(source, sensors, rates, statistic, block_frames)
 UNION ALL BY NAME
-SELECT 'robust' AS method, * FROM robust_verdicts(judged, rates, block_frames) WHERE len(system) > 3;
+SELECT 'robust' AS method, *
+FROM robust_verdicts(judged, rates, block_frames)
+QUALIFY len(system) > 3 OR len(system) = max(len(system)) OVER (PARTITION BY setup);

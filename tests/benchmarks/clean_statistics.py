@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.statistics import sensor_statistics
-from auditor.lab.attacks.paper import BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.paper import Facula, draw_facula, draw_wall
 from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import COLUMNS, rig_sensor_checks
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import LIDAR, Rig
@@ -145,7 +145,7 @@ def scene_of(source: Recorded | Street, name: str, family: str, *, attacked: boo
 
 def load(folder: Path) -> list[Scene]:
     """The scenes of a folder, in the order of their names."""
-    return [pickle.loads(path.read_bytes()) for path in sorted(folder.glob("*.scene"))]  # noqa: S301 - our own files
+    return [pickle.loads(path.read_bytes()) for path in sorted(folder.glob("*.scene"))]
 
 
 def main() -> None:

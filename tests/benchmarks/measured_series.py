@@ -1,48 +1,53 @@
-"""The measured series of the benchmark of causes: all that judging needs, without images and count grids."""
+"""Frames of a drive under one fault or attack, measured as a scan would, and judged: without images and count grids."""
 
-from collections.abc import Iterable, Iterator, Sequence
+import pickle
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import thresholds_from
+from auditor.identification.statistics import sensor_statistics
+from auditor.identification.systems import System
+from auditor.lab.simulation.conditions import CONDITIONS
 from auditor.lab.simulation.drives import make_drive
+from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import Pair, rig_pair_checks
+from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.checks import COLUMNS, Pair, rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
-from auditor.model.verdict import Cause
-from tests.benchmarks import lasting_faults
-from tests.benchmarks.kept_scenes import digest, measure_kept, of_package
-from tests.benchmarks.lasting_faults import PARTS
+from auditor.model.verdict import Cause, CauseIn, Verdict
+from tests.benchmarks.clean_statistics import Scene
+from tests.benchmarks.lasting_faults import Happening
 
 MATCHER = find_matcher("sgbm")
-_SOURCES = (
-    "measurement/**/*.py",
-    "lab/**/*.py",
-    "identification/statistics.py",
-    "model/*.py",
-)
+OTHER_DRIVES = 3
+"""Drives of a street's vehicle elsewhere, that it is calibrated by."""
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Parts = Callable[[Sequence[Frame], Rig], Iterable[Happening]]
 
 
 @dataclass(frozen=True, eq=False)
 class Watched:
     """F frames, measured in their order; NaN where something was not.
 
-    `numbers` and `stamps_ns` are (F,), `ratios` (F, M) windowed ratios by pair check, `fault_features` (F, P, columns)
-    by pair, `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
+    `numbers` and `stamps_ns` are (F,), `statistics` (F, M) by sensor check, `fault_features` (F, P, columns) by pair,
+    `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
     """
 
     numbers: Integers
     stamps_ns: Integers
-    ratios: Floats
+    statistics: Floats
     pairs: tuple[Pair, ...]
     fault_features: Floats
     level: Floats
@@ -52,33 +57,23 @@ class Watched:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Frames of a recording under one fault or attack: see `lasting_faults.Happening`."""
+    """Frames under one fault or attack: see `lasting_faults.Happening`."""
 
-    recording: str
     name: str
     cause: Cause | None
     sensor: int | None
     frames: Watched
 
 
-@dataclass(frozen=True)
-class Street:
-    """A street of so many frames, driven along by a vehicle of its own, and which of PARTS happens there."""
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive's series, and clean frames of other drives of its vehicle; `family` as drives that are alike share it."""
 
-    style: str
-    number: int
-    frames: int
-    part: str
-
-    @property
-    def name(self) -> str:
-        """The name of its file."""
-        return f"{self.recording}-{self.part}"
-
-    @property
-    def recording(self) -> str:
-        """The name that all its parts share."""
-        return f"{self.style}-{self.number}-{self.frames}"
+    name: str
+    family: str
+    rig: Rig
+    series: tuple[Series, ...]
+    elsewhere: tuple[Watched, ...] = ()
 
 
 def measured(stream: Iterable[Frame], rig: Rig) -> Watched:
@@ -91,12 +86,12 @@ def measured(stream: Iterable[Frame], rig: Rig) -> Watched:
 
 
 def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
-    pair_checks, cameras = rig_pair_checks(rig), [camera.number for camera in rig.cameras]
+    checks, cameras = rig_sensor_checks(rig), [camera.number for camera in rig.cameras]
     pairs = tuple(found[0].fault_features)
     return Watched(
         np.array([m.number for m in found], dtype=np.int64),
         np.array([m.stamp_ns for m in found], dtype=np.int64),
-        np.array([windowed_ratios(pair_checks, m.cells, m.shares) for m in found], dtype=np.float64),
+        np.array([sensor_statistics(checks, m.cells, m.shares) for m in found], dtype=np.float64),
         pairs,
         np.array([[m.fault_features[pair].values for pair in pairs] for m in found], dtype=np.float64),
         np.array([[m.coverage[c].level for c in cameras] for m in found], dtype=np.float64),
@@ -105,19 +100,87 @@ def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
     )
 
 
-def all_series(recording: str, kept: Sequence[Frame], rig: Rig, part: str) -> Iterator[Series]:
-    """The series of one of PARTS, one after the other."""
-    for name, cause, sensor, stream in PARTS[part](kept, rig):
-        yield Series(recording, name, cause, sensor, measured(stream, rig))
+def clean_of(scene: Scene) -> Watched:
+    """The clean frames of a kept scene."""
+    cases, cameras = [c for c in scene.cases if not c.attack], [camera.number for camera in scene.rig.cameras]
+    pairs = tuple(cases[0].features)
+    return Watched(
+        np.array([c.frame for c in cases], dtype=np.int64),
+        np.array([c.stamp_ns for c in cases], dtype=np.int64),
+        np.array([c.statistics for c in cases], dtype=np.float64),
+        pairs,
+        np.array([[c.features[pair] for pair in pairs] for c in cases], dtype=np.float64),
+        np.array([[c.level[n] for n in cameras] for c in cases], dtype=np.float64),
+        np.array([[c.saturated[n] for n in cameras] for c in cases], dtype=np.float64),
+        np.full((len(cases), len(scene.rig.sensors)), NO_FINGERPRINT, dtype=np.int64),
+    )
 
 
-def measure_streets(streets: Sequence[Street], folder: Path, processes: int) -> tuple[Rig, dict[Street, list[Series]]]:
-    """Their series, from the folder where the same code has measured them before, and a rig: all have like sensors."""
-    code = digest([*of_package(*_SOURCES), Path(__file__), Path(lasting_faults.__file__)])
-    found = measure_kept(streets, _measure, folder / code, processes)
-    return next(iter(found.values()))[0], {street: series for street, (_, series) in found.items()}
+def measured_drive(name: str, family: str, rig: Rig, kept: Sequence[Frame], parts: Parts) -> Drive:
+    """A drive under everything that happens to it."""
+    found = (Series(what, cause, sensor, measured(stream, rig)) for what, cause, sensor, stream in parts(kept, rig))
+    return Drive(name, family, rig, tuple(found))
 
 
-def _measure(street: Street) -> tuple[Rig, list[Series]]:
-    drive = make_drive(street.number, street.frames, style=street.style, vehicle=street.number)
-    return drive.rig, list(all_series(street.recording, list(drive.frames()), drive.rig, street.part))
+def elsewhere(vehicle: int, frames: int, cameras: int) -> Iterator[Watched]:
+    """Clean frames of a vehicle in other streets, of styles and conditions in turn."""
+    for number in range(vehicle + 1, vehicle + 1 + OTHER_DRIVES):
+        style, condition = list(STYLES)[number % len(STYLES)], list(CONDITIONS)[number % len(CONDITIONS)]
+        seed = OTHER_DRIVES * 100_000 + OTHER_DRIVES * vehicle + number
+        drive = make_drive(seed, frames, n_cameras=cameras, style=style, vehicle=vehicle, condition=condition)
+        yield measured(drive.frames(), drive.rig)
+
+
+def kept_drive(path: Path, make: Callable[[], Drive]) -> Drive:
+    """A drive from its file, where it was measured before."""
+    if not path.exists():
+        path.write_bytes(pickle.dumps(make()))
+        print(f"measured {path.stem}", flush=True)
+    found: Drive = pickle.loads(path.read_bytes())  # noqa: S301 - our own files
+    return found
+
+
+def scores_of(part: Watched, rig: Rig, absent: Collection[int] = ()) -> dict[CauseIn, Floats]:
+    """(F,) fault scores of each cause, without some sensors."""
+    cameras = [camera.number for camera in rig.cameras]
+    there = [place for place, camera in enumerate(cameras) if camera not in absent]
+    pairs = [place for place, pair in enumerate(part.pairs) if set(pair).isdisjoint(absent)]
+    seen = ObservedFeatures(
+        tuple(part.pairs[place] for place in pairs),
+        {name: part.fault_features[:, pairs, n] for n, name in enumerate(COLUMNS)},
+        tuple(cameras[place] for place in there),
+        part.level[:, there],
+        part.saturated[:, there],
+    )
+    return fault_scores(seen, part.stamps_ns, [sensor for sensor in rig.sensors if sensor not in absent])
+
+
+def system_of(rig: Rig) -> System:
+    """What frames of a rig are judged by."""
+    return System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
+
+
+def learn(
+    recordings: Sequence[Watched], rig: Rig, r: Decimal = Decimal("0.01"), absent: Collection[int] = ()
+) -> RobustThresholds:
+    """Thresholds at r from clean recordings; of none of them the prior's, with no causes."""
+    system = system_of(rig)
+    clean = [
+        CleanFrames(
+            str(number),
+            part.stamps_ns,
+            {},
+            dict(zip(system.sensor_checks, part.statistics.T, strict=True)),
+            scores_of(part, rig, absent),
+        )
+        for number, part in enumerate(recordings)
+    ]
+    return thresholds_from(clean, system.sensor_checks, len(system.counting(frozenset(absent))), r)
+
+
+def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection[int] = ()) -> list[Verdict]:
+    """The verdicts of the robust method."""
+    present = np.tile([sensor not in absent for sensor in rig.sensors], (len(part.numbers), 1))
+    scores: Mapping[CauseIn, Floats] = scores_of(part, rig, absent)
+    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores)
+    return judge_frames(series, system_of(rig), learnt)

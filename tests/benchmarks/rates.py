@@ -177,7 +177,7 @@ def report(judged: Sequence[Judged]) -> Iterable[str]:
         )
 
 
-def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:  # noqa: ANN001
+def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:
     known = [
         (one.scene.name, is_so(one.paper if paper else one.robust, one.case)) for one in cases if one.paper or not paper
     ]

@@ -5,11 +5,12 @@ import pytest
 
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
-from auditor.model.checks import Check, PairCheck
+from auditor.model.checks import Check, CountedPair, SensorCheck
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from tests.making.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
+from tests.making.textured_scenes import scene
 
 MATCHER = SgbmMatcher()
 
@@ -40,7 +41,7 @@ def test_a_clean_plane_has_no_disparity_error_in_any_triple() -> None:
 def test_a_blinded_camera_raises_exactly_the_triples_that_hold_it(
     attacked: int, above: set[tuple[int, int, int]]
 ) -> None:
-    frame = plane_frame(plane_rig())
+    frame = scene()
     frame.images[attacked].pixels[:, WIDTH // 4 : 3 * WIDTH // 4] = 255
     E = errors(frame)
     assert {t for t, value in E.items() if value is not None and value > 0.1} == above
@@ -110,9 +111,17 @@ def test_without_the_leftmost_of_three_cameras_the_other_two_are_compared_with_t
     rig = plane_rig()
     measurement, _ = measure(plane_frame(rig, without=frozenset({3})), rig, MATCHER)
     assert [counts is not None for counts in measurement.counts] == [False, False, False, True]
-    pair = PairCheck(Check.LIDAR_CONFLICT, 1, 2), PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2)
-    assert set(measurement.cells) == set(pair)
-    assert {e for e in measurement.shares if e.check is Check.POINT_DROPOUT} == {PairCheck(Check.POINT_DROPOUT, 0, 2)}
+    assert set(measurement.cells) == {
+        CountedPair(Check.LIDAR_CONFLICT, 1, 2, 0),
+        *(
+            CountedPair(check, 1, 2, camera)
+            for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
+            for camera in (1, 2)
+        ),
+    }
+    assert {one for one in measurement.shares if one.check is Check.POINT_DROPOUT} == {
+        SensorCheck(Check.POINT_DROPOUT, 0, (2,))
+    }
 
 
 def test_what_the_lidar_s_range_masks_change_is_measured_without_them_too() -> None:
@@ -123,10 +132,11 @@ def test_what_the_lidar_s_range_masks_change_is_measured_without_them_too() -> N
     near = frame.cloud.xyz_m[: len(frame.cloud.xyz_m) // 2]
     near *= np.float32(1.3 / 9.0)
     masked, alone = measure(frame, rig, MATCHER)[0], measure(replace(frame, cloud=None), rig, MATCHER)[0]
-    pair = PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3)
-    assert masked.cells[pair].valid.sum() < alone.cells[pair].valid.sum()
-    assert np.array_equal(masked.unmasked_cells[pair].valid, alone.cells[pair].valid)
-    light = PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 3)
-    assert masked.unmasked_shares[light] == alone.shares[light]
+    of_pair = {counted for counted in alone.cells if (counted.i, counted.k) == (1, 3)}
+    assert len(of_pair) == 4
+    assert of_pair <= set(masked.unmasked_cells)
+    for counted in of_pair:
+        assert masked.cells[counted].valid.sum() < alone.cells[counted].valid.sum()
+        assert np.array_equal(masked.unmasked_cells[counted].valid, alone.cells[counted].valid)
+        assert np.array_equal(masked.unmasked_cells[counted].total, alone.cells[counted].total)
     assert not alone.unmasked_cells
-    assert not alone.unmasked_shares

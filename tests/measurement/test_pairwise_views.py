@@ -8,13 +8,13 @@ import pytest
 
 from auditor.errors import RigError
 from auditor.evaluation.attacked_frame import AttackedFrame
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import FaultFeatures, draw, localise, measure, measure_stream
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.common_view import common_view
 from auditor.model.frames import Frame, Presence, SensorState
 from auditor.model.lenses import NO_LENS, Lens
@@ -116,7 +116,8 @@ def test_a_bench_gives_what_measuring_the_attacked_frame_gives(bent: SyntheticDr
         cloud = attacks[LIDAR].apply(frame.cloud, rig) if LIDAR in attacks else frame.cloud
         measured, _ = measure(replace(frame, images=images, cloud=cloud), rig, matcher)
         assert attacked_frame.counts(attacks) == measured.counts
-        assert attacked_frame.ratios(attacks) == windowed_ratios(rig_pair_checks(rig), measured.cells, measured.shares)
+        statistics = sensor_statistics(rig_sensor_checks(rig), measured.cells, measured.shares)
+        assert attacked_frame.statistics(attacks) == statistics
 
 
 class Pairing(SgbmMatcher):
@@ -159,9 +160,8 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
     rig, frame = drive.rig, drive.frame(0)
     facula, wall = Facula(510.0, 60.0, 330.0, 90.0), BogusWall(7.0, 0.0)
     dazzled = replace(frame, images={**frame.images, 3: facula.apply(frame.images[3])})
-    everything = rig_pair_checks(rig)
     _, evidence = measure(dazzled, rig, SgbmMatcher())
-    left, top, right, bottom = next(r.box_px for r in localise(evidence, everything) if r.sensor == 3)
+    left, top, right, bottom = next(r.box_px for r in localise(evidence, rig.sensors) if r.sensor == 3)
     cut = (rig.camera(3).intrinsics - evidence.rig.camera(3).intrinsics)[:2, 2]  # the reference view's own window
     assert (left + right) / 2 == pytest.approx(330 - cut[0], abs=25)
     assert (top + bottom) / 2 == pytest.approx(90 - cut[1], abs=25)
@@ -170,7 +170,7 @@ def test_a_facula_and_a_wall_are_found_in_the_reference_view_where_they_are() ->
     for one in (drive, through(drive, moved(drive.rig, tuple((-x, -y, -z) for x, y, z in ONE_ABOVE_ONE_AHEAD)))):
         walled = replace(one.frame(0), cloud=wall.apply(frame.cloud, one.rig))
         _, evidence = measure(walled, one.rig, SgbmMatcher())
-        walls.append(next(r for r in localise(evidence, everything) if r.sensor == LIDAR))
+        walls.append(next(r for r in localise(evidence, rig.sensors) if r.sensor == LIDAR))
     beside_line, on_line = walls
     assert beside_line.points == pytest.approx(on_line.points, rel=0.02)
     assert beside_line.solid.centre_m == pytest.approx(on_line.solid.centre_m, abs=0.05)

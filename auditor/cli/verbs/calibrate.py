@@ -14,6 +14,8 @@ from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
 if TYPE_CHECKING:
+    from auditor.identification.systems import System
+    from auditor.model.calibration import Calibration
     from auditor.pipeline.many import MeasureSettings
     from auditor.pipeline.measure import Measured
     from auditor.store import Store
@@ -40,7 +42,7 @@ class _Frames(click.ParamType[range]):
 @options.store_option
 @click.option("-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r whose thresholds are shown.")
 @options.method_option
-@click.option("--strict", is_flag=True, help="Refuse an r that the clean samples cannot resolve (r < 1/N).")
+@options.strict_option
 @click.option("--frames", type=_Frames(), help="Only these frame numbers of each recording, such as 0:200.")
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the thresholds artefact to this file.")
 @options.recount_option
@@ -69,8 +71,10 @@ def command(
     auditor calibrate drive.mcap --frames 0:200 -r 0
 
     The artefact keeps the statistics of every clean frame, so that thresholds at any r and by both methods follow from
-    it. It holds for one rig kind, matcher and setting, and is refused for others. Each recording is also judged by the
-    others: the frames that then exceed a threshold show how often other roads will.
+    it. It holds for one rig kind, matcher and setting, and is refused for others. By the robust method each recording
+    is a drive, and thresholds are learnt from how much drives differ: several short ones teach more than one long one.
+    Each recording is also judged by the others: the frames that are then not clean show how many of other roads will
+    be.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
@@ -96,14 +100,13 @@ def command(
     for reason in clean.left_out:
         say(reason)
     calibration = calibrate_on(clean, frames, recount=recount)
-    fewest = min(len(samples) for samples in calibration.samples.values())
-    _check_resolution(r, fewest, strict=strict)
+    one, known = clean.chosen[0]
+    system = system_of(one.rig(one.measurement(known).rig_id))
+    _check_rate(calibration, system, r, method, strict=strict)
     kept = Store.open(store, create=True)
     kept.write_calibration(calibration)
     if out:
         write_calibration(calibration, out)
-    one, known = clean.chosen[0]
-    system = system_of(one.rig(one.measurement(known).rig_id))
     if method == "robust":
         show_robust(calibration, system, r, form)
     else:
@@ -131,9 +134,16 @@ def _name(store: "Store", measurement: str) -> tuple[str, str]:
     return recording_id, store.recording(recording_id).name
 
 
-def _check_resolution(r: Decimal, fewest: int, *, strict: bool) -> None:
+def _check_rate(calibration: "Calibration", system: "System", r: Decimal, method: str, *, strict: bool) -> None:
+    from auditor.identification.cross_validation import robust_thresholds  # noqa: PLC0415 - keeps --help quick
     from auditor.identification.thresholds import resolvable  # noqa: PLC0415
+    from auditor.pipeline.judge import refuse_unproven  # noqa: PLC0415
 
+    if method == "robust":
+        if strict:
+            refuse_unproven(robust_thresholds(calibration, system, r))
+        return
+    fewest = min(len(samples) for samples in calibration.samples.values())
     if resolvable(r, fewest):
         return
     what = f"r = {r} is not resolvable with {fewest} clean samples"

@@ -31,6 +31,7 @@ _MADE = re.compile(
 )
 """What a demo makes beside its recordings: the store and its pages."""
 _MOST_NAMED = 3
+_USUAL_R = Decimal("0.01")
 
 
 @click.command("demo", short_help="A whole audit on a small fleet made here.")
@@ -68,7 +69,8 @@ def command(folder: Path, method: str, jobs: int) -> int:
     calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
     kept.write_calibration(calibration)
     audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
-    judging = JudgeSettings(Criteria(Decimal(0), Method(method), strict=True), calibration, min_coverage=1)
+    r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
+    judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)
     show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
     show_audit(kept, "table", tally, {one.recording_id for one in audited})
     exact = _compare(kept, suspected)

@@ -51,7 +51,7 @@ def evaluate_objects(task: ObjectTask, progress: Progress) -> Evaluated:
     use_one_thread()
     matcher, detectors = find_matcher(task.matcher, task.network), find_detectors(task.detectors)
     store = Store.open(task.store, create=True)
-    with task.source.open(colour=matcher.colour or detectors.camera is not None) as drives:
+    with task.source.open() as drives:
         labels = read_object_labels(task.labels, drives[0].name) if task.labels else None
         return together(_Run(task, drive, matcher, store, detectors, labels).go(progress) for drive in drives)
 

@@ -95,7 +95,7 @@ def cells_of_pair(matches: Matches, valid: Mask, amount: Floats32, steps: int, g
 
 
 def opposite(cells: PairCells) -> PairCells:
-    """The same counts with the source's sums turned round: what is brighter in the reference is darker in the source."""
+    """The same counts with the source's sums turned round: what is brighter in one camera is darker in the other."""
     return PairCells(Cells(cells.source.valid, -cells.source.total), cells.reference)
 
 

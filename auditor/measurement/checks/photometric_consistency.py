@@ -65,8 +65,8 @@ def photometric_consistency(
 ) -> PairConsistency:
     """Warp the source image by DM_{i,k} and correlate; both are (h, w) grey at half resolution.
 
-    Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are brighter
-    than the sky in the infrared, and darker in colours.
+    Of `mixed` cameras, one grey and one of colours, a strong negative correlation is consistent too: leaves are
+    brighter than the sky in the infrared, and darker in colours.
     """
     matches = matches_of(stereo)
     row = np.broadcast_to(np.arange(len(reference), dtype=np.float32)[:, None], reference.shape)

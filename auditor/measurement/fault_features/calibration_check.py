@@ -13,8 +13,8 @@ import numpy as np
 
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
-from auditor.measurement.warning_parameters import CALIBRATION_CHECK
 from auditor.measurement.shared_view import FrameArrays
+from auditor.measurement.warning_parameters import CALIBRATION_CHECK
 from auditor.model.checks import Pair, PairFaultFeatures, relative_excess
 from auditor.model.rig import Rig
 

@@ -20,8 +20,8 @@ class FeatureInputs:
     """What fault features are made of, of this frame or of the one before.
 
     `half_res` are its half-resolution grey images by camera. By reference: `points` (P, 2) to be followed and
-    `isolated_shares`. By matched pair: stereo's disparities at the points, in half-resolution pixels, and, where the pair
-    can check the LiDAR, `comparisons` with it.
+    `isolated_shares`. By matched pair: stereo's disparities at the points, in half-resolution pixels, and, where the
+    pair can check the LiDAR, `comparisons` with it.
     """
 
     half_res: Mapping[int, Image]

@@ -17,12 +17,20 @@ def by_method(rows: Mapping[str, Rows], method: str) -> dict[str, Rows]:
     return {name: [row for row in of_it if row.get("method", METHODS[0]) == method] for name, of_it in rows.items()}
 
 
+_INTERVAL_OF = {
+    ("false_alarms", "not_clean"): "not_clean_",
+    ("identification", "innocents"): "innocent_",
+    ("further", "named"): "naming_",
+}
+"""What the ends of a count's interval begin with, where it is not the query's first count."""
+
+
 def method_grids(paper: Answers, robust: Answers) -> dict[str, list[Grid]]:
     """The tables that compare them, all at r = 1 %; none where the robust method has judged nothing."""
     if not robust.modes:
         return {"methods": []}
     parts = {
-        "Attacks of the paper": [*_false_alarms(paper), *_detection(paper), *_identification(paper)],
+        "Attacks of the paper": [*_not_clean(paper), *_detection(paper), *_identification(paper), *_innocents(paper)],
         "How small an attack is detected": list(_sensitivity(paper)),
         "Attacks and faults beyond those of the paper": list(_further(paper)),
     }
@@ -30,7 +38,7 @@ def method_grids(paper: Answers, robust: Answers) -> dict[str, list[Grid]]:
 
 
 def _grid(title: str, rows: list[tuple[str, Lookup]], methods: tuple[Answers, Answers]) -> Grid:
-    modes = methods[0].modes
+    modes = [mode for mode in LEFT_OUT if any(mode in one.modes for one in methods)]
     return Grid(
         title=title,
         groups=tuple((LEFT_OUT[mode], len(methods)) for mode in modes),
@@ -39,12 +47,12 @@ def _grid(title: str, rows: list[tuple[str, Lookup]], methods: tuple[Answers, An
     )
 
 
-def _false_alarms(answers: Answers) -> Iterator[tuple[str, Lookup]]:
-    for system in answers.systems:
-        yield (
-            f"clean frames raised, {names(system)}",
-            _looking("false_alarms", "raised", r=R_SHOWN, system=list(system)),
-        )
+def _not_clean(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    systems = dict.fromkeys(tuple(row["system"]) for row in answers.rows["false_alarms"])
+    for system in sorted(systems, key=len):
+        if system in answers.systems or len(system) == len(answers.rig.sensors):
+            where = {"r": R_SHOWN, "system": list(system)}
+            yield f"clean frames that are not clean, {names(system)}", _looking("false_alarms", "not_clean", **where)
 
 
 def _detection(answers: Answers) -> Iterator[tuple[str, Lookup]]:
@@ -55,12 +63,25 @@ def _detection(answers: Answers) -> Iterator[tuple[str, Lookup]]:
 
 
 def _identification(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    for label, where in _attacked(answers):
+        yield f"{label}: exactly named", _looking("identification", "named", **where)
+
+
+def _innocents(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+    for label, where in _attacked(answers):
+        yield f"{label}: a sensor named that was not", _looking("identification", "innocents", **where)
+
+
+def _attacked(answers: Answers) -> Iterator[tuple[str, dict[str, object]]]:
+    """One or two attacked sensors of each system, by strength, in words and as what the query tells them apart by."""
     for system in answers.systems:
         for size in (1, 2)[: len(system) - 3]:
             for strength in answers.strengths:
                 where = {"r": R_SHOWN, "strength": strength, "attacked": None, "attacked_sensors": size}
-                label = f"{('one', 'two')[size - 1]} named of {len(system)} sensors, {strength}"
-                yield label, _looking("identification", "named", system=list(system), **where)
+                yield (
+                    f"{('one', 'two')[size - 1]} of {len(system)} sensors attacked, {strength}",
+                    {"system": list(system), **where},
+                )
 
 
 def _sensitivity(answers: Answers) -> Iterator[tuple[str, Lookup]]:
@@ -87,10 +108,8 @@ def _looking(query: str, counted: str, **where: object) -> Lookup:
     def look(answers: Answers, mode: str) -> Cell:
         for row in answers.rows[query]:
             if row["left_out"] == mode and all(row[name] == value for name, value in where.items()):
-                naming = query == "further" and counted == "named"
-                return rate_of(
-                    {**row, "low": row["naming_low"], "high": row["naming_high"]} if naming else row, counted
-                )
+                prefix = _INTERVAL_OF.get((query, counted), "")
+                return rate_of({**row, "low": row[f"{prefix}low"], "high": row[f"{prefix}high"]}, counted)
         return None
 
     return look

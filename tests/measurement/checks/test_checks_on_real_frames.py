@@ -1,16 +1,21 @@
-"""On a real frame exactly the pair checks of the attacked sensor fire."""
+"""On a real frame the checks of the attacked sensor exceed the limit of the prior, and no others without it."""
 
 import os
+from decimal import Decimal
 from itertools import islice
 
+import numpy as np
 import pytest
 
 from auditor.evaluation.attacked_frame import AttackedFrame
-from auditor.identification.scores import FLOORS
-from auditor.identification.statistics import WINDOWS, fitted
+from auditor.identification.naming import name_attacked
+from auditor.identification.scores import normalised_scores, thresholds_from
+from auditor.identification.statistics import CONFLICT_WINDOW, fitted
+from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check
+from auditor.model.verdict import VerdictKind
 from tests.benchmarks.real_drives import frames
 
 pytestmark = pytest.mark.skipif(
@@ -18,6 +23,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 FACULA = Facula(amplitude=510.0, radius_px=250.0, u_px=600.0, v_px=200.0)
+WALL = BogusWall(range_m=8.0, lateral_m=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -26,47 +32,38 @@ def attacked_frame():
     return AttackedFrame(next(islice(stream, 20, None)), rig, find_matcher("sgbm"))
 
 
+def verdict(attacked_frame, attacks):
+    rig = attacked_frame.rig
+    system = System(attacked_frame.sensor_checks, rig.triples, rig.sensors, rig.fallback)
+    thresholds = thresholds_from([], system.sensor_checks, system.judged_together, Decimal("0.001"))
+    statistics = np.array([attacked_frame.statistics(attacks)], dtype=np.float64)
+    z = normalised_scores(statistics, [thresholds.expected[check] for check in system.sensor_checks])
+    return name_attacked(z, system, [frozenset()], thresholds.limit)[0]
+
+
 @pytest.mark.parametrize(
-    ("attacks", "fired"),
+    ("attacks", "check"),
     [
-        ({}, set()),
-        ({0: BogusWall(range_m=8.0, lateral_m=0.0)}, {"lidar_conflict 1 3", "lidar_conflict 2 3"}),
-        (
-            {1: FACULA},
-            {
-                "photometric_inconsistency 1 2",
-                "photometric_inconsistency 1 3",
-                "brightness_difference 1 2",
-                "brightness_difference 1 3",
-            },
-        ),
-        (
-            {2: FACULA},
-            {
-                "photometric_inconsistency 1 2",
-                "photometric_inconsistency 2 3",
-                "brightness_difference 1 2",
-                "brightness_difference 2 3",
-            },
-        ),
-        (
-            {3: FACULA},
-            {
-                "photometric_inconsistency 1 3",
-                "photometric_inconsistency 2 3",
-                "brightness_difference 1 3",
-                "brightness_difference 2 3",
-            },
-        ),
+        ({0: WALL}, Check.LIDAR_CONFLICT),
+        ({1: FACULA}, Check.ADDED_LIGHT),
+        ({2: FACULA}, Check.ADDED_LIGHT),
+        ({3: FACULA}, Check.ADDED_LIGHT),
     ],
-    ids=["clean", "wall", "facula on S_1", "facula on S_2", "facula on S_3"],
+    ids=["wall", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
-def test_exactly_the_pair_checks_of_the_attacked_sensor_fire(attacked_frame, attacks, fired):
-    ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
-    assert {f"{e.check} {e.i} {e.k}" for e, ratio in ratios if ratio > FLOORS[e.check]} == fired
+def test_the_attacked_sensor_is_named_by_its_own_checks(attacked_frame, attacks, check):
+    found = verdict(attacked_frame, attacks)
+    assert found.kind is VerdictKind.ATTACKED
+    assert found.attacked == tuple(attacks)
+    assert {one.i for one in found.evidence} == set(attacks)
+    assert check.value in {one.check_name for one in found.evidence}
+
+
+def test_a_clean_frame_is_clean(attacked_frame):
+    assert verdict(attacked_frame, {}).kind is VerdictKind.CLEAN
 
 
 def test_sixty_four_beams_need_what_the_window_says(attacked_frame):
-    window = WINDOWS[Check.LIDAR_CONFLICT]
     for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
-        assert fitted(window, attacked_frame.frame_checks(1, 3, attacks).lidar_conflicts[1, 3].valid) == window
+        conflicts = attacked_frame.frame_checks((1, 3), attacks).lidar_conflicts[1, 3]
+        assert fitted(CONFLICT_WINDOW, conflicts.valid) == CONFLICT_WINDOW

@@ -1,12 +1,13 @@
 """LiDARs of fewer beams have conflicts as those of sixty-four have, without a calibration."""
 
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
 
 from auditor.evaluation.attacked_frame import AttackedFrame
-from auditor.identification.scores import CEILINGS, FLOORS
+from auditor.identification.scores import normalised_scores, thresholds_from
 from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.disparity.matchers import find_matcher
@@ -32,10 +33,12 @@ def test_a_wall_is_in_conflict_and_a_clean_street_is_not(street, beams):
     attacked_frame = AttackedFrame(
         replace(frame, cloud=PointCloud(frame.cloud.stamp_ns, kept)), rig, find_matcher("sgbm")
     )
+    conflict = attacked_frame.sensor_checks[0]
+    assert conflict.check is Check.LIDAR_CONFLICT
+    thresholds = thresholds_from([], [conflict], 20, Decimal("0.001"))
 
-    def lidar_conflicts(attacks):
-        ratios = zip(attacked_frame.pair_checks, attacked_frame.ratios(attacks), strict=True)
-        return [ratio for pair_check, ratio in ratios if pair_check.check is Check.LIDAR_CONFLICT]
+    def z_of(attacks):
+        statistics = np.array([attacked_frame.statistics(attacks)[:1]], dtype=np.float64)
+        return float(normalised_scores(statistics, [thresholds.expected[conflict]])[0, 0])
 
-    assert max(lidar_conflicts({})) < FLOORS[Check.LIDAR_CONFLICT]
-    assert min(lidar_conflicts({0: BogusWall(range_m=7.0, lateral_m=0.5)})) > CEILINGS[Check.LIDAR_CONFLICT]
+    assert z_of({}) < thresholds.limit < z_of({0: BogusWall(range_m=7.0, lateral_m=0.5)})

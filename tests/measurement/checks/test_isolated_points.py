@@ -13,7 +13,7 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
-from auditor.model.checks import Check, IsolatedShares, PairCheck
+from auditor.model.checks import Check, IsolatedShares, SensorCheck
 from auditor.model.frames import PointCloud
 from tests.making.scenes import FOCAL, HEIGHT, WIDTH, plane_cloud, plane_frame, plane_rig
 
@@ -102,5 +102,5 @@ def test_a_cloud_of_hardly_any_points_is_measured(xyz):
     frame = plane_frame(RIG)
     bare = replace(frame, cloud=PointCloud(0, np.asarray(xyz, dtype=np.float32)))
     measurement, _ = measure(bare, RIG, SgbmMatcher())
-    assert measurement.shares[PairCheck(Check.POINT_DROPOUT, 0, 3)] == 1.0
-    assert PairCheck(Check.ISOLATED_POINTS, 0, 3) not in measurement.shares
+    assert measurement.shares[SensorCheck(Check.POINT_DROPOUT, 0, (3,))] == 1.0
+    assert SensorCheck(Check.ISOLATED_POINTS, 0, (3,)) not in measurement.shares

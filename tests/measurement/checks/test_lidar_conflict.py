@@ -5,7 +5,7 @@ import pytest
 
 from auditor.measurement.checks import lidar_conflict
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
-from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
+from auditor.measurement.checks.photometric_consistency import Matches, PairConsistency, photometric_consistency
 from auditor.measurement.disparity.half_resolution import halve
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import SgbmMatcher
@@ -25,6 +25,12 @@ def judged(cloud, images=None):
     stereo = stereo_map(SgbmMatcher(), images[3], images[1], *(textured(half) for half in half_res))
     view = lidar_view(PointCloud(0, cloud), rig, 3)
     return verify_conflicts(view, stereo, photometric_consistency(*half_res, stereo), rig, 1, half_res)
+
+
+def consistency_of(ncc):
+    """A consistency of which only the correlations count."""
+    everywhere = np.ones(ncc.shape, dtype=np.bool_)
+    return PairConsistency(ncc, everywhere, ~everywhere, Matches(np.zeros(ncc.shape, np.float32), everywhere))
 
 
 def with_wall(cloud, depth_m=5.0):
@@ -190,7 +196,7 @@ def test_each_point_is_judged_as_worked_out_one_by_one(monkeypatch, seed, most):
     found = verify_conflicts(
         seen_at(rig, row, column, u, d0),
         StereoMap(disparity, valid, textured, 2, 128),
-        PairConsistency(ncc, np.ones(grid, np.bool_), np.zeros(grid, np.bool_)),
+        consistency_of(ncc),
         rig,
         1,
         NO_IMAGES,
@@ -238,7 +244,7 @@ def test_a_beam_passes_over_what_stereo_sees_only_inside_the_image(monkeypatch, 
     rig, ones = lidar_at(*lidar), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([row]), np.array([column]), np.array([float(column)]), np.array([5.0]))
     found = verify_conflicts(
-        view, StereoMap(disparity, ones, ones, 2, 128), PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
+        view, StereoMap(disparity, ones, ones, 2, 128), consistency_of(ones * 1.0), rig, 1, NO_IMAGES
     )
     assert found.lidar_conflicts.tolist() == [not hidden]
 
@@ -252,7 +258,7 @@ def test_a_beam_passes_where_stereo_sees_more_than_three_pixels_less(monkeypatch
     rig, ones = lidar_at(0, -0.5, 0), np.ones(grid, np.bool_)
     view = seen_at(rig, np.array([60]), np.array([160]), np.array([160.0]), np.array([5.0]))
     found = verify_conflicts(
-        view, StereoMap(disparity, ones, ones, 2, 128), PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES
+        view, StereoMap(disparity, ones, ones, 2, 128), consistency_of(ones * 1.0), rig, 1, NO_IMAGES
     )
     assert found.lidar_conflicts.tolist() == [not hidden]
 
@@ -271,6 +277,6 @@ def test_of_a_thousand_flagged_points_all_are_verified_and_of_more_every_so_many
     rig, ones = plane_rig(), np.ones(grid, np.bool_)
     view = seen_at(rig, row, column + 60, column + 60.0, np.full(flagged, 40.0))
     stereo = StereoMap(np.full(grid, 20.0, np.float32), ones, ones, 2, 128)
-    found = verify_conflicts(view, stereo, PairConsistency(ones * 1.0, ones, ~ones), rig, 1, NO_IMAGES)
+    found = verify_conflicts(view, stereo, consistency_of(ones * 1.0), rig, 1, NO_IMAGES)
     assert sizes == [verified]
     assert found.lidar_conflicts.sum() == flagged

@@ -7,21 +7,17 @@ import pytest
 from auditor.measurement import localise, measure
 from auditor.measurement.disparity.matchers import SgbmMatcher
 from auditor.measurement.localisation.points import solid_around
-from auditor.measurement.localisation.regions import candidate_cameras
-from auditor.model.checks import Check, PairCheck
 from auditor.model.frames import PointCloud
 from auditor.model.measurement import REGION_STEP
 from tests.making.scenes import HEIGHT, WIDTH, plane_cloud, plane_rig
 from tests.making.textured_scenes import DEPTH_M, scene
 
 RIG = plane_rig()
-PHOTOMETRIC_INCONSISTENCY = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, i, 3) for i in (1, 2)]
-LIDAR_CONFLICT = [PairCheck(Check.LIDAR_CONFLICT, i, 3) for i in (1, 2)]
 
 
-def regions(frame, candidates):
+def regions(frame, sensors):
     _, arrays = measure(frame, RIG, SgbmMatcher())
-    return {region.sensor: region for region in localise(arrays, candidates)}
+    return {region.sensor: region for region in localise(arrays, sensors)}
 
 
 def covered(region):
@@ -42,9 +38,7 @@ def test_what_is_brighter_or_darker_than_all_others_see_is_found(sensor, light):
     image = frame.images[sensor]
     pixels = np.where(truth, np.clip(image.pixels.astype(int) + light, 0, 255), image.pixels).astype(np.uint8)
     changed = replace(frame, images={**frame.images, sensor: replace(image, pixels=pixels)})
-    region = regions(
-        changed, PHOTOMETRIC_INCONSISTENCY if sensor == 3 else PHOTOMETRIC_INCONSISTENCY[sensor - 1 : sensor]
-    )[sensor]
+    region = regions(changed, {sensor})[sensor]
     assert overlap(covered(region), truth) > 0.75
     assert region.view == sensor
     assert region.box_px == pytest.approx((120, 32, 200, 88), abs=8)
@@ -56,7 +50,7 @@ def test_a_wall_s_points_and_their_box_are_found():
     cloud = plane_cloud(DEPTH_M)
     inside = np.abs(cloud[:, 1]) < 1.0
     wall = np.where(inside[:, None], cloud * np.float32(5 / DEPTH_M), cloud)
-    region = regions(replace(scene(), cloud=PointCloud(0, wall)), LIDAR_CONFLICT)[0]
+    region = regions(replace(scene(), cloud=PointCloud(0, wall)), {0})[0]
     truth = np.zeros((HEIGHT, WIDTH), dtype=bool)
     truth[:, WIDTH // 2 - 33 : WIDTH // 2 + 34] = True
     assert overlap(covered(region), truth) > 0.9
@@ -67,21 +61,29 @@ def test_a_wall_s_points_and_their_box_are_found():
     assert region.solid.size_m[2] < 0.05
 
 
-def test_no_region_is_localised_without_candidates():
+def test_no_region_is_localised_where_no_sensor_is_asked_for():
     assert regions(scene(), []) == {}
 
 
 def test_nothing_is_found_where_nothing_is_wrong():
-    assert regions(scene(), [*PHOTOMETRIC_INCONSISTENCY, *LIDAR_CONFLICT]) == {}
+    assert regions(scene(), RIG.sensors) == {}
 
 
-def test_the_fewest_cameras_that_touch_all_raised_pairs_are_suspects():
-    assert candidate_cameras(PHOTOMETRIC_INCONSISTENCY, (1, 2, 3)) == (3,)
-    assert candidate_cameras(PHOTOMETRIC_INCONSISTENCY[:1], (1, 2, 3)) == (1, 3)
-    assert candidate_cameras(LIDAR_CONFLICT, (1, 2, 3)) == ()
-    two = [PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair) for pair in ((1, 4), (2, 4), (1, 3), (2, 3))]
-    assert candidate_cameras(two, (1, 2, 3, 4)) == (1, 2, 3, 4)  # either S_1 and S_2, or S_3 and S_4
-    assert candidate_cameras([*two, PairCheck(Check.BRIGHTNESS_DIFFERENCE, 3, 4)], (1, 2, 3, 4)) == (3, 4)
+def test_only_the_sensors_that_are_asked_for_are_localised():
+    frame = scene()
+    lit = [frame.images[sensor].pixels.copy() for sensor in (1, 3)]
+    for pixels in lit:
+        pixels[32:88, 120:200] = 255
+    changed = {1: replace(frame.images[1], pixels=lit[0]), 3: replace(frame.images[3], pixels=lit[1])}
+    changed = replace(frame, images={**frame.images, **changed})
+    assert set(regions(changed, {3})) == {3}
+    assert regions(changed, {0}) == {}
+    assert {1, 3} <= set(regions(changed, RIG.sensors))
+
+
+def test_a_sensor_that_is_not_there_has_no_region():
+    frame = replace(scene(), cloud=None)
+    assert regions(frame, RIG.sensors) == {}
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 20, -30])
