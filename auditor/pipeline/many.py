@@ -8,14 +8,16 @@ from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
-from auditor.model.calibration import Calibration
-from auditor.model.verdict import VerdictKind
+from auditor.model.calibration import PRIOR, Calibration
+from auditor.model.rig_kind import Likeness
+from auditor.model.verdict import Method, VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
     calibrate,
     counted_earlier,
     fitting_calibration,
     judge_measurement,
+    prior_for,
     refuse_earlier_counting,
     resolves_incidents,
 )
@@ -31,6 +33,7 @@ _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
 )
+_BY_PRIOR = "judged by the prior alone; auditor calibrate makes thresholds from clean recordings of its rig kind"
 
 
 LimitsOf = Callable[[Path | Location | None], Limits]
@@ -213,7 +216,8 @@ def _in_incidents(judgement: StoredJudgement | None) -> str:
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it.
+    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it, or by the
+    prior where none does.
 
     Below `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
     sensor, a recording counts as not fully audited.
@@ -265,19 +269,22 @@ class Judge:
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
-            calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            fitting = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            calibration = fitting or prior_for(store, measurement, criteria)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
+            *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
             *_as_a_part(judgement, calibration),
             *_gaps(stored, judgement, self._settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
             *_unresolved(judgement),
+            *_marked(judgement, calibration),
             *gaps,
             *told,
             *_unresolved_incidents(calibration, criteria),
@@ -305,6 +312,23 @@ def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator
     if judgement.absent_sensors:
         absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
         yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
+
+
+def _marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
+    """What the calibration is not of: this recording's vehicle, LiDAR or machine; or that it is of the recording."""
+    marks = judgement.marks
+    if calibration.calibration_id == PRIOR:
+        yield _BY_PRIOR
+    if marks.likeness is not Likeness.SAME:
+        which = "a similar" if marks.likeness is Likeness.SIMILAR else "another"
+        yield f"thresholds transferred from {which} rig kind: {calibration.rig_kind}"
+    if marks.other_lidar:
+        judged = ": its checks are judged by the prior" if judgement.method == Method.ROBUST else ""
+        yield f"another LiDAR than the calibration's, by its points in view{judged}"
+    if marks.in_sample:
+        yield "in sample: the calibration was made of it"
+    if marks.measured_otherwise:
+        yield f"the calibration's counts may differ: {marks.measured_otherwise}"
 
 
 def _unresolved(judgement: StoredJudgement) -> Iterator[str]:

@@ -10,8 +10,11 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
+import cv2
+
 from auditor import __version__
 from auditor.errors import RigError
+from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.identification.scores import worth_localising
 from auditor.identification.statistics import sensor_statistics
 from auditor.measurement import (
@@ -71,7 +74,7 @@ from auditor.store.maintenance.removal import remove_measurement
 
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
-_VERSIONED = ("mcap", "numpy", "opencv-python-headless", "pyarrow", "rosbags")
+_VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")
 _UNKNOWN = Origin()
 
 
@@ -366,4 +369,4 @@ def _preflight(
 
 def _versions(matcher: Matcher) -> dict[str, str]:
     ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
-    return plug_ins() | ours | dict(libraries(matcher))
+    return plug_ins() | ours | {OPENCV_CPU: cv2.getCPUFeaturesLine()} | dict(libraries(matcher))
