@@ -131,8 +131,9 @@ class Thresholds:
 class Expected:
     """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
 
-    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score. `drives` is how
-    many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are the prior.
+    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
+    `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
+    the prior.
     """
 
     mean: float

@@ -146,11 +146,11 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         )
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
-            known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-            record = _recording_record(recording, task, known, measurements, damage)
+            kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+            record = _recording_record(recording, task, kept, measurements, damage)
             if todo:
                 record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
-            if record != known:
+            if record != kept:
                 store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
                 store.write_recording(record)
         return Measured(
