@@ -49,11 +49,11 @@ from auditor.store import (
 
 Rows = list[tuple[int, int, Verdict]]
 
-SMALLEST_STRICT_R = Decimal("0.0001")
-"""`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
-
 PRIOR_MATCHER = "sgbm"
 """The matcher whose disparities the prior was fitted on: others give other statistics."""
+
+SMALLEST_STRICT_R = Decimal("0.0001")
+"""`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
 
 
 @dataclass(frozen=True)

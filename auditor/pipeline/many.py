@@ -8,9 +8,8 @@ from pathlib import Path
 
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
-from auditor.model.calibration import PRIOR, Calibration
-from auditor.model.rig_kind import Likeness
-from auditor.model.verdict import Method, VerdictKind
+from auditor.model.calibration import Calibration
+from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
     calibrate,
@@ -19,10 +18,10 @@ from auditor.pipeline.judge import (
     judge_measurement,
     prior_for,
     refuse_earlier_counting,
-    resolves_incidents,
 )
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
+from auditor.pipeline.remarks import as_a_part, marked, unresolved
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
@@ -33,7 +32,6 @@ _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
 )
-_BY_PRIOR = "judged by the prior alone; auditor calibrate makes thresholds from clean recordings of its rig kind"
 
 
 LimitsOf = Callable[[Path | Location | None], Limits]
@@ -278,16 +276,15 @@ class Judge:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
             *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
-            *_as_a_part(judgement, calibration),
+            *as_a_part(judgement, calibration),
             *_gaps(stored, judgement, self._settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
-            *_unresolved(judgement),
-            *_marked(judgement, calibration),
+            *unresolved(judgement, calibration, criteria),
+            *marked(judgement, calibration),
             *gaps,
             *told,
-            *_unresolved_incidents(calibration, criteria),
             *_counted_elsewhere(store, recording),
         )
         unread = () if reading.complete else reading.remarks or ("it was not read whole",)
@@ -305,42 +302,6 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
     return (judge.judge(measurement) for measurement in measurements)
-
-
-def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
-    """What of the calibrated rig was not there: whoever removes a sensor's topic must not get a clean recording."""
-    if judgement.absent_sensors:
-        absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
-        yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
-
-
-def _marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
-    """What the calibration is not of: this recording's vehicle, LiDAR or machine; or that it is of the recording."""
-    marks = judgement.marks
-    if calibration.calibration_id == PRIOR:
-        yield _BY_PRIOR
-    if marks.likeness is not Likeness.SAME:
-        which = "a similar" if marks.likeness is Likeness.SIMILAR else "another"
-        yield f"thresholds transferred from {which} rig kind: {calibration.rig_kind}"
-    if marks.other_lidar:
-        judged = ": its checks are judged by the prior" if judgement.method == Method.ROBUST else ""
-        yield f"another LiDAR than the calibration's, by its points in view{judged}"
-    if marks.in_sample:
-        yield "in sample: the calibration was made of it"
-    if marks.measured_otherwise:
-        yield f"the calibration's counts may differ: {marks.measured_otherwise}"
-
-
-def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
-    if judgement.drives == 0:
-        yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
-    if not judgement.resolvable:
-        yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
-
-
-def _unresolved_incidents(calibration: Calibration, criteria: Criteria) -> Iterator[str]:
-    if not resolves_incidents(calibration, criteria):
-        yield "too few clean frames for that incident rate: judged as at 0"
 
 
 def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:
