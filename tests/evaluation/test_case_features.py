@@ -33,7 +33,7 @@ FRAMES = 4
 
 @pytest.fixture(scope="module", params=OFFSETS_M, ids=list(OFFSETS_M))
 def drive(request):
-    made = make_drive(2, FRAMES, width_px=414, height_px=126, condition="clear", kinds=("grey", "colour", "colour"))
+    made = make_drive(7, FRAMES, width_px=414, height_px=126, condition="clear", kinds=("grey", "colour", "colour"))
     offsets = OFFSETS_M[request.param]
     rig = moved(made.rig, offsets) if offsets else made.rig
     frames = list(replace(made, vehicle=replace(made.vehicle, rig=rig)).frames())
