@@ -5,7 +5,6 @@ above its threshold theta.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
@@ -41,18 +40,6 @@ class WindowedMean:
     share_of_dense: float = parameter(0.5, unit="share of a dense window's points", source=_FEWER_BEAMS)
 
 
-class Prior(NamedTuple):
-    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
-
-    Rare values lie `tail` times as many deviations away as those of a normal distribution.
-    """
-
-    mean: float
-    within: float
-    between: float
-    tail: float = 1.0
-
-
 _OF_PRIOR = "mean, deviation within and between drives, tail"
 
 
@@ -60,30 +47,30 @@ _OF_PRIOR = "mean, deviation within and between drives, tail"
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: Prior = parameter(Prior(-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
-    conflict_of_a_pair: Prior = parameter(Prior(-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
-    light: Prior = parameter(Prior(-2.85, 0.32, 0.3, 1.6), unit=_OF_PRIOR, source=_PRIOR)
-    light_of_two: Prior = parameter(Prior(-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
-    light_of_one: Prior = parameter(Prior(-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
-    darkness: Prior = parameter(Prior(-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
-    darkness_of_two: Prior = parameter(Prior(-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency: Prior = parameter(Prior(-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency_of_two: Prior = parameter(Prior(-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
-    inconsistency_of_one: Prior = parameter(Prior(-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)
-    point_dropout: Prior = parameter(Prior(-0.35, 0.38, 0.22, 1.2), unit=_OF_PRIOR, source=_PRIOR)
-    isolated_points: Prior = parameter(Prior(-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
+    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    conflict_of_a_pair: tuple[float, ...] = parameter((-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    light: tuple[float, ...] = parameter((-2.85, 0.32, 0.3, 1.6), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_two: tuple[float, ...] = parameter((-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
+    darkness: tuple[float, ...] = parameter((-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
+    inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)
+    point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.2), unit=_OF_PRIOR, source=_PRIOR)
+    isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)
 class CausePriors:
     """Of fault scores, by cause; 1 is just enough."""
 
-    late_camera: Prior = parameter(Prior(-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
-    late_lidar: Prior = parameter(Prior(-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
-    displaced_camera: Prior = parameter(Prior(0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
-    displaced_lidar: Prior = parameter(Prior(-2.0, 0.27, 0.37), unit=_OF_PRIOR, source=_PRIOR)
-    exposure: Prior = parameter(Prior(0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_PRIOR)
-    others: Prior = parameter(Prior(-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
+    late_camera: tuple[float, ...] = parameter((-6.5, 0.4, 0.6), unit=_OF_PRIOR, source=_PRIOR)
+    late_lidar: tuple[float, ...] = parameter((-2.1, 0.4, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_camera: tuple[float, ...] = parameter((0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
+    displaced_lidar: tuple[float, ...] = parameter((-2.0, 0.27, 0.37), unit=_OF_PRIOR, source=_PRIOR)
+    exposure: tuple[float, ...] = parameter((0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_PRIOR)
+    others: tuple[float, ...] = parameter((-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)

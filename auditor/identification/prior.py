@@ -12,17 +12,43 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, inf, sqrt
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL, Prior
+from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Expected
-from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
+from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, CauseIn
 
 OFFSET = HIERARCHY.offset
 """What is added to a statistic, and to what is left to 1, before their logarithms are taken: both may be 0."""
+
+
+_OF_CAMERAS = {
+    Check.ADDED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.light_of_two, CHECK_PRIORS.light),
+    Check.REMOVED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.darkness_of_two, CHECK_PRIORS.darkness),
+    Check.PHOTOMETRIC_INCONSISTENCY: (
+        CHECK_PRIORS.inconsistency_of_one,
+        CHECK_PRIORS.inconsistency_of_two,
+        CHECK_PRIORS.inconsistency,
+    ),
+}
+"""By check the priors of one voter, of two, and of more."""
+
+
+class Prior(NamedTuple):
+    """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
+
+    Rare values lie `tail` times as many deviations away as those of a normal distribution.
+    """
+
+    mean: float
+    within: float
+    between: float
+    tail: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,31 +65,25 @@ def prior_of_check(check: SensorCheck) -> Prior:
     """The prior of a sensor check: the same for all sensors, by how many cameras take part."""
     others = len(check.others)
     if check.check is Check.LIDAR_CONFLICT:
-        return CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict
-    if check.check in CAMERA_CHECKS:
-        alone, two, more = {
-            Check.ADDED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.light_of_two, CHECK_PRIORS.light),
-            Check.REMOVED_LIGHT: (CHECK_PRIORS.light_of_one, CHECK_PRIORS.darkness_of_two, CHECK_PRIORS.darkness),
-            Check.PHOTOMETRIC_INCONSISTENCY: (
-                CHECK_PRIORS.inconsistency_of_one,
-                CHECK_PRIORS.inconsistency_of_two,
-                CHECK_PRIORS.inconsistency,
-            ),
-        }[check.check]
-        return alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more
-    return CHECK_PRIORS.point_dropout if check.check is Check.POINT_DROPOUT else CHECK_PRIORS.isolated_points
+        return Prior(*(CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict))
+    if check.check is Check.POINT_DROPOUT:
+        return Prior(*CHECK_PRIORS.point_dropout)
+    if check.check is Check.ISOLATED_POINTS:
+        return Prior(*CHECK_PRIORS.isolated_points)
+    alone, two, more = _OF_CAMERAS[check.check]
+    return Prior(*(alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more))
 
 
 def prior_of_cause(cause: CauseIn) -> Prior:
     """The prior of a fault's score."""
     kind, sensor = cause
-    if kind is Cause.LATE:
-        return CAUSE_PRIORS.late_lidar if sensor == 0 else CAUSE_PRIORS.late_camera
-    if kind is Cause.DISPLACED:
-        return CAUSE_PRIORS.displaced_lidar if sensor == 0 else CAUSE_PRIORS.displaced_camera
     if kind is Cause.EXPOSURE:
-        return CAUSE_PRIORS.exposure
-    return CAUSE_PRIORS.others
+        return Prior(*CAUSE_PRIORS.exposure)
+    if kind is Cause.LATE:
+        return Prior(*(CAUSE_PRIORS.late_lidar if sensor == LIDAR else CAUSE_PRIORS.late_camera))
+    if kind is Cause.DISPLACED:
+        return Prior(*(CAUSE_PRIORS.displaced_lidar if sensor == LIDAR else CAUSE_PRIORS.displaced_camera))
+    return Prior(*CAUSE_PRIORS.others)
 
 
 def log_odds(statistics: Floats) -> Floats:

@@ -56,8 +56,8 @@ class PairArrays:
 class RectifiedFrame:
     """A rectified frame with the `inputs` that its pairs (i, k) are matched from; `valid_masks` as in FrameArrays.
 
-    By camera: `greys` (H, W), at half resolution `half_res` (h, w), and of colour cameras `colours` (h, w, 3). `grid` is
-    that of the cameras' images where this is not their view.
+    By camera: `greys` (H, W), at half resolution `half_res` (h, w), and of colour cameras `colours` (h, w, 3). `grid`
+    is that of the cameras' images where this is not their view.
     """
 
     frame: Frame

@@ -27,10 +27,8 @@ class CleanFrames:
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
-    camera; each is (F,), NaN where it was not measured.
-
-    `returns` (F,) are the LiDAR's points in view, NaN where it was not there, and empty where they are not known;
-    `versions` are those that the counts were made with.
+    camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view, NaN where it was
+    not there; it is empty where there is no LiDAR. `versions` are those that the counts were made with.
     """
 
     recording_id: str
@@ -109,6 +107,9 @@ class Marks:
     measured_otherwise: str = ""
 
 
+NO_MARKS = Marks()
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """The paper's: theta for each triple at the designated false-alarm rate r.
@@ -130,8 +131,9 @@ class Thresholds:
 class Expected:
     """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
 
-    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score. `drives` is how
-    many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are the prior.
+    Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
+    `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
+    the prior.
     """
 
     mean: float

@@ -19,8 +19,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.parameters import HIERARCHY, Prior
-from auditor.identification.prior import effective_size, log_odds, prior_of_cause, prior_of_check
+from auditor.identification.parameters import HIERARCHY
+from auditor.identification.prior import Prior, effective_size, log_odds, prior_of_cause, prior_of_check
 from auditor.identification.scores import normalised_scores, thresholds_from
 from auditor.model.checks import SensorCheck
 from auditor.model.verdict import CauseIn
