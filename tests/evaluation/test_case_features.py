@@ -55,7 +55,9 @@ def scanned(frames, rig, number):
         measurement, evidence = measure(frame, rig, MATCHER)
         fault_features = watch.update(evidence)
         if frame.number == number:
-            pairs = [fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs]
+            pairs = [
+                fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs
+            ]
             coverage = [measurement.coverage.get(s) for s in rig.sensors]
             return (
                 [s in measurement.fingerprints for s in rig.sensors],

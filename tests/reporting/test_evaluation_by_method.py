@@ -123,7 +123,8 @@ def test_false_alarms_equal_python(made, told):
         for column in ("frames", "raised", "identified", "not_clean"):
             assert row[column] == expected[row["left_out"], tuple(row["system"]), column]
         assert row["not_clean_low"] <= row["not_clean_rate"] <= row["not_clean_high"]
-        assert (row["samples"], row["drives"]) == (None, 1 if row["left_out"] == "recording" else 2)
+        # The whole of one recording is one block.
+        assert (row["samples"], row["drives"]) == (None, 2 if row["left_out"] == "nothing" else 1)
     assert 0 < sum(row["raised"] for row in rows) < sum(row["frames"] for row in rows)
 
 
@@ -165,7 +166,9 @@ def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
     for row in answer(made, "evaluation_false_alarms"):
         if len(row["system"]) == len(RIG.sensors):
             of_it = [one for (left_out, _), one in summary.items() if left_out == row["left_out"]]
-            assert {(one["clean_frames"], one["not_clean"]) for one in of_it} == {(row["frames"], row["not_clean_rate"])}
+            assert {(one["clean_frames"], one["not_clean"]) for one in of_it} == {
+                (row["frames"], row["not_clean_rate"])
+            }
     rows = answer(made, "evaluation_identification")
     for (left_out, strength), one in summary.items():
         of_all = [
