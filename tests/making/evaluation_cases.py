@@ -146,7 +146,7 @@ def learnt(cases, keeps, system, r):
     for recording in FRAMES:
         kept = [case for case in cases["clean", recording] if keeps(recording, case.frame)]
         columns = np.array([case.statistics for case in kept], dtype=np.float64).T
-        statistics = {check: column for check, column in zip(CHECKS, columns, strict=False)}
+        statistics = dict(zip(CHECKS, columns, strict=False))
         stamps = np.array([case.stamp_ns for case in kept], dtype=np.int64)
         clean += [CleanFrames(recording, stamps, {}, statistics, {})] if kept else []
     return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
