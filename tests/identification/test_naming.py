@@ -3,9 +3,9 @@ from math import comb
 
 import numpy as np
 import pytest
+from auditor.identification.attack_sets import attack_set_costs
 
 from auditor.identification.algorithm2 import allowed_attack_sets
-from auditor.identification.attack_sets import attack_set_costs
 from auditor.identification.naming import System, name_attacked
 from auditor.model.checks import Check, PairCheck, pair_checks_of
 from auditor.model.rig import Triple, triples_of
