@@ -8,7 +8,7 @@
 -- param calibration VARCHAR = NULL: The calibration whose id begins so; by default that of each measurement's current judgement.
 --
 -- column kind: The rig kind in words.
--- column transferred: TRUE where the calibration is of another rig kind.
+-- column transferred: TRUE where the calibration is of another rig kind, or of a similar one.
 -- column in_sample: TRUE where the recording is one of those that were calibrated on.
 -- column r: The designated false-alarm rate.
 -- column samples: The smallest number N of clean samples that a theta came from.
@@ -53,7 +53,10 @@ chosen AS MATERIALIZED (
             WHEN judgement.calibration_id = calibration.calibration_id AND len(judgement.absent_sensors) > 0
                 THEN judgement.calibrated_as
         END AS calibrated_as,
-        NOT kinds_match(rig.rig_kind, calibration.rig_kind) AND calibrated_as IS NULL AS transferred,
+        CASE
+            WHEN judgement.calibration_id = calibration.calibration_id THEN judgement.transferred
+            ELSE NOT kinds_match(rig.rig_kind, calibration.rig_kind)
+        END AS transferred,
         list_contains(calibration.recordings, measurement.recording_id) AS in_sample
     FROM measurements AS measurement
     JOIN rigs AS rig USING (rig_id)

@@ -49,8 +49,10 @@ class ObservedFeatures:
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
     """The faults, each with its sensor, that a rig of these sensors has scores of."""
+    cameras = [sensor for sensor in sensors if sensor != LIDAR]
     return (
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
+        *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
         (Cause.GLARE, None),

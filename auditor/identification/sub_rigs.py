@@ -85,7 +85,7 @@ def _clean_of_part(
         fault_scores(_features(clean, kind, there, tuple(pairs)), clean.stamps_ns, list(own)),
         missing={sensor: clean.missing[known] for sensor, known in there.items() if known in clean.missing},
         frozen={sensor: clean.frozen[known] for sensor, known in there.items() if known in clean.frozen},
-        returns=clean.returns,
+        returns=clean.returns if kind.lidar else np.zeros(0),
         versions=clean.versions,
     )
 

@@ -27,10 +27,8 @@ class CleanFrames:
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
     LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
-    camera; each is (F,), NaN where it was not measured.
-
-    `returns` (F,) are the LiDAR's points in view, NaN where it was not there, and empty where they are not known;
-    `versions` are those that the counts were made with.
+    camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view, NaN where it was
+    not there; it is empty where there is no LiDAR. `versions` are those that the counts were made with.
     """
 
     recording_id: str
@@ -107,6 +105,9 @@ class Marks:
     in_sample: bool = False
     other_lidar: bool = False
     measured_otherwise: str = ""
+
+
+NO_MARKS = Marks()
 
 
 @dataclass(frozen=True)

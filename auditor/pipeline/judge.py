@@ -14,24 +14,43 @@ from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, frozen
+from auditor.identification.marks import MACHINE, marks_of, without_lidar
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.statistics import sensor_statistics
-from auditor.identification.sub_rigs import additional_sensors, calibration_for
+from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System
 from auditor.identification.thresholds import check_calibration, thresholds_at
-from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds, Thresholds
+from auditor.model.calibration import (
+    PRIOR,
+    Calibration,
+    CleanFrames,
+    RobustThresholds,
+    Thresholds,
+    prior_calibration,
+)
 from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.rig_kind import RigKind
+from auditor.model.rig_kind import Likeness, RigKind
 from auditor.model.verdict import Method, Verdict
-from auditor.store import FrameStatistics, JudgementRecord, JudgingRules, Store, StoredJudgement, make_calibration
+from auditor.store import (
+    FrameStatistics,
+    JudgementRecord,
+    JudgingRules,
+    Store,
+    StoredJudgement,
+    StoredMeasurement,
+    make_calibration,
+)
 
 Rows = list[tuple[int, int, Verdict]]
+
+PRIOR_MATCHER = "sgbm"
+"""The matcher whose disparities the prior was fitted on: others give other statistics."""
 
 SMALLEST_STRICT_R = Decimal("0.0001")
 """`strict` refuses a smaller r by the robust method: no clean frames that anybody has reach so far."""
@@ -91,7 +110,7 @@ def calibrate(
         kinds.append(rig.kind)
         procedures.append(measurement.procedure)
         _refuse_mixture(kinds, procedures)
-        clean.append(_clean_frames(store, known, measurement.recording_id, rig, frames, recount=recount))
+        clean.append(_clean_frames(store, measurement, rig, frames, recount=recount))
     if not any(np.isfinite(errors).any() for one in clean for errors in one.errors.values()):
         raise ThresholdsError(
             "no disparity errors to calibrate on", remedy="give clean recordings that can be measured, and their frames"
@@ -100,14 +119,15 @@ def calibrate(
 
 
 def _clean_frames(
-    store: Store, known: str, recording_id: str, rig: Rig, frames: range | None, *, recount: bool
+    store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:
+    known = measurement.measurement_id
     frames_of = _frame_statistics(store, known, recount=recount)
     features = _observed_features(store, known)
     present = frames_of.states == SensorState.PRESENT
     chosen = np.array([frames is None or int(number) in frames for number in frames_of.frames], dtype=np.bool_)
     return CleanFrames(
-        recording_id,
+        measurement.recording_id,
         frames_of.stamps_ns[chosen],
         {
             (statistic, triple): column
@@ -132,6 +152,7 @@ def _clean_frames(
             for camera, column in zip(features.cameras, values[chosen].T, strict=True)
         },
         returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
+        versions={name: measurement.versions[name] for name in MACHINE if name in measurement.versions},
     )
 
 
@@ -176,13 +197,17 @@ def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]
     return statistics
 
 
+def counted_earlier(store: Store, measurement: str) -> bool:
+    """Whether a measurement was counted in an earlier way, so that today's thresholds say nothing of it."""
+    return store.measurement(measurement).procedure.counting_version < COUNTING_VERSION
+
+
 def refuse_earlier_counting(store: Store, measurement: str) -> None:
-    """Raises ThresholdsError for a measurement that today's thresholds cannot be compared with."""
-    stored = store.measurement(measurement)
-    if stored.procedure.counting_version < COUNTING_VERSION:
+    """Raises ThresholdsError where a measurement was counted in an earlier way."""
+    if counted_earlier(store, measurement):
         raise ThresholdsError(
             "measured by an earlier way of counting",
-            where=store.recording(stored.recording_id).name,
+            where=f"measurement {measurement}",
             remedy="measure again with auditor scan --measure-again",
         )
 
@@ -200,15 +225,24 @@ def _refuse_mixture(kinds: Sequence[RigKind], procedures: Sequence[Procedure]) -
 def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[Calibration]) -> Calibration | None:
     """The calibration, of some, that a measurement is judged by: made of measurements of the same procedure.
 
-    One of its rig kind goes first, then that of a rig with the fewest additional sensors; of several the newest.
+    One of its rig kind goes first, then that of a rig with the fewest additional sensors, then those of similar kinds;
+    of several the newest.
     """
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
     alike = [calibration for calibration in calibrations if calibration.procedure == stored.procedure]
-    additional = [(additional_sensors(calibration, rig), calibration) for calibration in alike]
-    fewest = min((more for more, _ in additional if more is not None), default=None)
-    fitting = [calibration for more, calibration in additional if more is not None and more == fewest]
+    ranked = [(closeness(calibration, rig), calibration) for calibration in alike]
+    closest = min((rank for rank, _ in ranked if rank is not None), default=None)
+    fitting = [calibration for rank, calibration in ranked if rank is not None and rank == closest]
     return max(fitting, key=_made_at, default=None)
+
+
+def prior_for(store: Store, measurement: str, criteria: Criteria) -> Calibration | None:
+    """The prior, by which the robust method judges what no calibration fits; None where it does not hold."""
+    stored = store.measurement(measurement)
+    if criteria.method is not Method.ROBUST or stored.procedure.matcher != PRIOR_MATCHER:
+        return None
+    return prior_calibration(store.rig(stored.rig_id).kind, stored.procedure)
 
 
 def _made_at(calibration: Calibration) -> tuple[datetime, str]:
@@ -233,14 +267,15 @@ def judge_measurement(
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
     whole, calibration = calibration, calibration_for(calibration, rig) or calibration
-    transferred = check_calibration(
-        calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
-    )
+    likeness = check_calibration(calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
+    frames = _frame_statistics(store, measurement, recount=criteria.recount)
+    marks = marks_of(calibration, likeness, stored.recording_id, frames.returns, stored.versions)
+    transferred = likeness is not Likeness.SAME
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
+        learnt = without_lidar(calibration) if marks.other_lidar else calibration
         rate = criteria.incidents_per_hour
-        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
-        frames = _frame_statistics(store, measurement, recount=criteria.recount)
+        thresholds = _robust(learnt, system_of(rig), criteria.r, rate, transferred=transferred)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
@@ -257,8 +292,9 @@ def judge_measurement(
         criteria.recount,
         absent_sensors=calibration.part.absent if calibration.part else (),
         calibrated_as=calibration.part.sensors if calibration.part else rig.sensors,
+        marks=marks,
     )
-    if whole.calibration_id not in store.ids("calibrations"):
+    if whole.calibration_id not in (PRIOR, *store.ids("calibrations")):
         store.write_calibration(whole)
     return store.write_judgement(judgement, rows)
 
@@ -315,11 +351,12 @@ def _refuse_unresolvable(
         )
     if not resolves_incidents(calibration, criteria):
         hours = clean_hours(calibration)
+        enough = f"take 0 or at least {1 / hours:.2g}, or calibrate" if hours else "take 0, or calibrate"
         raise ThresholdsError(
             f"{criteria.incidents_per_hour:g} incidents an hour are not resolvable with {hours:.2g} hours of clean "
             "frames: they would be judged as 0",
             where=where,
-            remedy=f"take 0 or at least {1 / hours:.2g}, or calibrate on more clean frames",
+            remedy=f"{enough} on more clean frames",
         )
 
 

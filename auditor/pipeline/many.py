@@ -13,13 +13,15 @@ from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
     calibrate,
+    counted_earlier,
     fitting_calibration,
     judge_measurement,
+    prior_for,
     refuse_earlier_counting,
-    resolves_incidents,
 )
 from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
+from auditor.pipeline.remarks import as_a_part, marked, unresolved
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
@@ -150,7 +152,8 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     """The measurements `given` as clean and those that `stores` hold beside them.
 
     Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
-    there as well; and, of the stores', what their current verdicts put into incidents.
+    there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
+    incidents.
     """
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
@@ -176,6 +179,7 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     for measurement in store.ids("measurements"):
         if measurement not in given:
             reason = _attacked(store, measurement) or _superseded(store, measurement)
+            reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
             yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
@@ -210,7 +214,8 @@ def _in_incidents(judgement: StoredJudgement | None) -> str:
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it.
+    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it, or by the
+    prior where none does.
 
     Below `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
     sensor, a recording counts as not fully audited.
@@ -262,22 +267,24 @@ class Judge:
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
-            calibration = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            fitting = self._settings.calibration or fitting_calibration(store, measurement, self._calibrations)
+            calibration = fitting or prior_for(store, measurement, criteria)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
             judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
-            *_as_a_part(judgement, calibration),
+            *([_NO_THRESHOLDS_GAP] if fitting is None and self._calibrations else []),
+            *as_a_part(judgement, calibration),
             *_gaps(stored, judgement, self._settings.min_coverage),
             *conflicts_of(store, recording),
         )
         warnings = (
-            *_unresolved(judgement),
+            *unresolved(judgement, calibration, criteria),
+            *marked(judgement, calibration),
             *gaps,
             *told,
-            *_unresolved_incidents(calibration, criteria),
             *_counted_elsewhere(store, recording),
         )
         unread = () if reading.complete else reading.remarks or ("it was not read whole",)
@@ -295,25 +302,6 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
     return (judge.judge(measurement) for measurement in measurements)
-
-
-def _as_a_part(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
-    """What of the calibrated rig was not there: whoever removes a sensor's topic must not get a clean recording."""
-    if judgement.absent_sensors:
-        absent = ("the LiDAR" if sensor == "LiDAR" else sensor for sensor in judgement.absent_sensors)
-        yield f"judged as a part of {calibration.rig_kind}: without {', '.join(absent)}"
-
-
-def _unresolved(judgement: StoredJudgement) -> Iterator[str]:
-    if judgement.drives == 0:
-        yield "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
-    if not judgement.resolvable:
-        yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
-
-
-def _unresolved_incidents(calibration: Calibration, criteria: Criteria) -> Iterator[str]:
-    if not resolves_incidents(calibration, criteria):
-        yield "too few clean frames for that incident rate: judged as at 0"
 
 
 def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:

@@ -199,6 +199,7 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
                 "part": number,
                 "recording_id": clean.recording_id,
                 "stamps_ns": clean.stamps_ns.tolist(),
+                "versions": dict(sorted(clean.versions.items())),
                 "for_parts": column in for_parts,
                 "clean": [None if np.isnan(value) else value for value in values.tolist()],
             }
@@ -262,6 +263,7 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
         features,
         brightness,
         returns,
+        dict(rows[0]["versions"] or {}),
     )
 
 

@@ -10,7 +10,7 @@ import duckdb
 
 from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
-from auditor.model.rig import KIND_TOLERANCE_M, KIND_TOLERANCE_SHARE
+from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
@@ -26,8 +26,8 @@ _CONSTANTS = {
     "robust_block_frames": CHUNK_FRAMES,
     "interval_frames": INTERVAL_FRAMES,
     "min_valid_px": MIN_VALID_PX,
-    "kind_tolerance_share": KIND_TOLERANCE_SHARE,
-    "kind_tolerance_m": KIND_TOLERANCE_M,
+    "kind_tolerance_share": RIG_KIND_TOLERANCE.share,
+    "kind_tolerance_m": RIG_KIND_TOLERANCE.baseline_m,
 }
 _LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.calibration import RobustThresholds, Thresholds
+from auditor.model.calibration import NO_MARKS, Marks, RobustThresholds, Thresholds
 from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
@@ -185,7 +185,7 @@ class JudgementRecord:
     """One judging of one measurement. `judged_at` is UTC; `recounted` where the statistics came from the stored cells.
 
     `absent_sensors` are what the calibration's rig has and the measurement's lacks, in words; `calibrated_as` are the
-    numbers of the rig's sensors in the calibration's rig.
+    numbers of the rig's sensors in the calibration's rig. `marks` say what else is to be known of the calibration.
     Raises StoreError where r has more decimals than are kept.
     """
 
@@ -197,6 +197,7 @@ class JudgementRecord:
     recounted: bool = False
     absent_sensors: tuple[str, ...] = ()
     calibrated_as: tuple[int, ...] | None = None
+    marks: Marks = NO_MARKS
 
     def __post_init__(self) -> None:
         r = self.thresholds.r
@@ -237,6 +238,7 @@ class StoredJudgement:
     and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
     what its rig lacks of the calibration's. `drives` are the clean recordings that the robust method's thresholds were
     learnt from, 0 where they are the prior; None by the paper's method, and of judgements of before there was a prior.
+    `marks` say what else is to be known of its calibration.
     """
 
     judgement_id: str
@@ -255,6 +257,7 @@ class StoredJudgement:
     rules: str | None
     absent_sensors: tuple[str, ...] = ()
     drives: int | None = None
+    marks: Marks = NO_MARKS
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

@@ -6,12 +6,13 @@ from dataclasses import fields
 from datetime import UTC
 from typing import Any
 
-from auditor.model.calibration import Thresholds
+from auditor.model.calibration import Marks, Thresholds
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig
+from auditor.model.rig_kind import Likeness
 from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
@@ -167,6 +168,10 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "recounted": judgement.recounted,
         "absent_sensors": list(judgement.absent_sensors),
         "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
+        "likeness": judgement.marks.likeness.value,
+        "in_sample": judgement.marks.in_sample,
+        "other_lidar": judgement.marks.other_lidar,
+        "measured_otherwise": judgement.marks.measured_otherwise or None,
         "judging_version": judgement.rules.judging_version,
         "auditor_version": judgement.rules.auditor_version,
         "rules": judgement.rules.digest,
@@ -202,6 +207,17 @@ def _threshold_columns(judgement: JudgementRecord, rig: Rig) -> Row:
     }
 
 
+def _marks(row: Mapping[str, Any]) -> Marks:
+    """The marks of a judgement; older rows say of them whether it was transferred, and no more."""
+    unknown = Likeness.OTHER if row["transferred"] else Likeness.SAME
+    return Marks(
+        likeness=Likeness(row["likeness"]) if row["likeness"] else unknown,
+        in_sample=bool(row["in_sample"]),
+        other_lidar=bool(row["other_lidar"]),
+        measured_otherwise=row["measured_otherwise"] or "",
+    )
+
+
 def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
     """The judgement of a row."""
     same = ("judgement_id", "measurement_id", "calibration_id", "method", "resolvable", "transferred")
@@ -218,6 +234,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         rules=row["rules"],
         absent_sensors=tuple(row["absent_sensors"] or ()),
         drives=row["drives"],
+        marks=_marks(row),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from auditor.errors import StoreError
+from auditor.model.calibration import PRIOR
 from auditor.store.files import finished, is_part
 from auditor.store.marker import MARKER, UPGRADED
 from auditor.store.schema import TABLES
@@ -76,7 +77,7 @@ def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
     if table in _COUNTED:
         yield from _of_rows(store, table, row_id, content)
     for column, other in _NAMED.get(table, ()):
-        for named in sorted({value for value in content[column].to_pylist() if value is not None}):
+        for named in sorted({value for value in content[column].to_pylist() if value not in {None, PRIOR}}):
             if not store.path(other, named).is_file():
                 yield f"there is no {column} {named} in {other}"
 
