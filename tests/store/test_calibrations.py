@@ -47,8 +47,6 @@ def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
     assert (again.rig_kind, again.procedure) == (calibration.rig_kind, calibration.procedure)
     assert again.calibrated_at == calibration.calibrated_at
     assert again.recordings == ("a" * 64, "b" * 64)
-    assert all(list(one.statistics) == list(rig_sensor_checks(RIG)) for one in again.clean)
-    assert all(list(one.strengths) == [(Cause.DARK, None), (Cause.LATE, 0)] for one in again.clean)
     assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
 
 
@@ -170,5 +168,5 @@ def test_one_of_measurements_that_were_counted_otherwise_is_refused_and_does_not
     store, earlier = new_store(tmp_path), replace(PROCEDURE, counting_version=COUNTING_VERSION - 1)
     store.write_calibration(make_calibration(RIG.kind, earlier, clean_frames(SAMPLES, strengths=STRENGTHS)))
     assert store.calibrations() == []
-    with pytest.raises(OutdatedCalibrationError, match="earlier way of counting.*calibrate --measure-again"):
+    with pytest.raises(OutdatedCalibrationError, match=r"earlier way of counting.*calibrate --measure-again"):
         store.calibration(store.ids("calibrations")[0])

@@ -249,7 +249,8 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     counting = by_all_there(RIG, absent=(1,))
     statistics = [{counting[0]: 0.5, counting[1]: 0.1}.get(one) for one in checks]
     measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, statistics=statistics, missing=(1,))])
-    expected = {one: Expected(log_odds(0.2), 0.5, 2, 50) for one in checks}
+    usual = float(log_odds(0.2))
+    expected = {one: Expected(usual, 0.5, 2, 50) for one in checks}
     thresholds = RobustThresholds("c" * 32, Decimal(0), 3.0, expected, {}, drives=2)
     verdict = Verdict(
         VerdictKind.SUSPECT,
@@ -267,9 +268,9 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     assert ("verdict", "kind", "suspect", None, None, None, "too few sensors") in rows
     assert ("verdict", "reached with", "S_0 and S_2 and S_3", None, None, None, "without S_1") in rows
     scores = [row for row in rows if row[0] == "score"]
-    theta, z = pytest.approx(statistic_at(log_odds(0.2) + 3 * 0.5)), (log_odds(0.5) - log_odds(0.2)) / 0.5
+    theta, z = pytest.approx(statistic_at(usual + 3 * 0.5)), (log_odds(0.5) - usual) / 0.5
     assert scores[0] == ("score", in_words(counting[0]), None, 0.5, theta, pytest.approx(z), None)
-    assert scores[1][3:6] == (0.1, theta, pytest.approx((log_odds(0.1) - log_odds(0.2)) / 0.5))
+    assert scores[1][3:6] == (0.1, theta, pytest.approx((log_odds(0.1) - usual) / 0.5))
     assert [row[1] for row in scores] == [in_words(one) for one in counting]
     assert rows[-3:] == [
         ("cause", "late S_2", None, 0.75, None, None, "S_2 lags by a frame"),

@@ -41,7 +41,7 @@ def judged(tmp_path):
     statistics = rng.uniform(0.05, 0.15, (FRAMES, len(CHECKS)))
     statistics[rng.random(statistics.shape) < 0.05] = np.nan
     strong = [place for place, one in enumerate(CHECKS) if one.check is Check.ADDED_LIGHT and one.sensor == 1]
-    statistics[10:20, strong] = 0.9
+    statistics[10:20, strong] = 0.99
     given = [[None if np.isnan(x) else x for x in row] for row in statistics.tolist()]
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f, statistics=row) for f, row in enumerate(given)])
@@ -83,13 +83,13 @@ def test_findings_are_the_frames_that_the_half_second_confirms(judged):
 def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(judged):
     store, *_ = judged
     (row,) = [row for row in run_query(store, "incidents").to_pylist() if row["attacked"] == [1]]
-    assert "S_1 sees light that others do not in 10 frames (+11" in row["evidence"]
+    assert "S_1 sees light that others do not in 10 frames (+12.00)" in row["evidence"]
     assert "worse by" in row["alternatives"]
     assert row["causes"] is None
     facts = {(row["part"], row["item"]): row for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
     assert (facts["verdict", "finding"]["value"], facts["verdict", "finding"]["note"]) == ("attacked", "S_1")
     light = facts["score", "added_light S_1 by S_2 and S_3"]
-    assert (light["measured"], light["score"]) == (0.9, pytest.approx(11.0, abs=1))
+    assert (light["measured"], light["score"]) == (0.99, SCORE_LIMITS.highest)
     assert light["theta"] == pytest.approx(statistic_at(-2.2 + 3.5 * 0.4))
     assert "added_light S_1 by S_2" not in {item for _, item in facts}
     assert all(row["measured"] > 0 for (part, _), row in facts.items() if part == "alternative")

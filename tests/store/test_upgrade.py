@@ -75,7 +75,9 @@ def test_what_was_counted_in_another_way_is_left_out_and_nothing_is_judged_by_it
         assert np.isnan(store.load_statistics(known).statistics).all()
         assert list(store.load_cells(known)) == []
     rows = run_sql(store, "SELECT count(*) AS all, count(statistic) AS measured, count(z) AS judged FROM statistics")
-    assert rows.to_pylist() == [{"all": 20 * len(rig_sensor_checks(store.rig(store.ids("rigs")[0]))), "measured": 0, "judged": 0}]
+    assert rows.to_pylist() == [
+        {"all": 20 * len(rig_sensor_checks(store.rig(store.ids("rigs")[0]))), "measured": 0, "judged": 0}
+    ]
     for words in (["judge", str(folder)], ["calibrate", str(folder), "--store", str(folder)]):
         assert run(words) == 2
         lines = [line for line in capsys.readouterr().err.splitlines() if "earlier way of counting" in line]

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from auditor.model.checks import SensorCheck, counting_checks
 from auditor.reporting.incident.page import EvidenceLine
 
+_Subject = tuple[int, int | None, str]
+"""The sensor of a check, the other one where two alone do not see the same, and the name of the check."""
+
 
 def sensor_scores(
     z: NDArray[np.float64],
@@ -35,10 +38,18 @@ def sensor_scores(
 
 
 def evidence_lines(evidence: Iterable[Sequence[Mapping[str, Any]]]) -> tuple[EvidenceLine, ...]:
-    """The evidence of some frames by sensor and check, the sensor with the largest z first."""
-    scores: defaultdict[tuple[int, int | None, str], list[float]] = defaultdict(list)
-    for one in (one for of_frame in evidence for one in of_frame):
-        scores[one["i"], one["k"], one["check_name"]].append(one["score"])
+    """The evidence of some frames by sensor and check, the sensor with the largest z first.
+
+    A check that a frame has of several views counts with its largest z.
+    """
+    scores: defaultdict[_Subject, list[float]] = defaultdict(list)
+    for of_frame in evidence:
+        largest: dict[_Subject, float] = {}
+        for one in of_frame:
+            subject = one["i"], one["k"], one["check_name"]
+            largest[subject] = max(one["score"], largest.get(subject, one["score"]))
+        for subject, value in largest.items():
+            scores[subject].append(value)
     lines = [
         EvidenceLine(check, sensor, other, len(values), float(np.mean(values)), max(values))
         for (sensor, other, check), values in scores.items()
