@@ -1,7 +1,7 @@
 -- Everything that is known of one frame, one row a fact: auditor query frame RECORDING FRAME.
 --
 -- Rows stand in this order: the frame, its sensors, the verdict, the disparity error of each triple, the score of each
--- sensor check, other causes, the next-best explanations.
+-- sensor check that counts in it (those by the most cameras that took part), other causes, the next-best explanations.
 --
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 -- param frame BIGINT: Number of the frame.
@@ -158,8 +158,11 @@ fact AS (
         note: NULL
     }
     FROM statistics
+    JOIN judged ON judged.measurement_id = statistics.measurement_id
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = statistics.measurement_id AND judgement.current
-    WHERE frame = $frame
+    WHERE statistics.frame = $frame AND (judged.kind IS NULL OR list_has_all(judged.system, list_append(others, sensor)))
+    QUALIFY check_name IN ('point_dropout', 'isolated_points')
+        OR len(others) = max(len(others)) OVER (PARTITION BY statistics.measurement_id, check_name, sensor)
     UNION ALL
     SELECT measurement_id, 6, row, 'cause', {
         item: cause['cause'] || coalesce(' S_' || cause['sensor'], ''),

@@ -6,7 +6,8 @@
 -- column stamp_ns: The frame's stamp: when it was captured.
 -- column kind: clean, attacked, unidentified, suspect or not_auditable.
 -- column attacked: The sensors that the verdict names; empty unless kind is attacked.
--- column evidence: What exceeded its threshold, in words.
+-- column out_of_system: The sensors that it was judged without.
+-- column evidence: What exceeded its threshold and how far, the strongest first.
 -- column alternatives: The next-best explanations, in words.
 -- column causes: What else than an attack may lie behind it, in words.
 -- column truth: The sensors that labels say were attacked, ascending; empty where no label covers the frame.
@@ -20,7 +21,8 @@ SELECT
     verdict.reason,
     verdict.finding,
     verdict.finding_attacked,
-    evidence_in_words(verdict.evidence) AS evidence,
+    verdict.out_of_system,
+    verdict.evidence,
     alternatives_in_words(verdict.alternatives) AS alternatives,
     causes_in_words(verdict.causes) AS causes,
     truth.truth,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar, cast
 
 import numpy as np
@@ -252,7 +253,7 @@ class AttackedFrame:
         """The half-resolution images (h, w, 3) of those of two cameras that have colours."""
         images = {camera: self.rectified(camera, attacks) for camera in pair}
         return {
-            camera: self.memoise("colours", camera, attacks, (camera,), lambda pixels=pixels: halve(pixels))
+            camera: self.memoise("colours", camera, attacks, (camera,), partial(halve, pixels))
             for camera, pixels in images.items()
             if pixels.ndim > 2
         }

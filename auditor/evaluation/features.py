@@ -1,4 +1,4 @@
-"""The features of a case of an evaluation that show faults and frozen sensors: the judge takes them beside statistics."""
+"""The features of a case of an evaluation that show faults and frozen sensors: the judge needs them too."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

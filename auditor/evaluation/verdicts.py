@@ -24,8 +24,8 @@ def judge_cases(store: Store) -> int:
     """Judge every case of a store as a scan would and keep the verdicts. Raises StoreError.
 
     Thresholds come from the clean cases of the same rig kind and way of measuring, each recording taken for a drive, so
-    that any new recording can change every verdict: all cases are judged anew. Returns the number of parts that cannot be judged, since an earlier
-    version kept too little of their cases; their old verdicts are deleted.
+    that any new recording can change every verdict: all cases are judged anew. Returns the number of parts that cannot
+    be judged, since an earlier version kept too little of their cases; their old verdicts are deleted.
     """
     old = too_old(store)
     for evaluation_id in old:

@@ -49,8 +49,10 @@ class ObservedFeatures:
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
     """The faults, each with its sensor, that a rig of these sensors has scores of."""
+    cameras = [sensor for sensor in sensors if sensor != LIDAR]
     return (
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
+        *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
         (Cause.GLARE, None),
@@ -262,6 +264,8 @@ def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
+    if hypothesis.cause is Cause.EXPOSURE:
+        return False  # tone curves follow exposures; light that is thrown into a camera changes its level too
     if hypothesis.cause is Cause.DARK:
         return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):

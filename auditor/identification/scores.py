@@ -12,7 +12,7 @@ from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
-from auditor.model.verdict import Cause
+from auditor.model.verdict import Cause, CauseIn
 
 EITHER_WAY = frozenset({Cause.EXPOSURE})
 """Faults whose scores are as unusual far below what is usual as far above it."""
@@ -46,12 +46,22 @@ def thresholds_from(
     }
     causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
     of_causes = {
-        cause: expected(prior_of_cause(cause), [one.strengths[cause] for one in clean if cause in one.strengths])
+        cause: _expected_of(cause, [one.strengths[cause] for one in clean if cause in one.strengths])
         for cause in causes
     }
     drives = len({one.recording_id for one in clean})
-    scales = {cause: fault_scale(cause[0], found, limit) for cause, found in of_causes.items()}
+    known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in EITHER_WAY}
+    scales = {cause: fault_scale(cause[0], found, limit) for cause, found in known.items()}
     return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
+
+
+def _expected_of(cause: CauseIn, drives: Sequence[Floats]) -> Expected:
+    """What is expected of a fault's score; what is usual of a rig only its own drives say."""
+    prior = prior_of_cause(cause)
+    means = [float(np.nanmean(scores)) for scores in drives if not np.isnan(scores).all()]
+    if cause[0] in EITHER_WAY and means:
+        prior = prior._replace(mean=float(np.median(means)))
+    return expected(prior, drives)
 
 
 def fault_scale(cause: Cause, found: Expected, limit: float) -> Scale:

@@ -1,14 +1,12 @@
 """What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import groupby
+from functools import cached_property
 
 import numpy as np
 
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, SensorCheck
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck, counting_checks
 from auditor.model.rig import LIDAR, Triple
 
 
@@ -37,21 +35,7 @@ class System:
 
     def counting(self, absent: frozenset[int]) -> Indices:
         """The checks that count in a frame without these sensors: each of the most voters that are there."""
-        return _counting(self.sensor_checks, absent)
-
-
-@lru_cache(maxsize=512)
-def _counting(sensor_checks: Sequence[SensorCheck], absent: frozenset[int]) -> Indices:
-    def subject(column: int) -> tuple[Check, int]:
-        return sensor_checks[column].check, sensor_checks[column].sensor
-
-    there = [column for column, one in enumerate(sensor_checks) if absent.isdisjoint(one.needed)]
-    found: list[int] = []
-    for (check, _), group in groupby(sorted(there, key=subject), key=subject):
-        columns = list(group)
-        most = max(len(sensor_checks[column].others) for column in columns)
-        found += [c for c in columns if check in LIDAR_CHECKS or len(sensor_checks[c].others) == most]
-    return np.array(sorted(found), dtype=np.intp)
+        return np.array(counting_checks(self.sensor_checks, absent), dtype=np.intp)
 
 
 def measured_triples(one: System, measured: frozenset[SensorCheck], absent: frozenset[int]) -> list[Triple]:

@@ -6,7 +6,7 @@ Fault features separate faults from attacks; they are measured with every frame,
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, groupby
 from math import nan
 from typing import NamedTuple, TypeVar
 
@@ -120,6 +120,22 @@ def sensor_checks_of(
         ),
         *(SensorCheck(check, LIDAR, (k,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS) for k in views),
     )
+
+
+@lru_cache(maxsize=512)
+def counting_checks(sensor_checks: Sequence[SensorCheck], absent: frozenset[int]) -> tuple[int, ...]:
+    """The places of the checks that count in a frame without these sensors: each of the most voters that are there."""
+
+    def subject(place: int) -> tuple[Check, int]:
+        return sensor_checks[place].check, sensor_checks[place].sensor
+
+    there = [place for place, one in enumerate(sensor_checks) if absent.isdisjoint(one.needed)]
+    found: list[int] = []
+    for (check, _), group in groupby(sorted(there, key=subject), key=subject):
+        places = list(group)
+        most = max(len(sensor_checks[place].others) for place in places)
+        found += [place for place in places if check in LIDAR_CHECKS or len(sensor_checks[place].others) == most]
+    return tuple(sorted(found))
 
 
 def cameras_of(pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:

@@ -197,13 +197,17 @@ def statistics_from_cells(store: Store, measurement: str) -> NDArray[np.float64]
     return statistics
 
 
+def counted_earlier(store: Store, measurement: str) -> bool:
+    """Whether a measurement was counted in an earlier way, so that today's thresholds say nothing of it."""
+    return store.measurement(measurement).procedure.counting_version < COUNTING_VERSION
+
+
 def refuse_earlier_counting(store: Store, measurement: str) -> None:
-    """Raises ThresholdsError for a measurement that today's thresholds cannot be compared with."""
-    stored = store.measurement(measurement)
-    if stored.procedure.counting_version < COUNTING_VERSION:
+    """Raises ThresholdsError where a measurement was counted in an earlier way."""
+    if counted_earlier(store, measurement):
         raise ThresholdsError(
             "measured by an earlier way of counting",
-            where=store.recording(stored.recording_id).name,
+            where=f"measurement {measurement}",
             remedy="measure again with auditor scan --measure-again",
         )
 

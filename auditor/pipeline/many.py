@@ -13,6 +13,7 @@ from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
     calibrate,
+    counted_earlier,
     fitting_calibration,
     judge_measurement,
     prior_for,
@@ -151,7 +152,8 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     """The measurements `given` as clean and those that `stores` hold beside them.
 
     Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
-    there as well; and, of the stores', what their current verdicts put into incidents.
+    there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
+    incidents.
     """
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
@@ -177,6 +179,7 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     for measurement in store.ids("measurements"):
         if measurement not in given:
             reason = _attacked(store, measurement) or _superseded(store, measurement)
+            reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
             yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 

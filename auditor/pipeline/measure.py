@@ -82,7 +82,8 @@ class MeasureTask:
     """One recording to be measured into a store.
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it.
+    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it,
+    as it does what was counted in an earlier way.
     """
 
     recording: Path | Location
@@ -130,10 +131,12 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)
         by_id = {measurement_id(recording.recording_id, one.rig.rig_id, procedure): one for one in found.rigs}
-        todo = [one for known, one in by_id.items() if task.again or not store.has_measurement(known)]
-        for one in todo:
+        todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
+        for known, one in todo.items():
             store.write_rig(one.rig)
             _measure(recording, one, found.remarks, matcher, procedure, store, progress)
+            if task.again:
+                _remove_counted_earlier(store, known)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
         damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
@@ -142,11 +145,11 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         )
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
-            known = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-            record = _recording_record(recording, task, known, measurements, damage)
+            kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
+            record = _recording_record(recording, task, kept, measurements, damage)
             if todo:
                 record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
-            if record != known:
+            if record != kept:
                 store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
                 store.write_recording(record)
         return Measured(
@@ -158,6 +161,22 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
             damage=damage,
             calibration_warnings=calibration_warnings,
         )
+
+
+def _remove_counted_earlier(store: Store, measurement: str) -> None:
+    """Remove what was measured of the same recording by the same rig and matcher in an earlier way of counting."""
+    if not store.has_measurement(measurement):
+        return
+
+    def measured(known: str) -> tuple[str, str, str]:
+        one = store.measurement(known)
+        return one.recording_id, one.rig_id, one.procedure.matcher
+
+    version = store.measurement(measurement).procedure.counting_version
+    for known in store.ids("measurements"):
+        earlier = store.measurement(known).procedure.counting_version < version
+        if earlier and measured(known) == measured(measurement):
+            remove_measurement(store, known)
 
 
 def rigs_through(recording: Recording, surveyed: Survey, rig_file: Path | None = None) -> RigsInForce:

@@ -60,10 +60,10 @@ class Strip:
 
 @dataclass(frozen=True)
 class Chart:
-    """One statistic against its theta over time, as an SVG path: E of a triple, or the windowed ratio of a pair check.
+    """One value against its theta over time, as an SVG path: E of a triple, or the largest z of a sensor's checks.
 
-    `name` and `indices` are its label; `path` is broken where it was not measured; `above` and `below` are dots, each a
-    segment of no length.
+    `name` and `indices` are its label, `mark` that of theta; `path` is broken where it was not measured; `above` and
+    `below` are dots, each a segment of no length.
     """
 
     name: str
@@ -75,6 +75,7 @@ class Chart:
     below: str
     theta: float | None
     theta_y_px: float | None
+    mark: str
     ticks: tuple[Tick, ...]
 
 
@@ -104,15 +105,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Series:
-    """What one chart shows: a statistic for each stamp, None where not measured, and theta, None where there is none.
+    """What one chart shows: a value for each stamp, None where not measured, and theta, None where there is none.
 
-    `name` and `indices` say which: E and a triple, or a check and the sensors that it is of.
+    `name` and `indices` say which: E and a triple, or S and a sensor. `mark` is what theta is called.
     """
 
     name: str
     indices: tuple[int, ...]
     values: Sequence[float | None]
     theta: float | None
+    mark: str = "θ"
 
 
 class TimeAxis:
@@ -225,6 +227,7 @@ def _chart(
         below="".join(dots[False]),
         theta=series.theta,
         theta_y_px=y_px(series.theta) if series.theta is not None and series.theta >= 0 else None,
+        mark=series.mark,
         ticks=tuple(
             Tick(y_px(value), label) for value, label in round_values(0.0, highest, 3 if bottom - top < 60 else 4)
         ),

@@ -104,6 +104,9 @@ CREATE MACRO z_score(statistic, mean, deviation, z_offset, z_range) AS
             THEN least(greatest((log_odds(statistic, z_offset) - mean) / deviation, z_range[1]), z_range[2])
     END;
 
--- The statistic of a check whose z is the limit, between 0 and 1.
+-- The statistic of a check whose z is the limit, between 0 and 1; NULL where any of the four is.
 CREATE MACRO statistic_at_limit(mean, deviation, z_limit, z_offset) AS
-    least(greatest((1 + 2 * z_offset) / (1 + exp(-mean - z_limit * deviation)) - z_offset, 0), 1);
+    CASE
+        WHEN mean + z_limit * deviation + z_offset IS NOT NULL
+            THEN least(greatest((1 + 2 * z_offset) / (1 + exp(-mean - z_limit * deviation)) - z_offset, 0), 1)
+    END;

@@ -34,7 +34,6 @@ OTHER_DRIVES = 3
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Parts = Callable[[Sequence[Frame], Rig], Iterable[Happening]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +115,9 @@ def clean_of(scene: Scene) -> Watched:
     )
 
 
-def measured_drive(name: str, family: str, rig: Rig, kept: Sequence[Frame], parts: Parts) -> Drive:
+def measured_drive(name: str, family: str, rig: Rig, happened: Iterable[Happening]) -> Drive:
     """A drive under everything that happens to it."""
-    found = (Series(what, cause, sensor, measured(stream, rig)) for what, cause, sensor, stream in parts(kept, rig))
+    found = (Series(what, cause, sensor, measured(stream, rig)) for what, cause, sensor, stream in happened)
     return Drive(name, family, rig, tuple(found))
 
 

@@ -1,4 +1,7 @@
-"""What an evaluation keeps of a case is what a scan would measure of the attacked frame, and of the frame after it."""
+"""What an evaluation keeps of a case is what a scan would measure of the attacked frame, and of the frame after it.
+
+One camera is grey and two have colours.
+"""
 
 from dataclasses import replace
 from itertools import chain
@@ -10,10 +13,12 @@ from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.experiments import Case, Experiment, all_triples
 from auditor.evaluation.features import FeaturesOfCases
 from auditor.evaluation.runner import InTime
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.lab.simulation.drives import make_drive
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState
 from auditor.model.rig import LIDAR
 from tests.making.scenes import moved
@@ -28,7 +33,7 @@ FRAMES = 4
 
 @pytest.fixture(scope="module", params=OFFSETS_M, ids=list(OFFSETS_M))
 def drive(request):
-    made = make_drive(2, FRAMES, width_px=414, height_px=126)
+    made = make_drive(2, FRAMES, width_px=414, height_px=126, condition="clear", kinds=("grey", "colour", "colour"))
     offsets = OFFSETS_M[request.param]
     rig = moved(made.rig, offsets) if offsets else made.rig
     frames = list(replace(made, vehicle=replace(made.vehicle, rig=rig)).frames())
@@ -50,7 +55,7 @@ def scanned(frames, rig, number):
         measurement, evidence = measure(frame, rig, MATCHER)
         fault_features = watch.update(evidence)
         if frame.number == number:
-            pairs = [fault_features[pair].values if pair in fault_features else [np.nan] * 21 for pair in rig.pairs]
+            pairs = [fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs]
             coverage = [measurement.coverage.get(s) for s in rig.sensors]
             return (
                 [s in measurement.fingerprints for s in rig.sensors],
@@ -93,6 +98,16 @@ def test_the_features_of_a_case_are_those_of_a_scan_and_so_are_those_of_the_fram
             np.testing.assert_array_equal(after, scanned(copy, rig, number + 1)[-1])
         else:
             assert np.isnan(after).all()
+
+
+@pytest.mark.parametrize("attacks", [{}, {LIDAR: WALL}, {1: FACULA}, {2: FACULA, 3: FACULA}], ids=repr)
+def test_the_statistics_of_a_case_are_those_of_measuring_the_attacked_frame(drive, attacks):
+    rig, frames = drive
+    for frame in frames[2:]:  # of the last S_2 is missing
+        if set(attacks) <= {LIDAR, *frame.images}:
+            measurement, _ = measure(attacked(frame, rig, attacks), rig, MATCHER)
+            expected = sensor_statistics(rig_sensor_checks(rig), measurement.cells, measurement.shares)
+            assert AttackedFrame(frame, rig, MATCHER).statistics(attacks) == expected
 
 
 def test_inside_an_interval_the_frame_before_is_attacked_as_well(drive):

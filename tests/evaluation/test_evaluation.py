@@ -17,11 +17,11 @@ from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.chunks import CHUNK_FRAMES
 from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
 from auditor.evaluation.features import FeaturesOfCases
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import CAMERA_CHECKS, Check, rig_sensor_checks
 from auditor.model.measurement import Procedure
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.verdict import AttackLabel
@@ -58,7 +58,7 @@ def under_attacks(frame, attacks):
     return replace(frame, images=images, cloud=attacks[0].apply(frame.cloud, RIG) if 0 in attacks else frame.cloud)
 
 
-def test_an_attacked_frame_gives_the_counts_and_windowed_ratios_of_measuring_it():
+def test_an_attacked_frame_gives_the_counts_and_statistics_of_measuring_it():
     frame, matcher = plane_frame(RIG, depth_m=7.0), find_matcher("sgbm")
     attacked_frame = AttackedFrame(frame, RIG, matcher)
     found = []
@@ -67,8 +67,8 @@ def test_an_attacked_frame_gives_the_counts_and_windowed_ratios_of_measuring_it(
             attacks = {s: ATTACKS[s] for s in attacked}
             measured, _ = measure(under_attacks(frame, attacks), RIG, matcher)
             assert attacked_frame.counts(attacks) == measured.counts
-            found.append(attacked_frame.ratios(attacks))
-            assert found[-1] == windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
+            found.append(attacked_frame.statistics(attacks))
+            assert found[-1] == sensor_statistics(rig_sensor_checks(RIG), measured.cells, measured.shares)
     assert len(set(found)) >= len(found) - 2  # where all cameras are blinded none can check the LiDAR
 
 
@@ -117,26 +117,26 @@ def test_a_triple_that_was_not_requested_or_lacks_a_sensor_has_no_counts():
     assert [t for t, c in counts.items() if c] == [Triple(0, 1, 4)]
 
 
-def test_windowed_ratios_are_those_of_the_requested_triples_whose_sensors_are_there():
+def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there():
     matcher = find_matcher("sgbm")
     attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
     asked = {
-        e
-        for e, x in zip(attacked_frame.pair_checks, attacked_frame.ratios({}, [Triple(0, 1, 4)]), strict=True)
+        check
+        for check, x in zip(
+            attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True
+        )
         if x is not None
     }
     assert asked == {
-        ("lidar_conflict", 1, 4),
-        ("photometric_inconsistency", 1, 4),
-        ("brightness_difference", 1, 4),
-        ("point_dropout", 0, 4),
-        ("isolated_points", 0, 4),
+        *(c for c in rig_sensor_checks(RIG) if c.check is Check.LIDAR_CONFLICT and {1, 4} <= set(c.others)),
+        *((check, camera, (5 - camera,)) for check in CAMERA_CHECKS for camera in (1, 4)),
+        *((check, LIDAR, (4,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)),
     }
     for missing in ({0}, {2}, {0, 4}):
         frame = plane_frame(RIG, without=frozenset(missing))
         measured, _ = measure(frame, RIG, matcher)
-        everything = windowed_ratios(rig_pair_checks(RIG), measured.cells, measured.shares)
-        assert AttackedFrame(frame, RIG, matcher).ratios({}) == everything
+        everything = sensor_statistics(rig_sensor_checks(RIG), measured.cells, measured.shares)
+        assert AttackedFrame(frame, RIG, matcher).statistics({}) == everything
 
 
 def test_all_seven_combinations_of_every_triple_are_tried_and_all_pairs_that_can_be_identified():
@@ -271,7 +271,7 @@ def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(driv
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
     monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
-    monkeypatch.setattr(AttackedFrame, "ratios", lambda attacked_frame, *_: [None] * len(attacked_frame.pair_checks))
+    monkeypatch.setattr(AttackedFrame, "statistics", lambda frame, *_: [None] * len(frame.sensor_checks))
     none = CaseFeatures([], [], [], [], [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
 
@@ -339,9 +339,9 @@ def test_every_rig_of_a_recording_is_evaluated_into_parts_of_its_own(tmp_path, m
 
 
 def test_a_street_is_opened_without_making_a_frame():
-    with Street(7, 3).open(colour=False) as (street,):
+    with Street(7, 3).open() as (street,):
         assert (street.synthetic, street.rig.n) == (True, 3)
-    with Street(8, 3).open(colour=False) as (other,):
+    with Street(8, 3).open() as (other,):
         assert other.recording_id != street.recording_id
 
 
@@ -357,13 +357,22 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
     first = CliRunner().invoke(auditor, arguments)
     assert first.exit_code == 0, first.stderr
     rows = json.loads(first.stdout)
-    assert {row["left_out"] for row in rows} == {"nothing"}
-    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3"))
+    assert {(row["method"], row["left_out"], row["drives"]) for row in rows} == {
+        ("paper", "nothing", 1),
+        ("robust", "nothing", 1),
+        ("robust", "block", 0),  # five frames are one block
+        ("robust", "recording", 0),
+    }
+    assert all(row["clean_frames"] == FRAMES and 0 <= row["not_clean"] <= 1 for row in rows)
+    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "innocents"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr
     assert json.loads(second.stdout) == rows
     alone = CliRunner().invoke(auditor, [*arguments, "--leave-out", "family"])
-    assert json.loads(alone.stdout) == []  # no other recording gives thresholds
+    # No other recording gives thresholds: the robust method has its prior, the paper's nothing.
+    assert {(row["method"], row["left_out"], row["drives"]) for row in json.loads(alone.stdout)} == {
+        ("robust", "recording", 0)
+    }
 
 
 def test_the_command_needs_recordings_or_streets():

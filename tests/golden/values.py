@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from auditor.identification.cross_validation import robust_thresholds
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import SensorCheck, rig_sensor_checks
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.rig import LIDAR, Rig
@@ -56,6 +56,7 @@ ATTACKED = {
     "wall": (range(21, 25), LIDAR, BogusWall(range_m=8.0, lateral_m=0.0)),
 }
 
+R = Decimal("0.01")
 HIGH_RATE = 5000.0
 """Incidents an hour: so many that the few clean frames can tell them from none."""
 
@@ -63,7 +64,7 @@ Table = dict[str, Any]
 
 
 def one_frame() -> dict[str, dict[str, Table]]:
-    """By case and subject: the counts of each triple, each check's statistic, sums of its cells, fault features."""
+    """By case and subject: the counts of each triple, each sensor check's statistic, sums of cells, fault features."""
     rig, stream = frames("0009", all_cameras=True)
     before, frame = islice(stream, FRAME_NUMBER - 1, FRAME_NUMBER + 1)
     return {name: _figures(before, _changed(frame, rig, attacks), rig) for name, attacks in CASES.items()}
@@ -73,7 +74,6 @@ def _figures(before: Frame, frame: Frame, rig: Rig) -> dict[str, Table]:
     matcher, watch = find_matcher("sgbm"), FaultFeatures()
     watch.update(measure(before, rig, matcher)[1])
     measured, evidence = measure(frame, rig, matcher)
-    pair_checks = rig_pair_checks(rig)
     return {
         "counts": {
             " ".join(map(str, triple)): [
@@ -87,17 +87,13 @@ def _figures(before: Frame, frame: Frame, rig: Rig) -> dict[str, Table]:
             if counts is not None
         },
         "statistics": {
-            f"{e.check.value} {e.i} {e.k}": ratio
-            for e, ratio in zip(pair_checks, _ratios(measured, rig), strict=True)
-            if ratio is not None
+            _named(check): value
+            for check, value in zip(rig_sensor_checks(rig), _statistics(measured, rig), strict=True)
+            if value is not None
         },
         "cells": {
-            f"{e.check.value} {e.i} {e.k}": [
-                int(measured.cells[e].valid.sum()),
-                int(measured.cells[e].inconsistent.sum()),
-            ]
-            for e in pair_checks
-            if e in measured.cells
+            f"{of.check.value} {of.i} {of.k} on {of.sensor}": [int(one.valid.sum()), int(one.total.sum())]
+            for of, one in measured.cells.items()
         },
         "features": {
             " ".join(map(str, pair)): [[round(value, DIGITS) for value in part] for part in features]
@@ -115,15 +111,20 @@ def one_stretch() -> dict[str, Any]:
         rig, stream = frames("0009", all_cameras=True)
         audited = _measured(store, rig, _stretch(stream, rig), "b")
         calibration = calibrate([(store, clean)])
-        judge_measurement(store, audited, calibration, Criteria(Decimal(0)))
+        judge_measurement(store, audited, calibration, Criteria(R))
         rows = run_sql(store, f"SELECT {COLUMNS} FROM verdicts ORDER BY frame").to_pylist()
-        thresholds = robust_thresholds(calibration, system_of(rig), Decimal(0), HIGH_RATE)
+        thresholds = robust_thresholds(calibration, system_of(rig), R, HIGH_RATE)
     return {
         "score": thresholds.score,
         "thresholds": {
-            " ".join(str(part) for part in key if part is not None): [scale.theta, scale.scale, scale.samples]
-            for key, scale in {**thresholds.scales_of, **thresholds.causes}.items()
+            _named(check): [one.mean, one.deviation, one.drives, one.samples]
+            for check, one in thresholds.expected.items()
         },
+        "causes": {
+            " ".join(str(part) for part in cause if part is not None): [scale.theta, scale.scale, scale.drives]
+            for cause, scale in thresholds.causes.items()
+        },
+        "limit": thresholds.limit,
         "frames": [_readable(row) for row in rows],
     }
 
@@ -157,13 +158,17 @@ def _measured(store: Store, rig: Rig, stream: Iterator[Frame], recording: str) -
     with store.frames_writer(record.measurement_id, rig) as writer:
         for frame in stream:
             measured, evidence = measure(frame, rig, matcher)
-            writer.add(replace(measured, fault_features=watch.update(evidence)), _ratios(measured, rig))
+            writer.add(replace(measured, fault_features=watch.update(evidence)), _statistics(measured, rig))
         writer.commit(record)
     return record.measurement_id
 
 
-def _ratios(measured: Measurement, rig: Rig) -> tuple[float | None, ...]:
-    return windowed_ratios(rig_pair_checks(rig), measured.cells, measured.shares)
+def _statistics(measured: Measurement, rig: Rig) -> tuple[float | None, ...]:
+    return sensor_statistics(rig_sensor_checks(rig), measured.cells, measured.shares)
+
+
+def _named(check: SensorCheck) -> str:
+    return f"{check.check.value} {check.sensor} by {' '.join(map(str, check.others))}"
 
 
 def _readable(row: Mapping[str, object]) -> Table:
@@ -202,8 +207,8 @@ def _write() -> None:
     FRAME.write_text(
         f"# Frame {FRAME_NUMBER} of KITTI drive 0009 with four cameras, clean and attacked.\n"
         "# counts: valid, inconsistent, valid with texture, inconsistent with texture, nearer than the matcher sees.\n"
-        "# cells: the sums over the grid, valid and inconsistent.\n"
-        "# features: rows, contrast, agreement with the LiDAR and isolated points, in the order of their fields.\n"
+        "# cells: by pair, and the sensor whose grid it is, the sums over it: valid, and inconsistent or light.\n"
+        "# features: rows, agreement with the LiDAR and isolated points, in the order of their fields.\n"
         + "".join(
             _section(f'["{case}".{subject}]', table)
             for case, tables in figures.items()
@@ -211,12 +216,14 @@ def _write() -> None:
         )
     )
     STRETCH.write_text(
-        f"# Frames {CHUNK_FRAMES.start} to {CHUNK_FRAMES[-1]} of KITTI drive 0009, judged at r = 0 by drive 0001.\n"
-        "# thresholds: theta, scale and the number of clean samples.\n"
+        f"# Frames {CHUNK_FRAMES.start} to {CHUNK_FRAMES[-1]} of KITTI drive 0009, judged at r = {R} by drive 0001.\n"
+        "# thresholds: mean, deviation, drives and frames; causes: theta, scale, drives.\n"
         + "".join(f"# {name}: frames {during.start} to {during[-1]}\n" for name, (during, *_) in ATTACKED.items())
         + f"# S_{STANDS_STILL[1]} stands still: frames {STANDS_STILL[0].start} to {STANDS_STILL[0][-1]}\n\n"
         + _line("score", chunk["score"])
+        + _line("limit", chunk["limit"])
         + _section("[thresholds]", chunk["thresholds"])
+        + _section("[causes]", chunk["causes"])
         + "".join(_section("[[frames]]", verdict) for verdict in chunk["frames"])
     )
 

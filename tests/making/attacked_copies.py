@@ -70,7 +70,7 @@ def compare(
     for path in (clean, others):
         evaluate_source(EvaluateTask(Recorded(path), store, attack_every=every, patterns=patterns), lambda *_: None)
     judge_cases(Store.open(store))
-    with Recorded(clean).open(colour=False) as (drive,):
+    with Recorded(clean).open() as (drive,):
         rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
         evaluated = _evaluated(Store.open(store), drive.recording_id, rig)
         seed = int(drive.recording_id[:8], 16)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import PairCheck
+from auditor.model.checks import SensorCheck
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Triple
 from auditor.model.verdict import Cause, CauseIn
@@ -16,12 +16,12 @@ PERIOD_NS = 100_000_000
 def clean_frames(
     samples: Mapping[tuple[Statistic, Triple], Sequence[float]],
     recordings: Sequence[str] = ("r1",),
-    ratios: Mapping[PairCheck, Sequence[float]] | None = None,
+    statistics: Mapping[SensorCheck, Sequence[float]] | None = None,
     strengths: Mapping[CauseIn, Sequence[float]] | None = None,
 ) -> tuple[CleanFrames, ...]:
     """Clean recordings whose frames have these samples, dealt out in turn; short columns end with unmeasured frames."""
-    ratios, strengths = ratios or {}, strengths or {(Cause.DARK, None): []}
-    F = max((len(values) for values in (*samples.values(), *ratios.values(), *strengths.values())), default=0)
+    statistics, strengths = statistics or {}, strengths or {(Cause.DARK, None): []}
+    F = max((len(values) for values in (*samples.values(), *statistics.values(), *strengths.values())), default=0)
 
     def column(values: Sequence[float], first: int) -> np.ndarray:
         padded = np.full(F, np.nan)
@@ -33,7 +33,7 @@ def clean_frames(
             recording,
             np.arange(F, dtype=np.int64)[first :: len(recordings)] * PERIOD_NS,
             {key: column(values, first) for key, values in samples.items()},
-            {pair_check: column(values, first) for pair_check, values in ratios.items()},
+            {check: column(values, first) for check, values in statistics.items()},
             {cause: column(values, first) for cause, values in strengths.items()},
         )
         for first, recording in enumerate(recordings)

@@ -6,9 +6,9 @@ import numpy as np
 
 from auditor.evaluation import judge_cases
 from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws
-from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
+from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, make_features, new_store, part_columns
 
 
@@ -44,10 +44,5 @@ def measured(rig, frame, case, rng, seen):
         E = int(rng.integers(300, 900) if raised else rng.integers(10, 200))
         counts.append(Counts(2000, E, 1000, E, 0))
     varied = case.attacked, case.attack, case.strength, case.size, case.visible_share
-    ratios = [
-        rng.uniform(0.6, 1)
-        if set(case.attacked) & set(pair_check.nameable) and rng.random() < seen
-        else rng.uniform(0, 0.2)
-        for pair_check in rig_pair_checks(rig)
-    ]
-    return MeasuredCase(frame, frame * PERIOD_NS, 0, *varied, {}, counts, ratios, make_features(rig, frame))
+    statistics = drawn_statistics(rng, rig, case.attacked, seen=seen)
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, *varied, {}, counts, statistics, make_features(rig, frame))

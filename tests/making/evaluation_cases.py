@@ -10,15 +10,17 @@ import numpy as np
 
 from auditor.identification.algorithm2 import disagreements, identify
 from auditor.identification.thresholds import threshold
-from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Counts
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
+from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
 
 RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 BLOCK = 5
 RIG = make_rig(4)
 FRAMES = {"a": 17, "b": 9}
+SEEN, SPREAD = 0.4, 2.0
+"""Some attacks are missed, and some clean frames raised."""
 
 
 def part(recording, experiment, chunk=0, *, synthetic=False):
@@ -44,15 +46,6 @@ def drawn_counts(rng, attacked, unmeasured):
     return counts
 
 
-def drawn_ratios(rng, attacked, unmeasured=0.02):
-    """Windowed ratios that are mostly high where a sensor is attacked that the pair check can name."""
-    ratios = []
-    for pair_check in rig_pair_checks(RIG):
-        level = rng.uniform(0.3, 1) if set(attacked) & set(pair_check.nameable) else rng.uniform(0, 0.55)
-        ratios.append(None if rng.random() < unmeasured else level)
-    return ratios
-
-
 def attacked_sets():
     triples = [t for t in RIG.triples if t.k == 4]
     sets = {s for t in triples for size in (1, 2, 3) for s in combinations(t, size)}
@@ -70,10 +63,10 @@ def make_evaluation(folder):
 
             def case(attacked, strength=None, size=None, *, at=frame):
                 counts = drawn_counts(rng, attacked, 0.02)
-                ratios = drawn_ratios(rng, attacked)
+                statistics = drawn_statistics(rng, RIG, attacked, seen=SEEN, unmeasured=0.02, spread=SPREAD)
                 features = make_features(RIG, at)
                 return MeasuredCase(
-                    at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, ratios, features
+                    at, at * PERIOD_NS, 0, attacked, None, strength, size, None, {}, counts, statistics, features
                 )
 
             cases["clean", recording].append(case(()))
@@ -141,6 +134,6 @@ def judged(e):
 
 
 def case_of(rng, frame, attacked, attack=None, strength=None):
-    counts, ratios = drawn_counts(rng, attacked, 0), drawn_ratios(rng, attacked, 0)
-    features = make_features(RIG, frame)
-    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, ratios, features)
+    counts, features = drawn_counts(rng, attacked, 0), make_features(RIG, frame)
+    statistics = drawn_statistics(rng, RIG, attacked, seen=SEEN, spread=SPREAD)
+    return MeasuredCase(frame, frame, 0, attacked, attack, strength, None, None, {}, counts, statistics, features)

@@ -8,9 +8,15 @@ from decimal import Decimal
 import cv2
 import numpy as np
 
-from auditor.identification.paper import judge_frames
+from auditor.identification.cross_validation import robust_thresholds
+from auditor.identification.paper import judge_frames as judge_by_paper
+from auditor.identification.parameters import SCORE_LIMITS
+from auditor.identification.prior import OFFSET
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.systems import System
 from auditor.identification.thresholds import thresholds_at
-from auditor.model.checks import rig_pair_checks
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, Skipped, TopicBalance
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
@@ -23,7 +29,7 @@ from tests.making.clean_frames import clean_frames
 
 START_NS = 1_317_042_145_904_000_000
 PERIOD_NS = 100_000_000
-RULES = JudgingRules("d" * 12, "{}", "0.0")
+RULES = JudgingRules("d" * 12, "{}", "0.0", OFFSET, (SCORE_LIMITS.lowest, SCORE_LIMITS.highest))
 PROCEDURE = Procedure("sgbm_3way", '{"range_px":128,"scale":0.5}')
 WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC).replace(tzinfo=None)
 VALID_PX = 10_000
@@ -60,8 +66,12 @@ def add_recording(
     vehicle="car 7",
     regions=(),
     coverage=None,
+    drives=None,
 ):
-    """Keep one recording. `attacks` are (sensors, first, last); `missing` are (sensor, frame)."""
+    """Keep one recording. `attacks` are (sensors, first, last); `missing` are (sensor, frame).
+
+    It is judged by the paper's method; where `drives` are given, by the robust one that so many drives taught.
+    """
     rig = rig or make_rig()
     recording_id = hashlib.sha256(name.encode()).hexdigest()
     store.write_rig(rig)
@@ -90,12 +100,14 @@ def add_recording(
                 writer.skip(Skipped(frame, START_NS + frame * PERIOD_NS, "reference missing", rig.n))
             else:
                 measured = _measurement(rig, frame, attacks=attacks, missing=missing, unmeasured=unmeasured)
-                writer.add(replace(measured, regions=regions), _ratios(rig, frame, attacks, measured))
+                writer.add(replace(measured, regions=regions), _statistics(rig, frame, attacks, measured))
         writer.commit(record)
     for frame in pictured:
         store.write_picture(record.measurement_id, Picture(frame, rig.n, *_picture(rig)))
-    if judged:
+    if judged and drives is None:
         _judge(store, rig, record.measurement_id, r)
+    elif judged:
+        _judge_robust(store, rig, record.measurement_id, r, drives)
     return record.measurement_id
 
 
@@ -144,14 +156,14 @@ def _measurement(rig, frame, *, attacks, missing, unmeasured):
     )
 
 
-def _ratios(rig, frame, attacks, measured):
-    """Every check of an attacked sensor fires; all others stay low."""
+def _statistics(rig, frame, attacks, measured):
+    """Every check of an attacked sensor is far above the limit, and so is every one by an attacked camera alone."""
     attacked = {s for sensors, first, last in attacks if first <= frame <= last for s in sensors}
     return [
-        (0.9 if attacked & set(pair_check.nameable) else 0.01 * (frame % 20))
-        if all(measured.presence[s].state is SensorState.PRESENT for s in pair_check.needed)
+        (0.9 if attacked & set(one.nameable) else 0.01 + 0.001 * (frame % 20))
+        if all(measured.presence[s].state is SensorState.PRESENT for s in one.needed)
         else None
-        for pair_check in rig_pair_checks(rig)
+        for one in rig_sensor_checks(rig)
     ]
 
 
@@ -165,9 +177,31 @@ def _judge(store, rig, measurement_id, r):
         frozenset(s for s, state in zip(rig.sensors, states, strict=True) if state != "present")
         for states in errors.states
     ]
-    verdicts = judge_frames(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
+    verdicts = judge_by_paper(errors.E, thresholds, rig.triples, rig.sensors, missing, rig.fallback)
     rows = zip(errors.frames.tolist(), errors.stamps_ns.tolist(), verdicts, strict=True)
     store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, RULES, WHEN), rows)
+
+
+def _judge_robust(store, rig, measurement_id, r, drives):
+    clean = tuple(
+        CleanFrames(
+            f"{drive:064x}",
+            START_NS + PERIOD_NS * np.arange(20),
+            {},
+            {one: np.full(20, 0.05) + 0.002 * np.arange(20) for one in rig_sensor_checks(rig)},
+            {},
+        )
+        for drive in range(drives)
+    )
+    system = System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
+    thresholds = robust_thresholds(Calibration("c" * 64, rig.kind, PROCEDURE, clean), system, Decimal(r))
+    stored = store.load_statistics(measurement_id)
+    present = stored.states == SensorState.PRESENT
+    series = FrameSeries.of_recording(stored.stamps_ns, stored.statistics, present, stored.fingerprints, {})
+    rows = zip(
+        stored.frames.tolist(), stored.stamps_ns.tolist(), judge_frames(series, system, thresholds), strict=True
+    )
+    store.write_judgement(JudgementRecord(measurement_id, "robust", thresholds, RULES, WHEN), rows)
 
 
 def _picture(rig):

@@ -6,18 +6,17 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.model.calibration import Thresholds
-from auditor.model.checks import COLUMNS, Rows, rig_pair_checks
+from auditor.model.checks import COLUMNS, Rows, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, Skipped
 from auditor.model.measurement import Counts, Coverage, Measurement, Procedure, Statistic
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.model.verdict import Verdict, VerdictKind
 from auditor.store.evaluation_tables import CaseFeatures
-from auditor.store.measurement_tables import matched_pairs
 from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
 
 PERIOD_NS = 100_000_000
-RULES = JudgingRules("d" * 12, "{}", "0.0")
+RULES = JudgingRules("d" * 12, "{}", "0.0", z_offset=0.02, z_range=(-4.0, 12.0))
 PROCEDURE = Procedure("sgbm", '{"half":true}')
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 KINDS = {
@@ -37,19 +36,19 @@ def make_rig(n=3, *, lidar=True, name="cam", focal_px=700.0):
     return Rig(Lidar("velo", "/velo", np.eye(4)) if lidar else None, tuple(camera(k) for k in range(1, n + 1)))
 
 
-def make_measurement(rig, number, errors=None, *, ratios=(), missing=(), stamp_ns=None):
+def make_measurement(rig, number, errors=None, *, statistics=(), missing=(), stamp_ns=None):
     """A frame whose gated E of each triple, in thousandths, is `errors`; its plain E is half of that.
 
     Errors that end before the fallback leave it unmeasured.
 
-    `ratios` are those of the rig's first pair checks; sensors there have fingerprints of their own in each frame.
+    `statistics` are those of the rig's first sensor checks; sensors there have fingerprints of their own in each frame.
     """
     errors = [10] * len(rig.triples) if errors is None else list(errors)
     errors += [None] * (len(rig.measured_triples) - len(errors)) if len(errors) == len(rig.triples) else []
     presence = {s: Presence(SensorState.MISSING if s in missing else SensorState.PRESENT, 0) for s in rig.sensors}
     counts = tuple(None if E is None else Counts(2000, E, 1000, E, 0) for E in errors)
     coverage = {s: Coverage(0.25, 0.5, 0.125) if s else Coverage(returns=1000 + number) for s in rig.sensors}
-    shares = dict(zip(rig_pair_checks(rig), ratios, strict=False))
+    shares = dict(zip(rig_sensor_checks(rig), statistics, strict=False))
     prints = {s: 10 * number + s for s in rig.sensors if s not in missing}
     return Measurement(
         number,
@@ -80,7 +79,7 @@ def part_columns(rig, recording, experiment, *, drawn=3, name=None, chunk=0, syn
 
 def make_features(rig, frame, *, late=(), missing=()):
     """The fault features of a case: none, except for cameras whose pairs would be on their rows a frame earlier."""
-    names, pairs = [*Rows._fields], matched_pairs(rig)
+    names, pairs = [*Rows._fields], rig.pairs
     columns = len(COLUMNS)
     features = [None] * (columns * len(pairs))
     for place, pair in enumerate(pairs):
@@ -120,8 +119,8 @@ def add_frames(store, rig, recording_id, frames, **record):
             if isinstance(frame, Skipped):
                 writer.skip(frame)
             else:
-                # Tests give ratios as shares, whatever the check.
-                writer.add(frame, [frame.shares.get(pair_check) for pair_check in rig_pair_checks(rig)])
+                # Tests give statistics as shares, whatever the check.
+                writer.add(frame, [frame.shares.get(one) for one in rig_sensor_checks(rig)])
         writer.commit(measurement)
     return measurement.measurement_id
 

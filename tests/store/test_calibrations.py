@@ -1,14 +1,15 @@
 from dataclasses import replace
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from auditor.errors import StoreError, ThresholdsError
-from auditor.model.checks import rig_pair_checks
-from auditor.model.measurement import Statistic
+from auditor.model.checks import CAMERA_CHECKS, rig_sensor_checks
+from auditor.model.measurement import COUNTING_VERSION, Statistic
 from auditor.model.verdict import Cause
 from auditor.store.calibrations import OutdatedCalibrationError, make_calibration, read_calibration, write_calibration
-from auditor.store.queries import run_query
+from auditor.store.queries import run_query, run_sql
 from auditor.store.schema import table_schema
 from auditor.store.tables import write_rows
 from tests.making.clean_frames import clean_frames
@@ -18,12 +19,12 @@ RIG = make_rig(4)
 SAMPLES = {(s, t): [0.1 * n / 3 + t.i / 7 for n in (3, 1, 2)] for t in RIG.triples for s in Statistic}
 
 
-RATIOS = {pair_check: [0.3, 0.2, 0.1] for pair_check in rig_pair_checks(RIG)}
+STATISTICS = {check: [0.3, 0.2, 0.1] for check in rig_sensor_checks(RIG)}
 STRENGTHS = {(Cause.LATE, 0): [-2.0, 0.5, 1.0], (Cause.DARK, None): [0.1, 0.2]}
 
 
-def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind, ratios=RATIOS, strengths=STRENGTHS):
-    return make_calibration(kind, PROCEDURE, clean_frames(samples, recordings, ratios, strengths))
+def make(samples=SAMPLES, recordings=("b" * 64, "a" * 64), kind=RIG.kind, statistics=STATISTICS, strengths=STRENGTHS):
+    return make_calibration(kind, PROCEDURE, clean_frames(samples, recordings, statistics, strengths))
 
 
 def columns(calibration):
@@ -32,7 +33,7 @@ def columns(calibration):
         (
             one.recording_id,
             one.stamps_ns.tolist(),
-            {k: repr(v.tolist()) for k, v in {**one.errors, **one.ratios, **one.strengths}.items()},
+            {k: repr(v.tolist()) for k, v in {**one.errors, **one.statistics, **one.strengths}.items()},
         )
         for one in calibration.clean
     ]
@@ -46,8 +47,26 @@ def test_a_calibration_comes_back_exactly_from_a_file_anywhere(tmp_path):
     assert (again.rig_kind, again.procedure) == (calibration.rig_kind, calibration.procedure)
     assert again.calibrated_at == calibration.calibrated_at
     assert again.recordings == ("a" * 64, "b" * 64)
-    assert again.strengths == {(Cause.LATE, 0): (-2.0, 0.5, 1.0), (Cause.DARK, None): (0.1, 0.2)}
     assert again.samples[Statistic.GATED, RIG.triples[0]] == tuple(sorted(SAMPLES[Statistic.GATED, RIG.triples[0]]))
+
+
+def test_what_serves_other_rigs_comes_back_and_is_no_sample_in_sql(tmp_path):
+    """The statistics without the LiDAR are of the same checks, and the LiDAR's points in view are none."""
+    check = next(one for one in rig_sensor_checks(RIG) if one.check in CAMERA_CHECKS)
+    whole = clean_frames(SAMPLES, ("a" * 64,), STATISTICS, STRENGTHS)[0]
+    without_lidar, returns = np.array([0.5, np.nan, 0.25]), np.array([100.0, np.nan, 300.0])
+    clean = replace(whole, unmasked={check: without_lidar}, returns=returns)
+    store = new_store(tmp_path)
+    store.write_calibration(make_calibration(RIG.kind, PROCEDURE, [clean]))
+    [again] = store.calibrations()[0].clean
+    np.testing.assert_array_equal(again.unmasked[check], without_lidar)
+    np.testing.assert_array_equal(again.returns, returns)
+    sql = "SELECT samples FROM calibrations WHERE sensor = {} AND others = {} AND statistic = '{}'"
+    rows = run_sql(store, sql.format(check.sensor, list(check.others), check.check.value)).to_pylist()
+    assert [row["samples"] for row in rows] == [[0.1, 0.2, 0.3]]
+    kinds = {row["statistic"] for row in run_sql(store, "SELECT DISTINCT statistic FROM calibrations").to_pylist()}
+    assert not kinds & {"returns", f"{check.check.value}_unmasked"}
+    assert make_calibration(RIG.kind, PROCEDURE, [whole]).calibration_id != store.ids("calibrations")[0]
 
 
 def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
@@ -62,17 +81,17 @@ def test_a_store_keeps_calibrations_by_their_ids(tmp_path):
 
 
 def test_equal_content_has_equal_ids_and_any_change_another(tmp_path):
-    clean = clean_frames(SAMPLES, ("b" * 64, "a" * 64), RATIOS, STRENGTHS)
+    clean = clean_frames(SAMPLES, ("b" * 64, "a" * 64), STATISTICS, STRENGTHS)
     assert make().calibration_id == make_calibration(RIG.kind, PROCEDURE, reversed(clean)).calibration_id
     first = next(iter(SAMPLES))
     changed = {**SAMPLES, first: [*SAMPLES[first][:-1], SAMPLES[first][-1] + 2**-50]}
-    louder = {pair_check: [*values[:-1], 0.2] for pair_check, values in RATIOS.items()}
+    louder = {check: [*values[:-1], 0.2] for check, values in STATISTICS.items()}
     others = [
         make(changed),
         make(recordings=("a" * 64,)),
         make(kind=make_rig(4, focal_px=701.0).kind),
-        make(ratios=louder),
-        make(ratios={}),
+        make(statistics=louder),
+        make(statistics={}),
         make(strengths={(Cause.LATE, 0): [-2.0, 0.5, 1.0]}),
     ]
     assert len({make().calibration_id, *(other.calibration_id for other in others)}) == 7
@@ -143,3 +162,11 @@ def test_an_older_file_that_did_not_keep_causes_is_refused(tmp_path):
     write_rows("calibrations", tmp_path / "old", rows)
     with pytest.raises(OutdatedCalibrationError, match="causes"):
         read_calibration(tmp_path / "old")
+
+
+def test_one_of_measurements_that_were_counted_otherwise_is_refused_and_does_not_bar_the_store(tmp_path):
+    store, earlier = new_store(tmp_path), replace(PROCEDURE, counting_version=COUNTING_VERSION - 1)
+    store.write_calibration(make_calibration(RIG.kind, earlier, clean_frames(SAMPLES, strengths=STRENGTHS)))
+    assert store.calibrations() == []
+    with pytest.raises(OutdatedCalibrationError, match=r"earlier way of counting.*calibrate --measure-again"):
+        store.calibration(store.ids("calibrations")[0])

@@ -3,8 +3,9 @@ from decimal import Decimal
 import pytest
 
 from auditor.errors import QueryError
-from auditor.model.calibration import RobustThresholds, Scale
-from auditor.model.checks import rig_pair_checks
+from auditor.identification.prior import log_odds, statistic_at
+from auditor.model.calibration import Expected, RobustThresholds
+from auditor.model.checks import LIDAR_CHECKS, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 from auditor.store.calibrations import make_calibration
@@ -197,6 +198,19 @@ def test_coverage_counts_each_sensor(store):
 # frame
 
 
+def by_all_there(rig, absent=()):
+    """The sensor checks that count in a frame without some sensors, in their order."""
+    there = [one for one in rig_sensor_checks(rig) if not set(one.needed) & set(absent)]
+    most = {}
+    for one in there:
+        most[one[:2]] = max(len(one.others), most.get(one[:2], 0))
+    return [one for one in there if one.check in LIDAR_CHECKS or len(one.others) == most[one[:2]]]
+
+
+def in_words(check):
+    return f"{check.check.value} S_{check.sensor} by {' and '.join(f'S_{other}' for other in check.others)}"
+
+
 def test_everything_of_one_frame_is_told(store):
     measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 7, [250, None, 100])])
     store.write_labels("a" * 64, [AttackLabel("/cam1", "facula", 0, 10**12, {})], RIG)
@@ -207,10 +221,7 @@ def test_everything_of_one_frame_is_told(store):
         "part", "item", "value", "measured", "theta", "score", "note", "name", "measurement_id"
     ]  # fmt: skip
     rows = [tuple(row.values())[:7] for row in answer.to_pylist()]
-    checks = [
-        ("score", f"{one.check.value} S_{one.i} S_{one.k}", None, None, None, None, None)
-        for one in rig_pair_checks(RIG)
-    ]
+    checks = [("score", in_words(one), None, None, None, None, None) for one in by_all_there(RIG)]
     camera = "skew +0.0 ms, 25.0 % saturated, 50.0 % without texture, 12.5 % unmatched"
     assert rows == [
         ("frame", "time", "0.700 s", None, None, None, "stamp 700000000 ns"),
@@ -234,11 +245,13 @@ def test_everything_of_one_frame_is_told(store):
 
 
 def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
-    ratios = [0.5, 0.1]
-    measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, ratios=ratios, missing=(1,))])
-    checks = rig_pair_checks(RIG)
-    scales_of = {one: Scale(0.2, 0.1, 50) for one in checks}
-    thresholds = RobustThresholds("c" * 32, Decimal(0), scales_of, {}, resolvable=True)
+    checks = rig_sensor_checks(RIG)
+    counting = by_all_there(RIG, absent=(1,))
+    statistics = [{counting[0]: 0.5, counting[1]: 0.1}.get(one) for one in checks]
+    measurement_id = add_measurement(store, RIG, [make_measurement(RIG, 0, statistics=statistics, missing=(1,))])
+    usual = float(log_odds(0.2))
+    expected = {one: Expected(usual, 0.5, 2, 50) for one in checks}
+    thresholds = RobustThresholds("c" * 32, Decimal(0), 3.0, expected, {}, drives=2)
     verdict = Verdict(
         VerdictKind.SUSPECT,
         "---",
@@ -255,16 +268,10 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     assert ("verdict", "kind", "suspect", None, None, None, "too few sensors") in rows
     assert ("verdict", "reached with", "S_0 and S_2 and S_3", None, None, None, "without S_1") in rows
     scores = [row for row in rows if row[0] == "score"]
-    assert scores[0] == (
-        "score",
-        f"{checks[0].check.value} S_{checks[0].i} S_{checks[0].k}",
-        None,
-        0.5,
-        0.2,
-        pytest.approx(3.0),
-        None,
-    )
-    assert scores[1][3:6] == (0.1, 0.2, pytest.approx(-1.0))
+    theta, z = pytest.approx(statistic_at(usual + 3 * 0.5)), (log_odds(0.5) - usual) / 0.5
+    assert scores[0] == ("score", in_words(counting[0]), None, 0.5, theta, pytest.approx(z), None)
+    assert scores[1][3:6] == (0.1, theta, pytest.approx((log_odds(0.1) - usual) / 0.5))
+    assert [row[1] for row in scores] == [in_words(one) for one in counting]
     assert rows[-3:] == [
         ("cause", "late S_2", None, 0.75, None, None, "S_2 lags by a frame"),
         ("alternative", "no attack", None, 1.5, None, None, "worse by so much"),

@@ -15,7 +15,7 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.identification.paper import judge_frames
-from auditor.model.checks import rig_pair_checks, usual_pair_checks
+from auditor.model.checks import Check, CountedPair, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState, TopicBalance
 from auditor.model.measurement import Cells, Counts, Coverage, Measurement, Statistic
 from auditor.model.verdict import AttackLabel, Verdict, VerdictKind
@@ -156,66 +156,87 @@ def test_frames_come_back_as_disparity_errors_in_double_precision(tmp_path):
         assert seen == expected
 
 
-def test_frames_come_back_as_local_ratios_and_fingerprints(tmp_path):
+def test_frames_come_back_as_statistics_and_fingerprints(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     given = [0.1, None, 1 / 3]
-    frames = [skip(0), make_measurement(rig, 1, ratios=given), make_measurement(rig, 2, missing=(2,))]
+    frames = [skip(0), make_measurement(rig, 1, statistics=given), make_measurement(rig, 2, missing=(2,))]
     measurement_id = add_measurement(store, rig, frames)
-    found = store.load_ratios(measurement_id)
-    pair_checks = rig_pair_checks(rig)
-    assert found.ratios.shape == (2, len(pair_checks))
-    rest = [None] * (len(pair_checks) - 3)
-    assert [None if np.isnan(x) else x for x in found.ratios[0]] == [*given, *rest]
-    assert np.isnan(found.ratios[1]).all()
+    found = store.load_statistics(measurement_id)
+    checks = rig_sensor_checks(rig)
+    assert found.statistics.shape == (2, len(checks))
+    rest = [None] * (len(checks) - 3)
+    assert [None if np.isnan(x) else x for x in found.statistics[0]] == [*given, *rest]
+    assert np.isnan(found.statistics[1]).all()
+    assert found.returns.tolist() == [1001, 1002]
     assert (found.frames.tolist(), found.stamps_ns.tolist()) == ([1, 2], [PERIOD_NS, 2 * PERIOD_NS])
     assert found.states.tolist()[1] == ["present", "present", "missing", "present"]
     assert found.fingerprints.tolist() == [[10, 11, 12, 13], [20, 21, -1, 23]]
-    seen = run_sql(store, "SELECT check_name, i, k, ratio FROM ratios WHERE frame = 1 ORDER BY position").to_pylist()
-    assert [(row["check_name"], row["i"], row["k"]) for row in seen] == [
-        tuple(pair_check) for pair_check in pair_checks
-    ]
-    assert [row["ratio"] for row in seen] == [*given, *rest]
+    sql = "SELECT check_name, sensor, others, statistic FROM statistics WHERE frame = 1 ORDER BY position"
+    seen = run_sql(store, sql).to_pylist()
+    assert [(row["check_name"], row["sensor"], tuple(row["others"])) for row in seen] == [*checks]
+    assert [row["statistic"] for row in seen] == [*given, *rest]
 
 
-def test_cells_come_back_by_element_without_reading_the_file_at_once(tmp_path):
+def test_statistics_without_the_lidar_are_the_usual_ones_where_nothing_else_was_kept(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    pair_checks = rig_pair_checks(rig)
+    checks = rig_sensor_checks(rig)
+    usual, last = [0.5] * len(checks), [None] * (len(checks) - 1)
+    record = MeasurementRecord("a" * 64, rig.rig_id, PROCEDURE, (), {}, NOON, 1.0)
+    known = record.measurement_id
+    store.write_rig(rig)
+    with store.frames_writer(known, rig) as writer:
+        writer.add(make_measurement(rig, 0), usual, [*last, 0.25])
+        writer.add(make_measurement(rig, 1), usual)
+        writer.commit(record)
+    found = store.load_statistics(known)
+    assert found.unmasked.tolist() == [[*usual[:-1], 0.25], usual]
+
+
+def test_cells_come_back_by_what_they_count_without_reading_the_file_at_once(tmp_path):
+    store, rig = new_store(tmp_path), make_rig(3)
+    pairs = [
+        CountedPair(Check.LIDAR_CONFLICT, 1, 3, 0),
+        CountedPair(Check.ADDED_LIGHT, 1, 3, 1),
+        CountedPair(Check.ADDED_LIGHT, 1, 3, 3),
+        CountedPair(Check.PHOTOMETRIC_INCONSISTENCY, 2, 3, 2),
+    ]
     rng = np.random.default_rng(4)
 
     def frame(number, chosen):
-        grids = rng.integers(0, 17, (len(chosen), 2, 5, 7)).astype(np.uint8)
-        cells = {pair_check: Cells(*pair) for pair_check, pair in zip(chosen, grids, strict=True)}
+        valid = rng.integers(0, 128, (len(chosen), 5, 7)).astype(np.uint8)
+        total = rng.integers(-127, 128, (len(chosen), 5, 7)).astype(np.int8)
+        cells = {counted: Cells(*grids) for counted, *grids in zip(chosen, valid, total, strict=True)}
         return replace(make_measurement(rig, number), cells=cells)
 
     given = [
-        frame(1, pair_checks[:4]),
+        frame(1, pairs),
         frame(2, ()),
-        frame(3, pair_checks[1:2]),
-        *(frame(n, pair_checks[:4]) for n in range(4, 90)),
+        frame(3, pairs[1:2]),
+        *(frame(n, pairs) for n in range(4, 90)),
     ]
     measurement_id = add_measurement(store, rig, [skip(0), *given])
     found = list(store.load_cells(measurement_id))
     assert [number for number, _ in found] == [f.number for f in given if f.cells]
     for (_, cells), original in zip(found, (f for f in given if f.cells), strict=True):
         assert list(cells) == list(original.cells)
-        for pair_check, of_it in cells.items():
-            assert np.array_equal(of_it.valid, original.cells[pair_check].valid)
-            assert np.array_equal(of_it.inconsistent, original.cells[pair_check].inconsistent)
+        for counted, grids in cells.items():
+            assert np.array_equal(grids.valid, original.cells[counted].valid)
+            assert np.array_equal(grids.total, original.cells[counted].total)
     with pq.ParquetFile(store.path("cells", measurement_id)) as file:
         assert file.num_row_groups == 2
-    sql = "SELECT check_name, i, k, rows, columns, valid, inconsistent FROM cells WHERE frame = 3"
+    sql = "SELECT check_name, i, k, sensor, rows, columns, valid, total FROM cells WHERE frame = 3"
     [row] = run_sql(store, sql).to_pylist()
-    of_it = given[2].cells[pair_checks[1]]
-    assert (row["check_name"], row["i"], row["k"]) == pair_checks[1]
-    assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), of_it.valid)
-    assert np.array_equal(np.reshape(row["inconsistent"], (row["rows"], row["columns"])), of_it.inconsistent)
+    grids = given[2].cells[pairs[1]]
+    assert (row["check_name"], row["i"], row["k"], row["sensor"]) == pairs[1]
+    assert np.array_equal(np.reshape(row["valid"], (row["rows"], row["columns"])), grids.valid)
+    assert np.array_equal(np.reshape(row["total"], (row["rows"], row["columns"])), grids.total)
 
 
 def test_a_measurement_without_a_single_frame_can_be_finished(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     measurement_id = add_measurement(store, rig, [])
     assert store.load_errors(measurement_id, Statistic.PLAIN).E.shape == (0, 4)
-    assert store.load_ratios(measurement_id).ratios.shape == (0, len(rig_pair_checks(rig)))
+    assert store.load_statistics(measurement_id).statistics.shape == (0, len(rig_sensor_checks(rig)))
     assert store.measurement(measurement_id).frames == 0
 
 
@@ -477,24 +498,20 @@ def test_a_killed_scan_leaves_a_store_that_the_next_one_completes_to_the_same_by
     last = run_killed(killed, "never")
     assert last.returncode == 0, last.stderr
     assert list(killed.rglob("*.part")) == []
-    for table in ("frames", "cells", "verdicts", "triples", "pair_checks", "rigs"):
+    for table in ("frames", "cells", "verdicts", "triples", "sensor_checks", "rigs"):
         assert digests(killed / "audit" / table) == digests(tmp_path / "undisturbed" / "audit" / table)
 
 
 def test_lists_of_before_there_was_a_fallback_are_read_with_nothing_measured_for_it(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     known = add_measurement(store, rig, [make_measurement(rig, f, [10, 20, 30, 40]) for f in range(3)])
-    path, T, M = store.path("frames", known), len(rig.triples), len(usual_pair_checks(rig))
+    path, T = store.path("frames", known), len(rig.triples)
     rows = list(read_rows("frames", path))
     for row in rows:
         row |= {name: row[name][:T] for name in row if name.endswith("_px")}
-        row |= {"ratios": [0.5] * M, "unmasked_ratios": None}
     write_rows("frames", path, rows)
-    errors, ratios = store.load_errors(known, Statistic.GATED), store.load_ratios(known)
+    errors = store.load_errors(known, Statistic.GATED)
     np.testing.assert_array_equal(errors.E, [[0.01, 0.02, 0.03, np.nan]] * 3)
-    assert (ratios.ratios[:, :M] == 0.5).all()
-    assert np.isnan(ratios.ratios[:, M:]).all()
-    assert np.array_equal(ratios.unmasked, ratios.ratios, equal_nan=True)
     [last] = run_sql(store, "SELECT E_gated, fallback FROM errors WHERE frame = 0 AND position = 4").to_pylist()
     assert last == {"E_gated": None, "fallback": True}
 

@@ -4,17 +4,22 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from auditor.cli import run
 from auditor.errors import StoreError
-from auditor.pipeline.judge import Criteria, judge_measurement
-from auditor.store import Store, marker
+from auditor.model.checks import rig_sensor_checks
+from auditor.model.measurement import Statistic
+from auditor.recordings import open_recording
+from auditor.store import Store, marker, run_sql
 from auditor.store.maintenance import upgrade
+from auditor.store.maintenance.check import check
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.tables import read_rows
-from tests.store.kept import answers, unpack
+from tests.making.small_drives import write_drive
+from tests.store.kept import THREE_CAMERAS, answers, unpack
 
 BEFORE = SCHEMA_VERSION - 1
 
@@ -33,6 +38,11 @@ def as_before(answered, told):
     """Answers without the columns that are new since the store was kept, which an upgrade leaves NULL or FALSE."""
     columns = {name: rows[0].keys() for name, rows in told.items() if rows}
     return {name: [{c: row[c] for c in columns[name]} for row in rows] for name, rows in answered.items()}
+
+
+def recording_id(path):
+    with open_recording(path) as recording:
+        return recording.recording_id
 
 
 def content(folder):
@@ -55,15 +65,38 @@ def test_an_upgraded_store_answers_as_before(old):
     assert not (folder / marker.UPGRADED).exists()
 
 
-def test_what_was_measured_and_calibrated_before_can_be_judged_again(old):
+def test_what_was_counted_in_another_way_is_left_out_and_nothing_is_judged_by_it(old, capsys):
+    folder, told = old
+    upgrade.upgrade(folder)
+    store = Store.open(folder)
+    assert store.calibrations() == []
+    for known in store.ids("measurements"):
+        assert np.isfinite(store.load_errors(known, Statistic.GATED).E).any()
+        assert np.isnan(store.load_statistics(known).statistics).all()
+        assert list(store.load_cells(known)) == []
+    rows = run_sql(store, "SELECT count(*) AS all, count(statistic) AS measured, count(z) AS judged FROM statistics")
+    assert rows.to_pylist() == [
+        {"all": 20 * len(rig_sensor_checks(store.rig(store.ids("rigs")[0]))), "measured": 0, "judged": 0}
+    ]
+    for words in (["judge", str(folder)], ["calibrate", str(folder), "--store", str(folder)]):
+        assert run(words) == 2
+        lines = [line for line in capsys.readouterr().err.splitlines() if "earlier way of counting" in line]
+        assert len(lines) == 2
+    assert as_before(answers(folder), told) == told
+
+
+def test_measured_again_it_takes_the_place_of_what_was_counted_in_another_way(old, tmp_path):
     folder, _ = old
     upgrade.upgrade(folder)
     store = Store.open(folder)
-    [calibration] = store.calibrations()
-    for known in store.ids("measurements"):
-        before = store.current_judgements()[known]
-        again = judge_measurement(store, known, calibration, Criteria(before.r))
-        assert sum(again.counts.values()) == sum(before.counts.values())
+    earlier = set(store.ids("measurements"))
+    recording = tmp_path / "clean.mcap"
+    write_drive(recording, 10, seed=1, positions_m=THREE_CAMERAS)
+    [before] = [known for known in earlier if store.measurement(known).recording_id == recording_id(recording)]
+    run(["scan", str(recording), "--store", str(folder), "--measure-again", "--jobs", "1"])
+    assert before not in store.ids("measurements")
+    assert len(store.ids("measurements")) == 2
+    assert list(check(store)) == []
 
 
 def test_columns_and_tables_that_the_old_store_lacks_are_null_and_empty(old):
@@ -75,7 +108,7 @@ def test_columns_and_tables_that_the_old_store_lacks_are_null_and_empty(old):
     store = Store.open(folder)
     frames = [row for path in store.finished_paths("frames") for row in read_rows("frames", path)]
     assert {row["level"] for row in frames} == {None}
-    assert any(row["ratios"] for row in frames)
+    assert any(row["gated_valid_px"] for row in frames)
     assert store.ids("labels") == []
     assert answers(folder)["summary"]
 
@@ -88,11 +121,12 @@ def test_a_store_of_the_version_before_is_refused_in_one_line_that_says_what_upg
     assert f"auditor store upgrade {folder}" in line
 
 
-def test_the_command_says_in_one_line_what_it_did_and_does_nothing_twice(old, capsys):
+def test_the_command_says_what_it_did_and_what_is_left_out_and_does_nothing_twice(old, capsys):
     folder, _ = old
     assert run(["store", "upgrade", str(folder)]) == 0
-    [line] = capsys.readouterr().err.splitlines()
+    line, left_out = capsys.readouterr().err.splitlines()
     assert "2 measurements, 4 judgements" in line
+    assert "an earlier way of counting" in left_out
     upgraded = content(folder)
     assert run(["store", "upgrade", str(folder)]) == 0
     assert "already" in capsys.readouterr().err

@@ -129,6 +129,6 @@ def upgrade(store: Path) -> None:
     )
     if done.measurements:
         say(
-            "counts on grids and their statistics are left out: they are of an earlier way of counting. Disparity errors "
-            "and verdicts stay; auditor scan --measure-again measures recordings anew, so that they can be judged"
+            "counts on grids and their statistics are left out: they are of an earlier way of counting. Disparity "
+            "errors and verdicts stay; auditor scan --measure-again measures recordings anew so that they can be judged"
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import auditor
 from auditor.errors import StoreError
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import counting_checks, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
 from auditor.model.rig import Rig
@@ -21,6 +21,7 @@ from auditor.model.verdict import Method, VerdictKind
 from auditor.reporting.incident.images import incident_views
 from auditor.reporting.incident.page import (
     EDGE,
+    CheckLine,
     Clock,
     IncidentPage,
     IncidentPart,
@@ -30,7 +31,8 @@ from auditor.reporting.incident.page import (
     ThresholdLine,
     Truth,
 )
-from auditor.reporting.incident.timeline import Measured, Timeline
+from auditor.reporting.incident.scores import sensor_scores
+from auditor.reporting.incident.timeline import Curve, Measured, Timeline
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import FrameErrors, RecordingRecord, StoredJudgement, StoredMeasurement
@@ -238,23 +240,37 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
         recounted=judgement.recounted,
         incidents_per_hour=row["incidents_per_hour"],
         score_threshold=row["score_threshold"],
+        limit=row["z_limit"],
+        drives=judgement.drives,
         thresholds=tuple(_threshold_lines(audit.rig, row)),
+        checks=tuple(_check_lines(store, audit)),
     )
 
 
 def _threshold_lines(rig: Rig, row: Mapping[str, Any]) -> Iterator[ThresholdLine]:
-    """Those of a judgement's row, in the order of triples or, by the robust method, of pair checks.
+    """Those of a judgement's row by the paper's method, in the order of triples.
 
     Judgements of earlier versions know fewer of them: later ones were added at the end.
     """
-    if row["method"] == Method.ROBUST:
-        for pair_check, theta, samples in zip(
-            rig_pair_checks(rig), row["check_theta"], row["check_samples"], strict=False
-        ):
-            yield ThresholdLine(pair_check.check, (pair_check.i, pair_check.k), theta, samples or 0)
-    else:
+    if row["method"] != Method.ROBUST:
         for triple, theta, samples in zip(rig.measured_triples, row["theta"], row["samples"], strict=False):
-            yield ThresholdLine("E", triple, theta, samples or 0)
+            yield ThresholdLine(triple, theta, samples or 0)
+
+
+def _check_lines(store: Store, audit: _Audit) -> Iterator[CheckLine]:
+    """The checks that count in a frame that lacks no sensor, by the robust method."""
+    counting = counting_checks(rig_sensor_checks(audit.rig), frozenset())
+    rows = rows_of(run_query(store, "report_thresholds", {"measurement": audit.measurement.measurement_id}))
+    for row in rows:
+        if row["position"] - 1 in counting:
+            yield CheckLine(
+                row["check_name"],
+                row["sensor"],
+                tuple(row["others"]),
+                row["expected"],
+                row["theta"],
+                row["samples"] or 0,
+            )
 
 
 def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
@@ -266,7 +282,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     if audit.judgement is None or not len(errors.frames):
         return part
     frames = rows_of(run_query(store, "report_frames", {"measurement": audit.measurement.measurement_id}))
-    timeline = Timeline(part, _measured(store, audit, errors), frames)
+    timeline = Timeline(part, _measured(store, audit, part.provenance, errors, frames), frames)
     return replace(
         part,
         overview=timeline.overview(),
@@ -284,13 +300,23 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
     )
 
 
-def _measured(store: Store, audit: _Audit, errors: FrameErrors) -> Measured:
-    """What the judgement's thresholds are of, frame by frame."""
-    assert audit.judgement is not None
-    if audit.judgement.method != Method.ROBUST:
-        return Measured(errors.frames, errors.E)
-    ratios = store.load_ratios(audit.measurement.measurement_id)
-    return Measured(ratios.frames, ratios.ratios)
+def _measured(
+    store: Store, audit: _Audit, by: Provenance, errors: FrameErrors, frames: Sequence[Mapping[str, Any]]
+) -> Measured:
+    """What a judgement compared with its thresholds, frame by frame; nothing of those before there was a limit."""
+    if by.method != Method.ROBUST:
+        curves = [Curve("E", line.triple, line.theta) for line in by.thresholds]
+        return Measured(errors.frames, errors.E[:, : len(curves)], curves)
+    if by.limit is None:
+        return Measured(errors.frames, np.zeros((len(errors.frames), 0)), [])
+    scores = run_query(store, "report_scores", {"measurement": audit.measurement.measurement_id})
+    z = scores["z"].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+    absent = {frame["frame"]: frozenset(frame["out_of_system"] or ()) for frame in frames}
+    numbers = scores["frame"].to_numpy()
+    checks = rig_sensor_checks(audit.rig)
+    missing = [absent.get(number, frozenset()) for number in numbers.tolist()]
+    values = sensor_scores(z.reshape(len(numbers), len(checks)), checks, audit.rig.sensors, missing)
+    return Measured(numbers, values, [Curve("S", (sensor,), by.limit, "limit") for sensor in audit.rig.sensors])
 
 
 def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:

@@ -107,12 +107,41 @@ class Truth:
 
 @dataclass(frozen=True)
 class ThresholdLine:
-    """theta of one triple (E) or pair check (its name) and the number N of clean samples that it came from."""
+    """The paper's theta of one triple, and the number N of clean samples that it came from."""
 
-    name: str
-    indices: tuple[int, ...]
+    triple: Triple
     theta: float | None
     samples: int
+
+
+@dataclass(frozen=True)
+class CheckLine:
+    """A sensor check of the robust method: the statistic that clean frames are expected to have, and that at the limit.
+
+    `samples` are the clean frames that they were learnt from, 0 where they are the prior; None where there are none.
+    """
+
+    check: str
+    sensor: int
+    others: tuple[int, ...]
+    expected: float | None
+    theta: float | None
+    samples: int
+
+
+@dataclass(frozen=True)
+class EvidenceLine:
+    """What a check of a sensor was in an incident: in how many frames it exceeded the limit, and its z there.
+
+    `other` is the second camera where two alone do not see the same.
+    """
+
+    check: str
+    sensor: int
+    other: int | None
+    frames: int
+    mean: float
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -133,19 +162,29 @@ class Provenance:
     r: Decimal | None = None
     incidents_per_hour: float | None = None
     score_threshold: float | None = None
+    limit: float | None = None
+    drives: int | None = None
     resolvable: bool = True
     transferred: bool = False
     recounted: bool = False
     thresholds: tuple[ThresholdLine, ...] = ()
+    checks: tuple[CheckLine, ...] = ()
+
+    @property
+    def learnt(self) -> str:
+        """What the robust method's thresholds rest on, in words; empty where that is not known."""
+        if self.drives is None:
+            return ""
+        return f"learnt from {self.drives} drive{'' if self.drives == 1 else 's'}" if self.drives else "prior"
 
 
 @dataclass(frozen=True)
 class IncidentPart:
     """A run of frames with the same finding, as far as it lies in one recording: part `part` of `parts`.
 
-    `evidence`, `alternatives` and `causes` are in words, of the whole incident. `states` and `reasons` are its e
-    vectors and what the verdicts add, each with its number of frames. `figure` is None where the incident is listed but
-    not drawn.
+    `evidence`, `alternatives` and `causes` are in words, of the whole incident. `checks` is the evidence of this part
+    by sensor and check, of the robust method. `states` and `reasons` are its e vectors and what the verdicts add, each
+    with its number of frames. `figure` is None where the incident is listed but not drawn.
     """
 
     number: int
@@ -161,6 +200,7 @@ class IncidentPart:
     evidence: str = ""
     alternatives: str = ""
     causes: str = ""
+    checks: tuple[EvidenceLine, ...] = ()
     states: tuple[tuple[str, int], ...] = ()
     reasons: tuple[tuple[str, int], ...] = ()
     figure: Figure | None = None
@@ -351,6 +391,11 @@ class IncidentPage:
         """The designated false-alarm rates r that were judged at."""
         rates = (recording.provenance.r for recording in self.recordings)
         return tuple(sorted({r for r in rates if r is not None}))
+
+    @property
+    def methods(self) -> frozenset[str]:
+        """The methods that recordings were judged by."""
+        return frozenset(recording.provenance.method for recording in self.recordings if recording.provenance.method)
 
     @property
     def resolvable(self) -> bool:

@@ -1,16 +1,16 @@
 """The frames of one judged recording over time: what the incident page draws and counts of them."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.model.checks import Check
 from auditor.model.verdict import FINDINGS, Method, VerdictKind
-from auditor.reporting.incident.page import Agreement, IncidentPart, RecordingPart, Remark, ThresholdLine
+from auditor.reporting.incident.page import Agreement, IncidentPart, RecordingPart, Remark
+from auditor.reporting.incident.scores import evidence_lines
 from auditor.reporting.plots import NS_PER_S, Figure, Row, Series, draw
 
 MARGIN_NS = 2 * NS_PER_S
@@ -21,27 +21,28 @@ MOST_STATES = 3
 """Different e vectors, and reasons, that an incident's text gives."""
 
 MOST_CHARTS = 8
-"""Pair checks that an incident draws: those above their thresholds in most of its frames."""
+"""Sensors that an incident draws: those whose z exceeds the limit in most of its frames."""
 
-_LABELS: Mapping[str, str] = {
-    Check.LIDAR_CONFLICT: "conflict",
-    Check.PHOTOMETRIC_INCONSISTENCY: "photometric",
-    Check.BRIGHTNESS_DIFFERENCE: "brightness",
-    Check.POINT_DROPOUT: "dropout",
-    Check.ISOLATED_POINTS: "isolated",
-}
-"""Names of checks that fit beside a chart."""
+
+class Curve(NamedTuple):
+    """What is drawn over time, and its theta, which is called `mark`: E of a triple, or the largest z of a sensor."""
+
+    name: str
+    indices: tuple[int, ...]
+    theta: float | None
+    mark: str = "θ"
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the thresholds of a judgement are of: disparity errors E by triple, or windowed ratios by pair check.
+    """What a judgement compared with its thresholds: disparity errors E by triple, or the largest z by sensor.
 
-    `values` are (F, T) or (F, M), NaN where not measured; `frames` the (F,) frame numbers.
+    `values` are (F, C), one column a curve, NaN where not measured; `frames` the (F,) frame numbers.
     """
 
     frames: NDArray[np.int64]
     values: NDArray[np.float64]
+    curves: Sequence[Curve]
 
 
 class Timeline:
@@ -54,6 +55,7 @@ class Timeline:
         self._stamps_ns: list[int] = [frame["stamp_ns"] for frame in frames]
         places = {frame: place for place, frame in enumerate(measured.frames.tolist())}
         self._values = measured.values[[places[frame["frame"]] for frame in frames]]
+        self._curves = measured.curves
 
     def overview(self) -> Figure:
         """The verdicts of all frames, and the ground truth where there is one."""
@@ -65,6 +67,7 @@ class Timeline:
         return replace(
             incident,
             figure=self._figure(incident),
+            checks=evidence_lines(frame["evidence"] or () for frame in own) if self._robust else (),
             states=tuple(Counter(frame["e"] for frame in own).most_common(MOST_STATES)),
             reasons=tuple(Counter(frame["reason"] for frame in own if frame["reason"]).most_common(MOST_STATES)),
         )
@@ -97,28 +100,27 @@ class Timeline:
         return slice(int(low), int(high))
 
     def _figure(self, incident: IncidentPart) -> Figure:
-        """E or windowed ratios against theta, verdicts and e around an incident."""
+        """E against theta or z against the limit, verdicts and e around an incident."""
         part = self._around(incident, max(MARGIN_NS, MARGIN_SHARE * (incident.to_ns - incident.from_ns)))
         return draw(
             self._stamps_ns[part],
             origin_ns=self._part.clock.origin_ns,
             series=[
-                Series(_LABELS.get(line.name, line.name), line.indices, _known(self._values[part, place]), line.theta)
-                for place, line in self._charted(self._around(incident, 0))
+                Series(curve.name, curve.indices, _known(self._values[part, place]), curve.theta, curve.mark)
+                for place, curve in self._charted(self._around(incident, 0))
             ],
-            rows=[*self._rows(part), *self._pair_check_rows(part)],
+            rows=[*self._rows(part), *self._state_rows(part)],
             shaded=[(incident.from_ns, incident.to_ns)],
         )
 
-    def _charted(self, during: slice) -> list[tuple[int, ThresholdLine]]:
-        """All triples; by the robust method the pair checks that lie above theta in most frames."""
-        lines = list(enumerate(self._part.provenance.thresholds))
-        if not self._robust:
-            return lines
-        theta = np.array([np.nan if line.theta is None else line.theta for _, line in lines], dtype=np.float64)
+    def _charted(self, during: slice) -> list[tuple[int, Curve]]:
+        """All triples; by the robust method all sensors, or of many those above the limit in most frames."""
+        curves = list(enumerate(self._curves))
+        if not self._robust or len(curves) <= MOST_CHARTS:
+            return curves
+        theta = np.array([np.nan if curve.theta is None else curve.theta for _, curve in curves], dtype=np.float64)
         above = np.count_nonzero(self._values[during] > theta, axis=0)
-        most = sorted(np.flatnonzero(above).tolist(), key=lambda place: -above[place])[:MOST_CHARTS]
-        return [lines[place] for place in sorted(most)]
+        return [curves[place] for place in sorted(np.argsort(-above, kind="stable")[:MOST_CHARTS].tolist())]
 
     def _belongs(self, frame: dict[str, Any], incident: IncidentPart) -> bool:
         kind, attacked = ("finding", "finding_attacked") if self._robust else ("kind", "attacked")
@@ -143,7 +145,7 @@ class Timeline:
             rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))
         return rows
 
-    def _pair_check_rows(self, part: slice) -> list[Row]:
+    def _state_rows(self, part: slice) -> list[Row]:
         """The states in e by triple; the fallback has a row where frames were judged by it."""
         stamps_ns, vectors = self._stamps_ns[part], [frame["e"] for frame in self._frames[part]]
         longest = max(map(len, vectors), default=0)
