@@ -10,7 +10,7 @@ import pytest
 
 from auditor.model.calibration import Marks
 from auditor.model.frames import Frame
-from auditor.model.rig_kind import Likeness
+from auditor.model.rig_kind import Similarity
 from auditor.pipeline.judge import Criteria, calibrate
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import MeasureTask, measure_recording
@@ -72,13 +72,13 @@ def test_a_second_production_year_is_judged_without_a_switch_and_marked(audit) -
     store, by_name = audit
     found = judged(audit, "another year")
     assert found.error is None
-    assert found.judgement.marks == Marks(Likeness.SIMILAR)
+    assert found.judgement.marks == Marks(Similarity.SIMILAR)
     assert found.judgement.transferred
     said = "thresholds transferred from a similar rig kind: LiDAR + 4 cameras 1242x375 f=722px b=0.06,0.47,0.06m"
     assert said in found.warnings
     assert sum(found.judgement.counts.values()) == FRAMES
     assert not [row for row in verdicts(store, by_name["another year"]) if row["finding"]]
-    row = run_sql(store, "SELECT * FROM judgements WHERE likeness = 'similar'").to_pylist()[0]
+    row = run_sql(store, "SELECT * FROM judgements WHERE similarity = 'similar'").to_pylist()[0]
     assert (row["transferred"], row["in_sample"], row["other_lidar"]) == (True, False, False)
 
 
@@ -96,7 +96,9 @@ def test_a_lidar_of_half_the_rings_is_another_one_and_nobody_accuses_it(audit) -
         store,
         "SELECT DISTINCT check_samples FROM judgements JOIN measurements USING (measurement_id) WHERE other_lidar",
     ).to_pylist()
-    sql = "SELECT position FROM sensor_checks JOIN measurements USING (rig_id) WHERE measurement_id = '{}' AND sensor = 0"
+    sql = (
+        "SELECT position FROM sensor_checks JOIN measurements USING (rig_id) WHERE measurement_id = '{}' AND sensor = 0"
+    )
     of_lidar = {row["position"] for row in run_sql(store, sql.format(by_name["half the rings"])).to_pylist()}
     for position, samples in enumerate(drives["check_samples"], start=1):
         assert (samples == 0) is (position in of_lidar)

@@ -53,7 +53,7 @@ def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(recor
     assert store.ids("calibrations") == []
     assert list(check(store)) == []
     [row] = run_sql(store, f"SELECT * FROM judgements WHERE measurement_id = '{attacked}'").to_pylist()
-    assert (row["calibration_id"], row["drives"], row["likeness"], row["in_sample"]) == (PRIOR, 0, "same", False)
+    assert (row["calibration_id"], row["drives"], row["similarity"], row["in_sample"]) == (PRIOR, 0, "same", False)
     assert set(row["check_samples"]) == {0}
     rows = {row["name"]: row for row in run_query(store, "summary", {}).to_pylist()}
     assert rows["attacked.mcap"]["attacked_sensors"] == [2]
