@@ -11,6 +11,7 @@ import numpy as np
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
 from auditor.identification.statistics import window_means
+from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
@@ -110,19 +111,17 @@ def fault_hypotheses(
 def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness, glare and rain are listed where no check fired, and are no finding. The
-    fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly more than a
-    fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more strongly. The
-    attack of a `suspect` verdict is the first of its alternatives.
+    A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
+    finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly
+    more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
+    strongly. The attack of a `suspect` verdict is the first of its alternatives.
     """
     fired = verdict.kind in FINDINGS
-    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
-    least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = any(
         one.score >= FAULT_HYPOTHESES.enough
-        and _z_of(one) >= least
-        and (one.sensor not in verdict.out_of_system if fired else one.cause in FAULTS)
+        and (_as_strong(one, verdict, limit) if fired else one.cause in FAULTS)
+        and not (fired and one.sensor in verdict.out_of_system)
         for one in kept
     )
     if not enough:
@@ -130,6 +129,21 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> 
     likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
     alternatives = (*likeliest, *verdict.alternatives)
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
+
+
+def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
+    """Whether a fault is about as clear as the checks that fired exceed their limit.
+
+    Dirt has been weighed against light already. Whatever a camera's exposure, no curve of its levels adds light to a
+    portion of its view; but where it saturates it does not see what others see.
+    """
+    if hypothesis.cause is Cause.SOILED:
+        return True
+    if hypothesis.cause is Cause.EXPOSURE:
+        added = [e.score for e in verdict.evidence if e.check_name == Check.ADDED_LIGHT and e.i == hypothesis.sensor]
+        return max(added, default=limit) - limit <= FAULT_HYPOTHESES.exposure_gap
+    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
+    return _z_of(hypothesis) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -254,11 +268,25 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
 
 
-def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a verdict that lack light and have none too much: an attack by light adds it."""
-    lit = {one.i for one in verdict.evidence if one.check_name == Check.ADDED_LIGHT.value}
-    dark = dict.fromkeys(one.i for one in verdict.evidence if one.check_name == Check.REMOVED_LIGHT.value)
-    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor in dark if sensor not in lit)
+def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis, ...]:
+    """The cameras of a finding that changed without light being added, from the scores (M,) of its frame.
+
+    An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
+    dirt; where it only does not see what the others see, that is just enough for it.
+    """
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    found = []
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        scores = {
+            system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
+        }
+        added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
+        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= FAULT_HYPOTHESES.removed_gap:
+            found.append(FaultHypothesis(Cause.SOILED, sensor))
+        elif added < FAULT_HYPOTHESES.least_added:
+            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+    return tuple(found)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
