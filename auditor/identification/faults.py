@@ -134,14 +134,16 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> 
 def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
     """Whether a fault is about as clear as the checks that fired exceed their limit.
 
-    Dirt has been weighed against light already. Whatever a camera's exposure, no curve of its levels adds light to a
-    portion of its view; but where it saturates it does not see what others see.
+    Dirt has been weighed against light already. An exposure changes levels, and what a camera sees where it saturates;
+    light added to a portion of its view changes both.
     """
     if hypothesis.cause is Cause.SOILED:
         return True
     if hypothesis.cause is Cause.EXPOSURE:
-        added = [e.score for e in verdict.evidence if e.check_name == Check.ADDED_LIGHT and e.i == hypothesis.sensor]
-        return max(added, default=limit) - limit <= FAULT_HYPOTHESES.exposure_gap
+        own = {one.check_name: one.score for one in verdict.evidence if one.i == hypothesis.sensor}
+        added = own.get(Check.ADDED_LIGHT.value, limit) - limit
+        seen_alike = Check.PHOTOMETRIC_INCONSISTENCY.value not in own
+        return added <= (FAULT_HYPOTHESES.exposure_gap if seen_alike else 0.0)
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
     return _z_of(hypothesis) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 

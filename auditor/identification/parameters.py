@@ -179,7 +179,7 @@ class FaultHypotheses:
         source="docs/decisions.md, an attack whose largest margin leads",
     )
     exposure_gap: float = parameter(
-        1.0, unit="z above the limit that added light may have where exposure explains it", source=_BENIGN
+        2.0, unit="z above the limit that added light may have where exposure explains it", source=_BENIGN
     )
     removed_gap: float = parameter(1.0, unit="z by which removed light exceeds added light: dirt", source=_BENIGN)
     least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
