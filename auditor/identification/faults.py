@@ -294,6 +294,8 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
+    if hypothesis.cause is Cause.EXPOSURE:
+        return False  # tone curves follow exposures; light that is thrown into a camera changes its level too
     if hypothesis.cause is Cause.DARK:
         return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
