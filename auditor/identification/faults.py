@@ -19,7 +19,7 @@ from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 
-LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
+LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds
 """No fault score depends on frames further away than half of this."""
 
 MIN_FRAMES = FROZEN.least_repeats
@@ -294,8 +294,6 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
-    if hypothesis.cause is Cause.EXPOSURE:
-        return False  # tone curves follow exposures; light that is thrown into a camera changes its level too
     if hypothesis.cause is Cause.DARK:
         return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):

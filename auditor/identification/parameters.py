@@ -132,7 +132,6 @@ class TemporalWindow:
     """Means over time: attacks last, most mistakes do not."""
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
-    soiled_seconds: float = parameter(2.0, unit="s around a frame: dirt stays", source=BY_HAND)
     incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
