@@ -98,13 +98,14 @@ def fault_hypotheses(
     theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
     unusual = np.stack([_unusual(scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
-    z = np.minimum((unusual - theta) / scale, FAULT_SCALE.highest)
-    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / FAULT_SCALE.highest))
+    z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
+    share = FAULT_HYPOTHESES.enough * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
-        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], score) for score, place in ranked if score >= least)
+        ranked = np.argsort(-z[frame], kind="stable").tolist()
+        listed = [place for place in ranked if share[frame, place] >= least]
+        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], float(share[frame, place])) for place in listed)
     return hypotheses
 
 
