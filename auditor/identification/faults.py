@@ -103,7 +103,7 @@ def fault_hypotheses(
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = np.argsort(-z[frame], kind="stable").tolist()
+        ranked: list[int] = np.argsort(-z[frame], kind="stable").tolist()
         listed = [place for place in ranked if share[frame, place] >= least]
         hypotheses[frame] = tuple(FaultHypothesis(*keys[place], float(share[frame, place])) for place in listed)
     return hypotheses
