@@ -11,6 +11,7 @@ import numpy as np
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
 from auditor.identification.statistics import window_means
+from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
@@ -18,7 +19,7 @@ from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 
-LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
+LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds
 """No fault score depends on frames further away than half of this."""
 
 MIN_FRAMES = FROZEN.least_repeats
@@ -97,32 +98,31 @@ def fault_hypotheses(
     theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
     unusual = np.stack([_unusual(scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
-    z = np.minimum((unusual - theta) / scale, FAULT_SCALE.highest)
-    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / FAULT_SCALE.highest))
+    z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
+    share = FAULT_HYPOTHESES.enough * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
-        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], score) for score, place in ranked if score >= least)
+        ranked: list[int] = np.argsort(-z[frame], kind="stable").tolist()
+        listed = [place for place in ranked if share[frame, place] >= least]
+        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], float(share[frame, place])) for place in listed)
     return hypotheses
 
 
 def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness, glare and rain are listed where no check fired, and are no finding. The
-    fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly more than a
-    fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more strongly. The
-    attack of a `suspect` verdict is the first of its alternatives.
+    A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
+    finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly
+    more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
+    strongly. The attack of a `suspect` verdict is the first of its alternatives.
     """
     fired = verdict.kind in FINDINGS
-    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
-    least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = any(
         one.score >= FAULT_HYPOTHESES.enough
-        and _z_of(one) >= least
-        and (one.sensor not in verdict.out_of_system if fired else one.cause in FAULTS)
+        and (_as_strong(one, verdict, limit) if fired else one.cause in FAULTS)
+        and not (fired and one.sensor in verdict.out_of_system)
         for one in kept
     )
     if not enough:
@@ -130,6 +130,23 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> 
     likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
     alternatives = (*likeliest, *verdict.alternatives)
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
+
+
+def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
+    """Whether a fault is about as clear as the checks that fired exceed their limit.
+
+    Dirt has been weighed against light already. An exposure changes levels, and what a camera sees where it saturates;
+    light added to a portion of its view changes both.
+    """
+    if hypothesis.cause is Cause.SOILED:
+        return True
+    if hypothesis.cause is Cause.EXPOSURE:
+        own = {one.check_name: one.score for one in verdict.evidence if one.i == hypothesis.sensor}
+        added = own.get(Check.ADDED_LIGHT.value, limit) - limit
+        seen_alike = Check.PHOTOMETRIC_INCONSISTENCY.value not in own
+        return added <= (FAULT_HYPOTHESES.exposure_gap if seen_alike else 0.0)
+    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
+    return _z_of(hypothesis) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -254,18 +271,30 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
 
 
-def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a verdict that lack light and have none too much: an attack by light adds it."""
-    lit = {one.i for one in verdict.evidence if one.check_name == Check.ADDED_LIGHT.value}
-    dark = dict.fromkeys(one.i for one in verdict.evidence if one.check_name == Check.REMOVED_LIGHT.value)
-    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor in dark if sensor not in lit)
+def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis, ...]:
+    """The cameras of a finding that changed without light being added, from the scores (M,) of its frame.
+
+    An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
+    dirt; where it only does not see what the others see, that is just enough for it.
+    """
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    found = []
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        scores = {
+            system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
+        }
+        added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
+        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= FAULT_HYPOTHESES.removed_gap:
+            found.append(FaultHypothesis(Cause.SOILED, sensor))
+        elif added < FAULT_HYPOTHESES.least_added:
+            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+    return tuple(found)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
-    if hypothesis.cause is Cause.EXPOSURE:
-        return False  # tone curves follow exposures; light that is thrown into a camera changes its level too
     if hypothesis.cause is Cause.DARK:
         return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):

@@ -1,15 +1,15 @@
 from dataclasses import replace
-from decimal import Decimal
 
 import numpy as np
 import pytest
 
-from auditor.identification.faults import ObservedFeatures, fault_hypotheses, fault_scores, weigh
-from auditor.identification.scores import fault_scale, fault_scales
+from auditor.identification import faults
+from auditor.identification.faults import ObservedFeatures, darkened, fault_hypotheses, fault_scores
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS
 from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind
 
+NAN = np.nan
 PAIRS, CAMERAS, SENSORS = ((1, 3), (2, 3)), (1, 2, 3), (0, 1, 2, 3)
 FRAMES = 6
 JUST_ENOUGH = Scale(1.0, 0.25, 100)
@@ -22,8 +22,6 @@ HEALTHY = {
     "offset_share": 0.92,
     "lagged_i": 0.2,
     "lagged_k": 0.2,
-    "inconsistent_px": 50,
-    "difference": 0,
     "compared": 1500,
     "agreeing": 0.8,
     "bias_px": 0,
@@ -71,10 +69,6 @@ def likeliest(**changed):
         ({"rotated_only": (60, 20), "unrotated_only": (20, 60)}, []),
         ({"rotated_only": 2, "unrotated_only": 0}, []),
         ({"rotated_only": 60, "unrotated_only": 20, "bias_px": 5}, []),
-        ({"inconsistent_px": (2000, 50), "difference": (30, 0)}, [(Cause.SOILED, 1)]),
-        ({"inconsistent_px": 2000, "difference": -30}, [(Cause.SOILED, 3)]),
-        ({"inconsistent_px": 2000, "difference": 100}, []),
-        ({"inconsistent_px": (2000, 50), "difference": (-100, 0)}, []),
         ({"isolated_near": 0.03, "isolated_beyond": 0.001}, [(Cause.RAIN, 0)]),
         ({"isolated_near": 0.03, "isolated_beyond": 0.015}, []),
         ({"isolated_near": 0.005, "isolated_beyond": 0.0}, []),
@@ -85,9 +79,6 @@ def likeliest(**changed):
 )
 def test_each_fault_follows_from_its_features(changed, expected):
     assert likeliest(**changed) == expected
-
-
-NAN = np.nan
 
 
 @pytest.mark.parametrize(
@@ -110,16 +101,11 @@ NAN = np.nan
         (Cause.DISPLACED, 1, {"bias_px": (3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (-3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (2.9, 0), "agreeing": (0.5, 0.8)}, 0.0),
-        # Dirt: darker where inconsistent, than its partner is in pairs with half as many inconsistent pixels at least.
-        (Cause.SOILED, 1, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, 6 / 4),
-        (Cause.SOILED, 3, {"inconsistent_px": (2000, 50), "difference": (6, 0)}, -6 / 4),
-        (Cause.SOILED, 3, {"inconsistent_px": (2000, 2000), "difference": (-6, -7)}, 6 / 4),
-        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1001), "difference": (10, 4)}, 6 / 4),
-        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1000), "difference": (10, 4)}, 10 / 4),
-        (Cause.SOILED, 1, {"inconsistent_px": (2000, 1001), "difference": (10, -4)}, 10 / 4),
-        (Cause.SOILED, 2, {"inconsistent_px": (2000, 1001), "difference": (10, 4)}, -6 / 4),
-        (Cause.SOILED, 1, {"inconsistent_px": (200, 0), "difference": (6, 0)}, 6 / 4),
-        (Cause.SOILED, 1, {"inconsistent_px": (199, 0), "difference": (6, 0)}, 0.0),
+        # Exposure: how far a level is from the median of the other cameras', as a logarithm.
+        (Cause.EXPOSURE, 1, {"level": (80.0, 40.0, 40.0)}, np.log(2) / 0.2),
+        (Cause.EXPOSURE, 2, {"level": (80.0, 40.0, 40.0)}, -np.log(2) / 2 / 0.2),
+        (Cause.EXPOSURE, 2, {"level": (80.0, 40.0, NAN)}, NAN),
+        (Cause.EXPOSURE, 1, {"level": (0.0, 40.0, 40.0)}, np.log(1 / 40) / 0.2),
         # The LiDAR lags: the excess of points that agree with the frame before, with a pseudo-count of ten.
         (Cause.LATE, 0, {"before_only": 40, "now_only": 10}, 30 / 60 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, 10), "now_only": 10}, 30 / 60 / 2 / 0.2),
@@ -149,19 +135,14 @@ def test_the_score_of_a_fault_is_worked_out_by_hand(cause, sensor, changed, expe
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_the_score_of_dirt_is_a_mean_over_two_seconds_and_all_others_over_half_a_second():
+def test_the_score_of_a_fault_is_a_mean_over_half_a_second():
     frames = 41
     columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
-    columns["inconsistent_px"][:] = 2000.0
-    columns["difference"][20] = 84.0, 0.0
     columns["before_only"], columns["now_only"] = np.zeros((2, frames, 2))
     columns["before_only"][20] = 90.0
     still = np.full((frames, 3), 60.0), np.zeros((frames, 3))
     stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
-    found = fault_scores(ObservedFeatures(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)
-    dirt, lagging = found[Cause.SOILED, 1], found[Cause.LATE, 0]
-    assert np.flatnonzero(dirt).tolist() == list(range(10, 31))
-    assert dirt[20] == pytest.approx(84 / 4 / 21)
+    lagging = fault_scores(ObservedFeatures(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)[Cause.LATE, 0]
     assert np.flatnonzero(lagging).tolist() == [18, 19, 20, 21, 22]
     assert lagging[20] == pytest.approx(0.9 / 0.2 / 5)
 
@@ -189,11 +170,17 @@ def test_causes_are_listed_from_a_score_of_a_fifth_on_the_likeliest_first():
     assert hypotheses[2] == ((Cause.DARK, None, 1.0), (Cause.LATE, 1, 0.5), (Cause.RAIN, 0, 0.5))
 
 
-def test_light_thrown_into_the_reference_is_not_dirt_on_the_other_cameras():
-    assert likeliest(inconsistent_px=2000, difference=120) == []
-    assert likeliest(inconsistent_px=(2000, 100), difference=(120, 0)) == [
-        (Cause.SOILED, 1)
-    ]  # or light in S_3, less likely
+def test_an_exposure_is_unusual_either_way_of_what_the_rig_s_own_is():
+    usual = Scale(1.0, 0.25, 3, usual=2.0)
+    scores = {(Cause.EXPOSURE, 1): np.array([2.0, 3.0, 1.0, 2.4, NAN])}
+    found = fault_hypotheses(scores, {(Cause.EXPOSURE, 1): usual})
+    assert [[one.score for one in frame] for frame in found] == [[], [0.5], [0.5], [], []]
+    assert fault_hypotheses(scores, {}) == [()] * 5
+
+
+def test_two_cameras_have_no_usual_exposure():
+    two = replace(seen(), cameras=(1, 2), level=np.full((FRAMES, 2), 90.0), saturated=np.zeros((FRAMES, 2)))
+    assert not [cause for cause, _ in fault_scores(two, STAMPS_NS, SENSORS) if cause is Cause.EXPOSURE]
 
 
 def test_what_was_not_measured_gives_no_hypothesis():
@@ -203,29 +190,24 @@ def test_what_was_not_measured_gives_no_hypothesis():
     assert causes == ()
 
 
-def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
-    always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
-    samples = {key: np.sort(values[~np.isnan(values)]).tolist() for key, values in always.items()}
-    assert samples[Cause.DISPLACED, 0][-1] > 2
-    scales = fault_scales(samples, Decimal("0.01"))
-    assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
-    since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
-    assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
-        (Cause.DISPLACED, 0, True)
-    }
-    assert fault_hypotheses(since, {}) == [()] * FRAMES, "a fault that no clean frame has measured is not listed"
+def test_a_fault_without_a_scale_is_not_listed():
+    tilted = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
+    assert fault_hypotheses(tilted, {}) == [()] * FRAMES
 
 
-def test_quiet_clean_frames_leave_a_cause_at_just_enough():
-    assert fault_scale([-6.0, -5.0], Decimal("0.01")) == Scale(1.0, 0.25, 2)
-    assert fault_scale([0.5, 4.0], Decimal(0)) == Scale(5.0, 1.25, 2)
-    assert fault_scale([0.5, 4.0], Decimal("0.5")).theta == 5.0, "a fault needs no other check: r is 1 % at most"
+LIMIT = 3.0
 
 
-def verdict(
-    kind=VerdictKind.ATTACKED, attacked=(1,), check="photometric_inconsistency", i=1, k=3, margin=2.0, **fields
-):
-    return Verdict(kind, "1", attacked, evidence=(Evidence(check, i, None, k, margin),), **fields)
+def fired_by(check, sensor, margin=2.0):
+    return Evidence(check, sensor, None, None, LIMIT + margin)
+
+
+def verdict(kind=VerdictKind.ATTACKED, attacked=(1,), check="photometric_inconsistency", i=1, margin=2.0, **fields):
+    return Verdict(kind, "1", attacked, evidence=(fired_by(check, i, margin),), **fields)
+
+
+def weigh(one, causes):
+    return faults.weigh(one, causes, LIMIT)
 
 
 CLEAN = Verdict(VerdictKind.CLEAN, "0")
@@ -255,29 +237,44 @@ def test_less_likely_causes_are_only_listed():
     assert weigh(CLEAN, faint) == CLEAN
 
 
-def test_dirt_explains_only_attacks_on_its_own_camera():
+def test_dirt_explains_only_attacks_on_its_own_camera_and_is_no_finding_by_itself():
     dirt = (FaultHypothesis(Cause.SOILED, 2, 0.9),)
     assert weigh(verdict(), dirt).kind is VerdictKind.ATTACKED
     assert weigh(verdict(attacked=(2,), i=2), dirt).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, dirt) == CLEAN
 
 
-def test_dirt_on_a_partner_with_a_higher_score_than_the_check_makes_an_attack_suspect():
-    clear, clearer = (
-        (FaultHypothesis(Cause.SOILED, 3, 0.8),),
-        (FaultHypothesis(Cause.SOILED, 3, 0.9),),
-    )  # z of 1.8 and 2.4
-    assert weigh(verdict(), clear, {3}).kind is VerdictKind.ATTACKED
-    assert weigh(verdict(), clearer, {3}).kind is VerdictKind.SUSPECT
-    assert weigh(verdict(), clearer, {2}).kind is VerdictKind.ATTACKED, "to one pair it may be light in the other"
+def test_what_two_cameras_alone_disagree_on_either_s_fault_explains():
+    apart = replace(CLEAN, kind=VerdictKind.UNIDENTIFIED, evidence=(Evidence("added_light", 1, None, 2, LIMIT + 1),))
+    for sensor, kind in ((1, VerdictKind.SUSPECT), (2, VerdictKind.SUSPECT), (3, VerdictKind.UNIDENTIFIED)):
+        assert weigh(apart, (FaultHypothesis(Cause.LATE, sensor, 0.9),)).kind is kind
 
 
-def test_darkness_is_listed_where_no_check_fired_and_explains_no_brightness_difference():
+@pytest.mark.parametrize(
+    ("checks", "soiled"),
+    [
+        (["removed_light"], [1]),
+        (["removed_light", "photometric_inconsistency"], [1]),
+        (["added_light"], []),
+        (["removed_light", "added_light"], []),
+        (["added_light", "removed_light"], []),
+        (["photometric_inconsistency"], []),
+    ],
+)
+def test_a_camera_that_lacks_light_and_has_none_too_much_may_be_soiled(checks, soiled):
+    found = darkened(replace(verdict(), evidence=tuple(fired_by(check, 1) for check in checks)))
+    assert [(one.cause, one.sensor) for one in found] == [(Cause.SOILED, sensor) for sensor in soiled]
+    other = (fired_by("removed_light", 2), *(fired_by(check, 1) for check in checks))
+    assert [one.sensor for one in darkened(replace(verdict(), evidence=other))] == [2, *soiled]
+
+
+def test_darkness_is_listed_where_no_check_fired_and_explains_neither_added_nor_removed_light():
     dark = (FaultHypothesis(Cause.DARK, None, 0.9),)
     hypotheses = weigh(CLEAN, dark)
     assert (hypotheses.kind, hypotheses.causes) == (VerdictKind.CLEAN, dark)
     assert weigh(verdict(), dark).kind is VerdictKind.SUSPECT
-    assert weigh(verdict(check="brightness_difference"), dark).kind is VerdictKind.ATTACKED
+    for check in ("added_light", "removed_light"):
+        assert weigh(verdict(check=check), dark).kind is VerdictKind.ATTACKED
 
 
 def test_a_frozen_sensor_that_was_left_out_does_not_excuse_the_others():
@@ -293,12 +290,10 @@ def test_a_sensor_with_a_fault_explains_only_checks_that_it_can_make_fire():
         CLEAN,
         kind=VerdictKind.ATTACKED,
         attacked=(2,),
-        evidence=(Evidence("photometric_inconsistency", 2, None, 3, 2.0),),
+        evidence=(fired_by("photometric_inconsistency", 2),),
     )
     assert weigh(cameras, rotated) == cameras
-    lidar = replace(
-        CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(Evidence("lidar_conflict", 2, None, 3, 2.0),)
-    )
+    lidar = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(0,), evidence=(fired_by("lidar_conflict", 0),))
     assert weigh(lidar, rotated).kind is VerdictKind.SUSPECT
     assert weigh(CLEAN, rotated).kind is VerdictKind.SUSPECT
 
@@ -307,7 +302,7 @@ RAIN = (FaultHypothesis(Cause.RAIN, 0, 1.0),)
 
 
 def test_rain_explains_scores_a_little_above_zero_however_hard_it_rains():
-    barely, clearly = (verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin) for margin in (0.2, 0.3))
+    barely, clearly = (verdict(attacked=(0,), check="lidar_conflict", i=0, margin=margin) for margin in (0.2, 0.3))
     weighed = weigh(barely, RAIN)
     assert (weighed.kind, weighed.attacked, weighed.causes) == (VerdictKind.SUSPECT, (), RAIN)
     assert weigh(clearly, RAIN) == replace(clearly, causes=RAIN), "a wall in the rain is a wall, and the rain is listed"
@@ -344,19 +339,11 @@ def test_a_fault_is_a_finding_from_a_half_on(score, kind):
 
 @pytest.mark.parametrize(("others", "kind"), [(1.0, VerdictKind.SUSPECT), (1.01, VerdictKind.ATTACKED)])
 def test_a_fault_explains_a_verdict_of_whose_scores_it_covers_half(others, kind):
-    evidence = (
-        Evidence("photometric_inconsistency", 1, None, 3, 1.0),
-        Evidence("photometric_inconsistency", 2, None, 3, others),
-    )
-    fired = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(3,), evidence=evidence)
+    evidence = (fired_by("photometric_inconsistency", 1, 1.0), fired_by("photometric_inconsistency", 2, others))
+    fired = replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(1, 2), evidence=evidence)
     assert weigh(fired, (FaultHypothesis(Cause.LATE, 1, 1.0),)).kind is kind
 
 
 @pytest.mark.parametrize(("margin", "kind"), [(0.25, VerdictKind.SUSPECT), (0.26, VerdictKind.ATTACKED)])
 def test_rain_counts_as_a_score_of_three_quarters_below_its_threshold(margin, kind):
-    assert weigh(verdict(attacked=(0,), check="lidar_conflict", i=2, margin=margin), RAIN).kind is kind
-
-
-@pytest.mark.parametrize(("margin", "kind"), [(1.5, VerdictKind.SUSPECT), (1.51, VerdictKind.ATTACKED)])
-def test_dirt_on_a_partner_must_have_as_high_a_score_as_the_check(margin, kind):
-    assert weigh(verdict(margin=margin), (FaultHypothesis(Cause.SOILED, 3, 0.75),), {3}).kind is kind
+    assert weigh(verdict(attacked=(0,), check="lidar_conflict", i=0, margin=margin), RAIN).kind is kind
