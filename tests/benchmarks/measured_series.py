@@ -25,7 +25,7 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
-from tests.benchmarks.clean_statistics import Scene
+from tests.benchmarks.scenes import Scene
 from tests.benchmarks.lasting_faults import Happening
 
 MATCHER = find_matcher("sgbm")

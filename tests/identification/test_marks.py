@@ -8,7 +8,7 @@ import pytest
 
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, faults_of
 from auditor.identification.marks import OPENCV, OPENCV_CPU, is_another_lidar, marks_of, without_lidar
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import EITHER_WAY, thresholds_from
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.measurement import Procedure
@@ -101,8 +101,7 @@ def test_the_prior_alone_expects_something_of_every_check_and_fault():
     thresholds = thresholds_from(prior.clean, CHECKS, len(CHECKS), R, prior.calibration_id)
     assert thresholds.drives == 0
     assert set(thresholds.expected) == set(CHECKS)
-    # What exposure is usual only the rig's own drives say.
-    assert set(thresholds.causes) == {fault for fault in faults_of(RIG.sensors) if fault[0] is not Cause.EXPOSURE}
+    assert set(thresholds.causes) == {fault for fault in faults_of(RIG.sensors) if fault[0] not in EITHER_WAY}
     assert (Cause.RAIN, 0) in thresholds.causes
 
 
