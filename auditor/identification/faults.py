@@ -277,7 +277,8 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
     An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
     dirt; where it only does not see what the others see, that is just enough for it.
     """
-    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    fired = {(one.i, one.check_name) for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    named = {sensor for sensor, _ in fired}
     found = []
     for sensor in sorted(named):
         columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
@@ -285,7 +286,8 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
             system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
         }
         added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
-        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= FAULT_HYPOTHESES.removed_gap:
+        gap = FAULT_HYPOTHESES.removed_gap if (sensor, Check.ADDED_LIGHT.value) in fired else 0.0
+        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= gap:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif added < FAULT_HYPOTHESES.least_added:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))

@@ -135,7 +135,7 @@ def kept_drive(path: Path, make: Callable[[], Drive]) -> Drive:
     if not path.exists():
         path.write_bytes(pickle.dumps(make()))
         print(f"measured {path.stem}", flush=True)
-    found: Drive = pickle.loads(path.read_bytes())  # noqa: S301 - our own files
+    found: Drive = pickle.loads(path.read_bytes())
     return found
 
 
