@@ -39,7 +39,7 @@ from tests.benchmarks.measured_series import (
 )
 
 EVERY = {"0009": 5, "0001": 2, "04": 2}
-SUCCESSIVE = 12
+SUCCESSIVE = 8
 LISTED = 0.5
 
 Rows = Mapping[tuple[bool, str], Counter[str]]

@@ -104,6 +104,8 @@ def test_each_fault_follows_from_its_features(changed, expected):
         (Cause.DISPLACED, 1, {"bias_px": (3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (-3.0, 0), "agreeing": (0.5, 0.8)}, 0.3 / 0.25),
         (Cause.DISPLACED, 1, {"bias_px": (2.9, 0), "agreeing": (0.5, 0.8)}, 0.0),
+        (Cause.DISPLACED, 3, {"bias_px": (3.0, NAN), "agreeing": (0.5, NAN)}, 0.3 / 0.25),
+        (Cause.DISPLACED, 3, {"bias_px": (3.0, 2.9), "agreeing": (0.5, 0.5)}, 0.0),
         # Exposure: the logarithm of a camera's level against the median of the others'.
         (Cause.EXPOSURE, 1, {"level": (120.0, 90.0, 90.0)}, np.log(4 / 3) / 0.2),
         (Cause.EXPOSURE, 2, {"level": (120.0, 90.0, 90.0)}, -np.log(4 / 3) / 2 / 0.2),
