@@ -103,14 +103,8 @@ def fault_hypotheses(
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-<<<<<<< HEAD
-        ranked: list[int] = np.argsort(-z[frame], kind="stable").tolist()
-        listed = [place for place in ranked if share[frame, place] >= least]
-        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], float(share[frame, place])) for place in listed)
-=======
         ranked = ((keys[place], float(share[frame, place])) for place in np.argsort(-z[frame], kind="stable").tolist())
         hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in ranked if score >= least)
->>>>>>> causes14
     return hypotheses
 
 
