@@ -4,7 +4,7 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,9 +103,8 @@ def fault_hypotheses(
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked: list[int] = np.argsort(-z[frame], kind="stable").tolist()
-        listed = [place for place in ranked if share[frame, place] >= least]
-        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], float(share[frame, place])) for place in listed)
+        ranked = ((keys[place], float(share[frame, place])) for place in np.argsort(-z[frame], kind="stable").tolist())
+        hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in ranked if score >= least)
     return hypotheses
 
 
@@ -119,17 +118,23 @@ def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> 
     """
     fired = verdict.kind in FINDINGS
     kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
-    enough = any(
-        one.score >= FAULT_HYPOTHESES.enough
-        and (_as_strong(one, verdict, limit) if fired else one.cause in FAULTS)
-        and not (fired and one.sensor in verdict.out_of_system)
-        for one in kept
-    )
-    if not enough:
+    enough = _explaining(kept, verdict, limit) if fired else map(is_finding, kept)
+    if not any(enough):
         return replace(verdict, causes=kept) if kept else verdict
     likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
     alternatives = (*likeliest, *verdict.alternatives)
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
+
+
+def is_finding(hypothesis: FaultHypothesis) -> bool:
+    """Whether a fault is a finding where no check fired."""
+    return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
+
+
+def _explaining(causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float) -> Iterator[bool]:
+    for one in causes:
+        likely = one.score >= FAULT_HYPOTHESES.enough and one.sensor not in verdict.out_of_system
+        yield likely and _as_strong(one, verdict, limit)
 
 
 def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
@@ -178,8 +183,9 @@ def _displaced(seen: ObservedFeatures, camera: int) -> Floats:
     """A camera is rotated where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
     columns = seen.columns
     offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
-    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["row_aligned"], 0.0)
-    biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
+    # What was not measured stays NaN: cameras side by side cannot check the LiDAR, and are no evidence against a bias.
+    tilted = np.where(offset < FAULT_SCORES.tilted_by_px, 0.0, columns["offset_share"] - columns["row_aligned"])
+    biased = np.where(bias < FAULT_SCORES.biased_by_px, 0.0, columns["biased"] - columns["agreeing"])
     tilted, biased = (_beyond_others(seen, camera, gain) for gain in (tilted, biased))
     return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
 
@@ -277,7 +283,8 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
     An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
     dirt; where it only does not see what the others see, that is just enough for it.
     """
-    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    fired = {(one.i, one.check_name) for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    named = {sensor for sensor, _ in fired}
     found = []
     for sensor in sorted(named):
         columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
@@ -285,7 +292,8 @@ def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis,
             system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
         }
         added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
-        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= FAULT_HYPOTHESES.removed_gap:
+        gap = FAULT_HYPOTHESES.removed_gap if (sensor, Check.ADDED_LIGHT.value) in fired else 0.0
+        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= gap:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif added < FAULT_HYPOTHESES.least_added:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))

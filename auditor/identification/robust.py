@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, unlit, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, is_finding, unlit, weigh
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores
@@ -100,8 +100,10 @@ def judge_frames(
 
 
 def _ranked(some: tuple[FaultHypothesis, ...], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
-    """Both, the likeliest first; of equal scores in their order."""
-    return tuple(sorted((*some, *others), key=lambda one: -one.score)) if some else others
+    """Both, faults that are findings by themselves first, then the likeliest; else in their order."""
+    if not some:
+        return others
+    return tuple(sorted((*others, *some), key=lambda one: (not is_finding(one), -one.score)))
 
 
 def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
