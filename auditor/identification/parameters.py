@@ -55,7 +55,7 @@ class CheckPriors:
     light_of_two: tuple[float, ...] = parameter((-2.2, 0.37, 0.33, 1.25), unit=_OF_PRIOR, source=_PRIOR)
     light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     darkness: tuple[float, ...] = parameter((-3.05, 0.3, 0.27, 1.7), unit=_OF_PRIOR, source=_PRIOR)
-    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 1.7), unit=_OF_PRIOR, source=_PRIOR)
+    darkness_of_two: tuple[float, ...] = parameter((-2.75, 0.33, 0.35, 2.0), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.4), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.4), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.25), unit=_OF_PRIOR, source=_PRIOR)

@@ -25,8 +25,8 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
-from tests.benchmarks.clean_statistics import Scene
 from tests.benchmarks.lasting_faults import Happening
+from tests.benchmarks.scenes import Scene
 
 MATCHER = find_matcher("sgbm")
 OTHER_DRIVES = 3

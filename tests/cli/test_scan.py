@@ -81,15 +81,21 @@ def test_recordings_are_scanned_side_by_side_with_the_same_result(
     for jobs, store in stores.items():
         run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
         assert run(["scan", *recordings, "-r", "0", "--store", str(store), "--jobs", jobs]) == 1
-    one, two = ({p.name: p.read_bytes() for p in (store / "frames").iterdir()} for store in stores.values())
-    assert len(one) == 3
-    assert one == two
+    for table in ("frames", "cells", "fault_features", "regions"):
+        one, two = ({p.name: p.read_bytes() for p in (store / table).iterdir()} for store in stores.values())
+        assert len(one) == 3
+        assert one == two, table
 
 
-def test_without_thresholds_nothing_is_called_clean(
+def test_without_thresholds_the_prior_judges_and_says_so_and_the_paper_s_method_calls_nothing_clean(
     fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["scan", str(fleet / "clean.mcap"), "--store", str(tmp_path / "audit")]) == 3
+    scan = ["scan", str(fleet / "clean.mcap"), "--store", str(tmp_path / "audit"), "--jobs", "1"]
+    assert run(scan) in {0, 1}
+    shown = capfd.readouterr()
+    assert "clean.mcap: judged by the prior alone" in shown.err
+    assert "all fully audited" in shown.out
+    assert run([*scan, "--method", "paper"]) == 3
     assert "auditor calibrate" in capfd.readouterr().err
 
 
@@ -219,6 +225,8 @@ def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
             str(tmp_path / "audit"),
             "--format",
             "json",
+            "--method",
+            "paper",
         ],
         capture_output=True,
         text=True,

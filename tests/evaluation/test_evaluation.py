@@ -122,9 +122,7 @@ def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there()
     attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
     asked = {
         check
-        for check, x in zip(
-            attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True
-        )
+        for check, x in zip(attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True)
         if x is not None
     }
     assert asked == {
