@@ -4,7 +4,7 @@ Judging parameters: the scenes that `python -m tests.benchmarks.clean_statistics
 parameters: seven frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
 What was found is kept in a file of JSON lines, and a run that was stopped goes on where it was:
 
-    python -m tests.benchmarks.parameter_effects judging --scenes FOLDER FOLDER --kept judging.jsonl
+    python -m tests.benchmarks.parameter_effects judging --scenes FOLDER --streets FOLDER --kept judging.jsonl
     python -m tests.benchmarks.parameter_effects measuring --drives DATA --kept measuring.jsonl
     python -m tests.benchmarks.parameter_effects page --kept judging.jsonl measuring.jsonl --page docs/parameters.md
 """
@@ -17,7 +17,8 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from decimal import Decimal
 from hashlib import sha256
@@ -47,6 +48,10 @@ LEFT_OUT = OF_FAULTS_AND_REGIONS | OF_OTHER_RIGS | {"half_resolution", "region_m
 
 OF_MATCHER = {"sgbm", "equalising"}
 FAILED = "failed"
+JUDGED_COLUMNS = (
+    *("not clean", "R 75 mild", "paper's facula", "wall 1 m", "innocent"),
+    *("prior: not clean", "prior: R 75 mild", "prior: wall 1 m"),
+)
 MARK = "<!-- from here on written by tests/benchmarks/parameter_effects.py -->"
 
 Columns = dict[str, float]
@@ -95,7 +100,8 @@ def parameters_of(room: str) -> ModuleType:
     name = f"auditor.{room}.parameters"
     if name not in sys.modules:
         spec = spec_from_file_location(name, Path(auditor.__file__).parent / room / "parameters.py")
-        assert spec and spec.loader
+        assert spec
+        assert spec.loader
         sys.modules[name] = module_from_spec(spec)
         spec.loader.exec_module(sys.modules[name])
     return sys.modules[name]
@@ -126,31 +132,34 @@ def in_child(work: Callable[[], object]) -> object:
     return found
 
 
-def judged(folders: Sequence[Path]) -> Columns:
-    """How many frames of kept scenes are judged so, the scenes of each folder by each other."""
+def judged(drives: Path, streets: Path) -> Columns:
+    """How many frames of kept scenes are judged so: drives by each other, and drives and streets by the prior alone."""
     from auditor.model.verdict import VerdictKind  # noqa: PLC0415 - its module reads parameters
     from tests.benchmarks.clean_statistics import load  # noqa: PLC0415
     from tests.benchmarks.rates import judge_all  # noqa: PLC0415
 
-    found = dict.fromkeys(("not clean", "R 75 mild", "paper's facula", "wall 1 m", "innocent"), 0.0)
-    for folder in folders:
-        for one in judge_all(load(folder), CAMERAS, R):
+    found: Columns = dict.fromkeys(JUDGED_COLUMNS, 0)
+    scenes = load(drives)
+    alone = judge_all([*scenes, *load(streets)], CAMERAS, R, prior=True)
+    for prefix, cases in (("", judge_all(scenes, CAMERAS, R)), ("prior: ", alone)):
+        for one in cases:
+            innocent = bool(set(one.robust.attacked) - set(one.case.attacked))
             if not one.case.attack:
-                found["not clean"] += one.robust.kind is not VerdictKind.CLEAN
-                continue
-            if one.case.attack in found:
-                found[one.case.attack] += one.robust.attacked == one.case.attacked
-            found["innocent"] += bool(set(one.robust.attacked) - set(one.case.attacked))
+                name, counts = "not clean", one.robust.kind is not VerdictKind.CLEAN
+            else:
+                name, counts = one.case.attack, one.robust.attacked == one.case.attacked
+            for column, so in ((name, counts), ("innocent", innocent)):
+                if prefix + column in found:
+                    found[prefix + column] += so
     return found
 
 
 def sample(drives: Path) -> list[tuple]:
-    """(rig, frame, attacked sensors): each frame clean, with a mild facula on one camera, and on another beside a wall.
+    """(rig, frame, attacked sensors): each frame clean, and with a mild facula on one camera and a wall.
 
-    The faculas have a radius of 75 px, the wall a width of 1 m.
+    Cameras take turns. The facula has a radius of 75 px, the wall a width of 1 m.
     """
     import numpy as np  # noqa: PLC0415
-    from dataclasses import replace  # noqa: PLC0415
 
     from auditor.evaluation.sources import Recorded  # noqa: PLC0415
     from auditor.lab.attacks.paper import Facula, draw_wall  # noqa: PLC0415
@@ -164,16 +173,12 @@ def sample(drives: Path) -> list[tuple]:
             rig = opened[0].rig
             frames = [one for one in opened[0].frames if isinstance(one, Frame)]
         for at in np.linspace(0, len(frames) - 1, number + 2).astype(int)[1:-1]:
-            frame = frames[at]
-            first = len(found) // 3 % len(rig.cameras)
-            lit = []
-            for camera in (rig.cameras[first], rig.cameras[(first + 1) % len(rig.cameras)]):
-                place = rng.uniform(0, camera.width_px), rng.uniform(0, camera.height_px)
-                image = Facula(255.0, 75.0, *place).apply(frame.images[camera.number])
-                lit.append((camera.number, replace(frame, images={**frame.images, camera.number: image})))
+            frame, camera = frames[at], rig.cameras[len(found) // 2 % len(rig.cameras)]
+            place = rng.uniform(0, camera.width_px), rng.uniform(0, camera.height_px)
+            lit = Facula(255.0, 75.0, *place).apply(frame.images[camera.number])
             wall = replace(draw_wall(rng), width_m=1.0).apply(frame.cloud, rig)
-            (one, with_one), (two, with_two) = lit
-            found += [(rig, frame, ()), (rig, with_one, (one,)), (rig, replace(with_two, cloud=wall), (LIDAR, two))]
+            attacked = replace(frame, images={**frame.images, camera.number: lit}, cloud=wall)
+            found += [(rig, frame, ()), (rig, attacked, (LIDAR, camera.number))]
     return found
 
 
@@ -194,7 +199,7 @@ class RememberedMatcher:
 
 
 def measured(frames: Path, maps: dict) -> Columns:
-    """Mean z of the checks of lit cameras and of the LiDAR beside a wall, and the largest z of clean frames: mean, largest."""
+    """Mean z of the checks of lit cameras, and of the LiDAR's under a wall; the largest z of clean frames."""
     import numpy as np  # noqa: PLC0415
 
     from auditor.identification.scores import normalised_scores, thresholds_from  # noqa: PLC0415
@@ -225,10 +230,20 @@ def measured(frames: Path, maps: dict) -> Columns:
     }
 
 
+def import_libraries() -> None:
+    """Import all that the children need of other projects, so that each need not."""
+
+    def names() -> list[str]:
+        import_module("tests.benchmarks.rates")
+        return [name for name in sys.modules if name.split(".")[0] not in {"auditor", "tests"}]
+
+    for name in in_child(names):
+        with suppress(ImportError):
+            import_module(name)
+
+
 def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapping[str, object]) -> None:
     """Add what is missing to the kept file: the values that ship first, then every variant."""
-    for library in ("cv2", "duckdb", "numpy", "pyarrow.compute"):
-        import_module(library)  # children need not import them again
     known = {json.dumps(line["variant"]) for line in read(kept)} if kept.exists() else set()
     for variant in (None, *variants(groups.values())):
         as_kept = None if variant is None else asdict(variant)
@@ -249,11 +264,11 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
         print(line, flush=True)
 
 
-def keep_judged(folders: Sequence[Path], kept: Path) -> None:
+def keep_judged(drives: Path, streets: Path, kept: Path) -> None:
     """Try the judging parameters on kept scenes."""
     groups = groups_by_name("identification")
     tried = {name: group for name, group in groups.items() if name not in COUNTED_WHEN_MEASURED}
-    keep_all(kept, lambda _: judged(folders), tried)
+    keep_all(kept, lambda _: judged(drives, streets), tried)
 
 
 def keep_measured(drives: Path, kept: Path) -> None:
@@ -352,14 +367,17 @@ def write_page(kept: Sequence[Path], page: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("what", choices=("judging", "measuring", "page"))
-    parser.add_argument("--scenes", type=Path, nargs="+", help="folders of measured scenes")
+    parser.add_argument("--scenes", type=Path, help="the folder of measured scenes of drives, clean and attacked")
+    parser.add_argument("--streets", type=Path, help="the folder of measured scenes of streets")
     parser.add_argument("--drives", type=Path, help="the folder of the test data")
     parser.add_argument("--kept", type=Path, nargs="+", required=True)
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
+    if options.what != "page":
+        import_libraries()
     if options.what == "judging":
-        keep_judged(options.scenes, options.kept[0])
+        keep_judged(options.scenes, options.streets, options.kept[0])
     elif options.what == "measuring":
         keep_measured(options.drives, options.kept[0])
     else:
