@@ -27,6 +27,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import wrap
 from types import ModuleType
 
 import auditor
@@ -55,6 +56,8 @@ JUDGED_COLUMNS = (
 MARK = "<!-- from here on written by tests/benchmarks/parameter_effects.py -->"
 
 Columns = dict[str, float]
+Place = tuple[str, str, int | None]
+"""Group, name, and place in a tuple."""
 _FORK = get_context("fork")
 
 
@@ -258,7 +261,7 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
         value = None if variant is None else getattr(groups[variant.group], variant.name)
         line = {"variant": as_kept, "value": value, "found": in_child(of_variant)}
         if variant is None:
-            line |= {"commit": commit(), "date": f"{datetime.now(UTC):%Y-%m-%d}", "command": " ".join(sys.argv[1:])}
+            line |= {"commit": commit(), "date": f"{datetime.now(UTC):%Y-%m-%d}"}
         with kept.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
         print(line, flush=True)
@@ -300,68 +303,53 @@ def read(kept: Path) -> list[dict]:
     return [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
 
 
-def tables(kept: Path) -> Iterator[str]:
-    """The effects as a table, the largest first; then the numbers without any."""
+def table(kept: Path) -> Iterator[str]:
+    """Where and when a file was made, the effects as a table, the largest first, and the numbers without any."""
     ships, *others = read(kept)
-    found: dict[tuple, dict[float, Columns]] = defaultdict(dict)
-    values: dict[tuple, float] = {}
+    found: dict[Place, dict[float, Columns]] = defaultdict(dict)
+    values: dict[Place, float] = {}
     for line in others:
-        of = line["variant"]
-        key = of["group"], of["name"], of["place"]
-        found[key][of["factor"]] = line["found"]
-        values[key] = line["value"] if of["place"] is None else line["value"][of["place"]]
+        group, name, place, factor = line["variant"].values()
+        found[group, name, place][factor] = line["found"]
+        values[group, name, place] = line["value"] if place is None else line["value"][place]
     columns: Columns = ships["found"]
+    failed = {key for key, tried in found.items() if any(FAILED in one for one in tried.values())}
+    effects = {key: effect(tried.values(), columns) for key, tried in found.items() if key not in failed}
+    yield from (f"Measured {ships['date']}, commit {ships['commit']}.", "")
     yield f"| Parameter | Ships | {' | '.join(columns)} |"
     yield "|:---|---:|" + "---:|" * len(columns)
-    yield f"| values that ship | | {' | '.join(f'{value:.4g}' for value in columns.values())} |"
-    failed = sorted(key for key, tried in found.items() if any(FAILED in one for one in tried.values()))
-    known = {key: tried for key, tried in found.items() if key not in failed}
-    for key in sorted(known, key=lambda one: -effect(known[one].values(), columns)):
-        if effect(known[key].values(), columns):
-            cells = [" / ".join(difference(known[key].get(f), columns, name) for f in FACTORS) for name in columns]
-            yield f"| {shown(key)} | {values[key]:.4g} | {' | '.join(cells)} |"
-    nothing = [shown(key) for key in known if not effect(known[key].values(), columns)]
-    yield from ("", *wrapped("No effect here: " + (", ".join(nothing) or "none") + "."))
-    if failed:
-        yield from ("", *wrapped("Cannot be varied so, the program refuses: " + ", ".join(map(shown, failed)) + "."))
+    yield f"| as it ships | | {' | '.join(f'{value:.4g}' for value in columns.values())} |"
+    for key in sorted((key for key in effects if effects[key]), key=lambda one: -effects[one]):
+        cells = [difference(found[key], columns, name) for name in columns]
+        yield f"| {shown(key)} | {values[key]:.4g} | {' | '.join(cells)} |"
+    nothing = [shown(key) for key in effects if not effects[key]]
+    for text, names in (("Without any effect here", nothing), ("Refused by the program", [*map(shown, failed)])):
+        yield from ("", *wrap(f"{text}: {', '.join(sorted(names)) or 'none'}.", 115, break_on_hyphens=False))
 
 
 def effect(tried: Iterable[Columns], ships: Columns) -> float:
-    """The sum of all differences, each column relative to what ships."""
-    return sum(abs(one[name] - was) / max(abs(was), 1.0) for one in tried for name, was in ships.items())
+    """The largest difference in any column, to two digits after the point."""
+    return max(round(abs(one[name] - was), 2) for one in tried for name, was in ships.items())
 
 
-def difference(one: Columns | None, ships: Columns, name: str) -> str:
-    """By how much a column differs from what ships: 0 where it does not."""
-    if one is None:
-        return "?"
-    by = round(one[name] - ships[name], 2)
-    return f"{by:+.4g}" if by else "0"
+def difference(tried: Mapping[float, Columns], ships: Columns, name: str) -> str:
+    """By how much a column differs for each factor; 0 where it does for none, ? where a factor was not tried."""
+    by = [round(tried[factor][name] - ships[name], 2) if factor in tried else None for factor in FACTORS]
+    return "/".join("?" if one is None else f"{one:+.4g}" if one else "0" for one in by) if any(by) else "0"
 
 
-def shown(key: tuple[str, str, int | None]) -> str:
+def shown(key: Place) -> str:
     """A number's name in the page: the elements of priors by name, of other tuples by place."""
     group, name, place = key
-    parts = ("mean", "within", "between", "tail") if group.endswith("priors") else tuple("1234567")
+    parts = ("mean", "within", "between", "tail") if group.endswith("priors") else "1234567"
     return f"{group}.{name}" + ("" if place is None else f" {parts[place]}")
-
-
-def wrapped(text: str) -> Iterator[str]:
-    """Lines shorter than 120 characters."""
-    import textwrap  # noqa: PLC0415
-
-    yield from textwrap.wrap(text, 115, break_on_hyphens=False)
 
 
 def write_page(kept: Sequence[Path], page: Path) -> None:
     """Write the tables below the mark of a page; what stands above it stays."""
-    head = page.read_text(encoding="utf-8").split(MARK)[0] if page.exists() else "# Parameters\n\n"
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True).stdout
-    names = {"judging": "Judging parameters", "measuring": "Measuring parameters"}
-    lines = [MARK, "", f"Written {datetime.now(UTC):%Y-%m-%d}, commit {commit.strip()}."]
-    for one in kept:
-        lines += ["", f"## {names.get(one.stem, one.stem)}", "", *tables(one)]
-    page.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    head = page.read_text(encoding="utf-8").split(MARK)[0]
+    lines = [line for one in kept for line in ("", f"## {one.stem.capitalize()} parameters", "", *table(one))]
+    page.write_text(head + "\n".join([MARK, *lines]) + "\n", encoding="utf-8")
 
 
 def main() -> None:
