@@ -35,7 +35,9 @@ from auditor.model.parameter import Number, list_parameters
 
 FACTORS = (0.8, 1.2)
 R = Decimal("0.01")
-CAMERAS = (1, 2, 3, 4)
+RIGS = ((1, 2, 3, 4), (1, 2, 3), (1, 3))
+"""The cameras that kept scenes are judged by: priors differ by how many take part."""
+
 FRAMES = {"0009": 3, "0001": 2, "04": 2}
 """By drive how many of its frames the measuring parameters are tried on."""
 
@@ -49,9 +51,12 @@ LEFT_OUT = OF_FAULTS_AND_REGIONS | OF_OTHER_RIGS | {"half_resolution", "region_m
 
 OF_MATCHER = {"sgbm", "equalising"}
 FAILED = "failed"
+ATTACKS = {"R 75 mild": "R 75", "paper's facula": "facula", "wall 1 m": "wall"}
+"""Attacks that are counted, and what their columns are called."""
+
 JUDGED_COLUMNS = (
-    *("not clean", "R 75 mild", "paper's facula", "wall 1 m", "innocent"),
-    *("prior: not clean", "prior: R 75 mild", "prior: wall 1 m"),
+    *("not clean", "R 75", "facula", "wall", "innocent"),
+    *("prior: not clean", "prior: R 75", "prior: wall"),
 )
 MARK = "<!-- from here on written by tests/benchmarks/parameter_effects.py -->"
 
@@ -136,24 +141,28 @@ def in_child(work: Callable[[], object]) -> object:
 
 
 def judged(drives: Path, streets: Path) -> Columns:
-    """How many frames of kept scenes are judged so: drives by each other, and drives and streets by the prior alone."""
+    """How many frames of kept scenes are judged so: drives by each other, and drives and streets by the prior alone.
+
+    With two cameras nothing can be named, and an attacked frame counts where it is found.
+    """
     from auditor.model.verdict import VerdictKind  # noqa: PLC0415 - its module reads parameters
     from tests.benchmarks.clean_statistics import load  # noqa: PLC0415
     from tests.benchmarks.rates import judge_all  # noqa: PLC0415
 
     found: Columns = dict.fromkeys(JUDGED_COLUMNS, 0)
     scenes = load(drives)
-    alone = judge_all([*scenes, *load(streets)], CAMERAS, R, prior=True)
-    for prefix, cases in (("", judge_all(scenes, CAMERAS, R)), ("prior: ", alone)):
-        for one in cases:
-            innocent = bool(set(one.robust.attacked) - set(one.case.attacked))
-            if not one.case.attack:
-                name, counts = "not clean", one.robust.kind is not VerdictKind.CLEAN
-            else:
-                name, counts = one.case.attack, one.robust.attacked == one.case.attacked
-            for column, so in ((name, counts), ("innocent", innocent)):
-                if prefix + column in found:
-                    found[prefix + column] += so
+    every = [*scenes, *load(streets)]
+    for cameras in RIGS:
+        by_prior = judge_all(every, cameras, R, prior=True)
+        for prefix, cases in (("", judge_all(scenes, cameras, R)), ("prior: ", by_prior)):
+            for one in cases:
+                attack, verdict = one.case.attack, one.robust
+                reported = verdict.kind is not VerdictKind.CLEAN
+                named = verdict.attacked == one.case.attacked if attack and len(cameras) > 2 else reported
+                innocent = bool(set(verdict.attacked) - set(one.case.attacked))
+                for column, so in ((ATTACKS.get(attack, attack) or "not clean", named), ("innocent", innocent)):
+                    if prefix + column in found:
+                        found[prefix + column] += so
     return found
 
 
@@ -215,7 +224,7 @@ def measured(frames: Path, maps: dict) -> Columns:
     matcher = RememberedMatcher(MATCHER, maps)
     z_of: dict[str, list[float]] = defaultdict(list)
     for rig, frame, attacked in pickle.loads(frames.read_bytes()):
-        system = system_of(Scene("", "", rig, "", ()), CAMERAS)
+        system = system_of(Scene("", "", rig, "", ()), RIGS[0])
         thresholds = thresholds_from([], system.sensor_checks, system.judged_together, R)
         case = case_of(measure(frame, rig, matcher)[0], rig)
         expected = [thresholds.expected[check] for check in system.sensor_checks]
