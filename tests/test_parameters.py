@@ -11,34 +11,41 @@ from pathlib import Path
 
 import pytest
 
-from auditor.identification.parameters import JUDGING, THETA_CEILING, THETA_FLOOR, judging_digest, judging_settings
+from auditor.identification.parameters import (
+    CAUSE_PRIORS,
+    CHECK_PRIORS,
+    JUDGING,
+    LOCALISED_FROM,
+    judging_settings,
+)
 from auditor.measurement.parameters import (
     DISPARITY_ERROR,
     MEASURING,
     SGBM,
     TEXTURE,
-    WARNING,
-    measuring_digest,
     measuring_settings,
 )
-from auditor.model.measurement import COUNTING_VERSION
+from auditor.measurement.warning_parameters import WARNING
+from auditor.model.measurement import COUNTING_VERSION, EXPERIMENTS_VERSION
 from auditor.model.parameter import Parameter, canonical_json, digest, list_parameters, parameter
 from auditor.model.verdict import JUDGING_VERSION
-from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING, synchronising_digest
+from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING
+from tests import digests
+
+WRITTEN_BY = "python -m tests.digests keeps the new digest"
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "auditor"
 
-COUNTED = {4: ("78da6eae4208", "bc27e7641c4b"), 5: ("78da6eae4208", "3c6abd1dbf01")}
-"""By COUNTING_VERSION the digests of what measures and of what synchronises; one that was published is not changed."""
-
-JUDGED = {1: "ead99d9c85b4", 2: "ead99d9c85b4"}
-"""By JUDGING_VERSION the digest of what judges."""
-
 SCANNED = tuple(
     path for room in ("model", "measurement", "identification") for path in sorted((PACKAGE / room).rglob("*.py"))
 )
-PARAMETER_FILES = ("model/parameters.py", "measurement/parameters.py", "identification/parameters.py")
+PARAMETER_FILES = (
+    "model/parameters.py",
+    "measurement/parameters.py",
+    "measurement/warning_parameters.py",
+    "identification/parameters.py",
+)
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
     "measurement/thumbnails.py": "thumbnails for the report",
@@ -65,12 +72,14 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
-    "identification/naming.py": ((3,), "N - 3"),
+    "identification/marks.py": ((4,), "calibrations without a LiDAR that are kept in memory"),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
-    "measurement/checks/brightness.py": ((255,), "white"),
-    "measurement/checks/photometric_consistency.py": ((255,), "white"),
+    "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
+    "measurement/checks/light.py": ((255,), "white"),
+    "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
+    "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
     "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
     "measurement/disparity/matchers/model_description.py": (
         (
@@ -117,6 +126,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "degrees of a rectangle's turn",
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
+    "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
     "model/common_view.py": ((3,), "dimensions"),
     "model/geometry.py": (
         (
@@ -136,8 +146,9 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "coefficients of the models; the inversion's rounds and accuracy",
     ),
-    "model/measurement.py": ((COUNTING_VERSION,), "a version"),
+    "model/measurement.py": ((COUNTING_VERSION, EXPERIMENTS_VERSION), "versions"),
     "model/parameter.py": ((12,), "characters of a digest"),
+    "model/verdict.py": ((JUDGING_VERSION,), "a version"),
     "model/rig.py": (
         (
             3,
@@ -187,13 +198,13 @@ def test_no_number_is_called_structural_that_is_not_there() -> None:
 
 
 def test_measuring_and_synchronising_parameters_change_with_the_counting_version() -> None:
-    message = "raise COUNTING_VERSION, and keep the new digests here: the same frame may give other counts"
-    assert COUNTED.get(COUNTING_VERSION) == (measuring_digest(), synchronising_digest()), message
+    kept = digests.read()["counting"].get(str(COUNTING_VERSION))
+    assert kept == digests.counting(), f"raise COUNTING_VERSION: the same frame may give other counts; {WRITTEN_BY}"
 
 
 def test_judging_parameters_change_with_the_judging_version() -> None:
-    message = "raise JUDGING_VERSION, and keep the new digest here: the same measurement may get other verdicts"
-    assert JUDGED.get(JUDGING_VERSION) == judging_digest(), message
+    kept = digests.read()["judging"].get(str(JUDGING_VERSION))
+    assert kept == digests.judging(), f"raise JUDGING_VERSION: equal measurements may get other verdicts; {WRITTEN_BY}"
 
 
 def test_a_changed_value_changes_the_digest_and_its_unit_and_source_do_not() -> None:
@@ -213,7 +224,7 @@ def test_the_settings_are_canonical_json_of_all_values() -> None:
     assert values["row_alignment.blocks"] == [6, 20]
     assert len(values) == len(list_parameters(*MEASURING))
     assert measuring_settings() == json.dumps(values, sort_keys=True, separators=(",", ":"))
-    assert json.loads(judging_settings())["fault_scale.largest_r"] == "0.01"
+    assert json.loads(judging_settings())["hierarchy.farthest"] == 3.0
 
 
 def test_a_parameter_without_a_unit_or_a_source_cannot_be_made() -> None:
@@ -253,7 +264,7 @@ def test_every_group_of_a_parameter_file_is_listed() -> None:
     for name, listed in (
         ("recordings", (*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING)),
         ("measurement", (*MEASURING, *WARNING)),
-        ("identification", JUDGING),
+        ("identification", (*JUDGING, LOCALISED_FROM)),
     ):
         classes = re.findall(r"^class (\w+):", (PACKAGE / name / "parameters.py").read_text(), re.MULTILINE)
         assert set(classes) <= {type(group).__name__ for group in listed}
@@ -267,12 +278,13 @@ def test_documents_that_sources_name_are_there() -> None:
     assert not [path for path in named if not (ROOT / path).is_file()]
 
 
-def test_every_floor_lies_below_its_ceiling() -> None:
-    floors, ceilings = list_parameters(THETA_FLOOR), list_parameters(THETA_CEILING)
-    assert [floor.name for floor in floors] == [ceiling.name for ceiling in ceilings]
-    for floor, ceiling in zip(floors, ceilings, strict=True):
-        assert isinstance(floor.value, float) and isinstance(ceiling.value, float)  # noqa: PT018
-        assert floor.value < ceiling.value
+def test_every_prior_has_a_mean_deviations_above_zero_and_a_tail_of_one_at_least() -> None:
+    for one in list_parameters(CHECK_PRIORS, CAUSE_PRIORS):
+        assert isinstance(one.value, tuple)
+        mean, within, between, *tail = one.value
+        assert -10 < mean < 10
+        assert min(within, between) > 0
+        assert min(tail, default=1) >= 1
 
 
 def test_decimals_are_written_exactly() -> None:

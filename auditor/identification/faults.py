@@ -4,13 +4,14 @@ An attack changes a portion of what a sensor sees. A fault changes all of it in 
 on another row, or where it lay a frame ago; every LiDAR point agrees with stereo once all are moved by one offset.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
 from auditor.identification.statistics import window_means
+from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
@@ -18,7 +19,7 @@ from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
 
-LONGEST_WINDOW_S = TEMPORAL_WINDOW.soiled_seconds
+LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds
 """No fault score depends on frames further away than half of this."""
 
 MIN_FRAMES = FROZEN.least_repeats
@@ -97,39 +98,61 @@ def fault_hypotheses(
     theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
     unusual = np.stack([_unusual(scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
-    z = np.minimum((unusual - theta) / scale, FAULT_SCALE.highest)
-    share = np.nan_to_num(FAULT_HYPOTHESES.enough * (1 + z / FAULT_SCALE.highest))
+    z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
+    share = FAULT_HYPOTHESES.enough * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = sorted(zip(share[frame].tolist(), range(len(keys)), strict=True), key=lambda one: (-one[0], one[1]))
-        hypotheses[frame] = tuple(FaultHypothesis(*keys[place], score) for score, place in ranked if score >= least)
+        places: list[int] = np.argsort(-z[frame], kind="stable").tolist()
+        scored = ((keys[place], float(share[frame, place])) for place in places)
+        hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in scored if score >= least)
     return hypotheses
 
 
 def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
-    A fault is a finding by itself; darkness, glare and rain are listed where no check fired, and are no finding. The
-    fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly more than a
-    fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more strongly. The
-    attack of a `suspect` verdict is the first of its alternatives.
+    A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
+    finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly
+    more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
+    strongly. The attack of a `suspect` verdict is the first of its alternatives.
     """
     fired = verdict.kind in FINDINGS
-    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
-    least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap if fired else 0.0
     kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
-    enough = any(
-        one.score >= FAULT_HYPOTHESES.enough
-        and _z_of(one) >= least
-        and (one.sensor not in verdict.out_of_system if fired else one.cause in FAULTS)
-        for one in kept
-    )
-    if not enough:
+    enough = _explaining(kept, verdict, limit) if fired else map(is_finding, kept)
+    if not any(enough):
         return replace(verdict, causes=kept) if kept else verdict
     likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
     alternatives = (*likeliest, *verdict.alternatives)
     return replace(verdict, kind=VerdictKind.SUSPECT, attacked=(), alternatives=alternatives, causes=kept)
+
+
+def is_finding(hypothesis: FaultHypothesis) -> bool:
+    """Whether a fault is a finding where no check fired."""
+    return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
+
+
+def _explaining(causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float) -> Iterator[bool]:
+    for one in causes:
+        likely = one.score >= FAULT_HYPOTHESES.enough and one.sensor not in verdict.out_of_system
+        yield likely and _as_strong(one, verdict, limit)
+
+
+def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
+    """Whether a fault is about as clear as the checks that fired exceed their limit.
+
+    Dirt has been weighed against light already. An exposure changes levels, and what a camera sees where it saturates;
+    light added to a portion of its view changes both.
+    """
+    if hypothesis.cause is Cause.SOILED:
+        return True
+    if hypothesis.cause is Cause.EXPOSURE:
+        own = {one.check_name: one.score for one in verdict.evidence if one.i == hypothesis.sensor}
+        added = own.get(Check.ADDED_LIGHT.value, limit) - limit
+        seen_alike = Check.PHOTOMETRIC_INCONSISTENCY.value not in own
+        return added <= (FAULT_HYPOTHESES.exposure_gap if seen_alike else 0.0)
+    lead = max((one.score - limit for one in verdict.evidence), default=0.0)
+    return _z_of(hypothesis) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -161,8 +184,9 @@ def _displaced(seen: ObservedFeatures, camera: int) -> Floats:
     """A camera is rotated where all its pairs, and no others, are off by one constant: in rows, or in disparities."""
     columns = seen.columns
     offset, bias = np.abs(columns["offset_px"]), np.abs(columns["bias_px"])
-    tilted = np.where(offset >= FAULT_SCORES.tilted_by_px, columns["offset_share"] - columns["row_aligned"], 0.0)
-    biased = np.where(bias >= FAULT_SCORES.biased_by_px, columns["biased"] - columns["agreeing"], 0.0)
+    # What was not measured stays NaN: cameras side by side cannot check the LiDAR, and are no evidence against a bias.
+    tilted = np.where(offset < FAULT_SCORES.tilted_by_px, 0.0, columns["offset_share"] - columns["row_aligned"])
+    biased = np.where(bias < FAULT_SCORES.biased_by_px, 0.0, columns["biased"] - columns["agreeing"])
     tilted, biased = (_beyond_others(seen, camera, gain) for gain in (tilted, biased))
     return np.fmax(tilted / FAULT_SCORES.tilted, biased / FAULT_SCORES.biased)
 
@@ -254,18 +278,32 @@ def _by_itself(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
 
 
-def darkened(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a verdict that lack light and have none too much: an attack by light adds it."""
-    lit = {one.i for one in verdict.evidence if one.check_name == Check.ADDED_LIGHT.value}
-    dark = dict.fromkeys(one.i for one in verdict.evidence if one.check_name == Check.REMOVED_LIGHT.value)
-    return tuple(FaultHypothesis(Cause.SOILED, sensor) for sensor in dark if sensor not in lit)
+def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis, ...]:
+    """The cameras of a finding that changed without light being added, from the scores (M,) of its frame.
+
+    An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
+    dirt; where it only does not see what the others see, that is just enough for it.
+    """
+    fired = {(one.i, one.check_name) for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    named = {sensor for sensor, _ in fired}
+    found = []
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        scores = {
+            system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
+        }
+        added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
+        gap = FAULT_HYPOTHESES.removed_gap if (sensor, Check.ADDED_LIGHT.value) in fired else 0.0
+        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= gap:
+            found.append(FaultHypothesis(Cause.SOILED, sensor))
+        elif added < FAULT_HYPOTHESES.least_added:
+            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+    return tuple(found)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
-    if hypothesis.cause is Cause.EXPOSURE:
-        return False  # tone curves follow exposures; light that is thrown into a camera changes its level too
     if hypothesis.cause is Cause.DARK:
         return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):

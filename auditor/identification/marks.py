@@ -14,7 +14,7 @@ from auditor.identification.parameters import OTHER_LIDAR
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames, Marks
 from auditor.model.rig import LIDAR
-from auditor.model.rig_kind import Likeness
+from auditor.model.rig_kind import Similarity
 
 OPENCV, OPENCV_CPU = "opencv-python-headless", "opencv_cpu"
 """Names in a measurement's versions: of OpenCV, and of the CPU's instruction sets that it uses."""
@@ -24,7 +24,7 @@ MACHINE = (OPENCV, OPENCV_CPU)
 
 
 def marks_of(
-    calibration: Calibration, likeness: Likeness, recording_id: str, returns: Floats, versions: Mapping[str, str]
+    calibration: Calibration, similarity: Similarity, recording_id: str, returns: Floats, versions: Mapping[str, str]
 ) -> Marks:
     """The marks of a judgement of a recording.
 
@@ -32,7 +32,7 @@ def marks_of(
     was measured with.
     """
     return Marks(
-        likeness=likeness,
+        similarity=similarity,
         in_sample=recording_id in calibration.recordings,
         other_lidar=is_another_lidar(calibration.clean, returns),
         measured_otherwise=_measured_otherwise(calibration.clean, versions),

@@ -145,7 +145,7 @@ def effective_size(values: Floats) -> float:
     """How many independent frames F successive ones are worth, 1 at least (docs/protocol.md)."""
     F, deviations = values.size, values - values.mean()
     power = float(deviations @ deviations)
-    if HIERARCHY.fewest_frames > F or power == 0:
+    if HIERARCHY.fewest_frames > F or power == 0 or np.ptp(values) == 0:
         return 1.0
     total = 1.0
     for lag in range(1, F):

@@ -17,7 +17,7 @@ from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
-from auditor.model.rig_kind import Likeness, RigKind
+from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.sub_rigs import SubRig, sub_rig
 
 
@@ -26,7 +26,7 @@ def calibration_for(calibration: Calibration, rig: Rig) -> Calibration | None:
 
     The part has the whole's id, and `part` says what it is. None where the rig is neither.
     """
-    if calibration.rig_kind.likeness(rig.kind) is not Likeness.OTHER:
+    if calibration.rig_kind.similarity(rig.kind) is not Similarity.OTHER:
         return calibration
     part = sub_rig(calibration.rig_kind, rig)
     if part is None:
@@ -39,13 +39,13 @@ def closeness(calibration: Calibration, rig: Rig) -> tuple[bool, int] | None:
 
     Whether its kind is only similar, and how many sensors it has beyond the other's.
     """
-    likeness, additional = calibration.rig_kind.likeness(rig.kind), 0
-    if likeness is Likeness.OTHER:
+    similarity, additional = calibration.rig_kind.similarity(rig.kind), 0
+    if similarity is Similarity.OTHER:
         part = sub_rig(calibration.rig_kind, rig)
         if part is None:
             return None
-        likeness, additional = part.likeness, len(part.absent)
-    return likeness is Likeness.SIMILAR, additional
+        similarity, additional = part.similarity, len(part.absent)
+    return similarity is Similarity.SIMILAR, additional
 
 
 @lru_cache(maxsize=8)

@@ -7,7 +7,7 @@ from decimal import ROUND_FLOOR, Decimal, InvalidOperation, localcontext
 from auditor.errors import SettingError, ThresholdsError
 from auditor.model.calibration import Calibration, Thresholds
 from auditor.model.measurement import Procedure, Statistic
-from auditor.model.rig_kind import Likeness, RigKind
+from auditor.model.rig_kind import RigKind, Similarity
 
 BELOW_EVERY_ERROR = -1.0
 """theta at r = 1, where every sample has to lie above it; disparity errors are never negative."""
@@ -81,7 +81,7 @@ def thresholds_at(
 
 def check_calibration(
     calibration: Calibration, *, rig_kind: RigKind, procedure: Procedure, transfer: bool = False
-) -> Likeness:
+) -> Similarity:
     """Refuse thresholds of measurements that were made otherwise; say how alike the rig kinds are.
 
     A similar kind is accepted, another one only with `transfer`; another matcher, other settings or another counting
@@ -95,14 +95,14 @@ def check_calibration(
             where=where,
             remedy="calibrate again with the same matcher and settings, or measure again with the calibration's",
         )
-    likeness = calibration.part.likeness if calibration.part else calibration.rig_kind.likeness(rig_kind)
-    if likeness is Likeness.OTHER and not transfer:
+    similarity = calibration.part.similarity if calibration.part else calibration.rig_kind.similarity(rig_kind)
+    if similarity is Similarity.OTHER and not transfer:
         raise ThresholdsError(
             f"its thresholds are for another rig kind: {calibration.rig_kind}, where this one is {rig_kind}",
             where=where,
             remedy="calibrate on clean recordings of this rig kind, or ask for a transfer, which the verdicts will say",
         )
-    return likeness
+    return similarity
 
 
 def _differences(calibrated: Procedure, measured: Procedure) -> Iterator[str]:

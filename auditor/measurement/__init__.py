@@ -15,6 +15,11 @@ def use_one_thread() -> None:
     cv2.setNumThreads(1)
 
 
+def instruction_sets() -> str:
+    """The CPU's instruction sets that OpenCV uses here: with others the same frame may give slightly other counts."""
+    return cv2.getCPUFeaturesLine()
+
+
 __all__ = [
     "CalibrationCheck",
     "FaultFeatures",
@@ -22,6 +27,7 @@ __all__ = [
     "Picture",
     "PictureBook",
     "draw",
+    "instruction_sets",
     "localise",
     "measure",
     "measure_stream",

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-"""Statistics, thresholds and scores: (F,) by frame, or (F, M) by frame and pair check. NaN is not measured."""
+"""Statistics, thresholds and scores: (F,) by frame, or (F, M) by frame and sensor check. NaN is not measured."""
 
 Matrix = NDArray[np.float64]
 """Vectors, rotations, motions and projections: (3,), (3, 3), (4, 4), (3, 4)."""
@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 """Chosen pixels or points: (H, W) or (M,)."""
 
 Flags = NDArray[np.bool_]
-"""What holds in each frame: (F,), or (F, S) by frame and sensor, or (F, M) by frame and pair check."""
+"""What holds in each frame: (F,), or (F, S) by frame and sensor, or (F, M) by frame and sensor check."""
 
 Integers = NDArray[np.int64]
 """Stamps in nanoseconds, numbers of runs, fingerprints: (F,) or (F, S)."""

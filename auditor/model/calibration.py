@@ -12,7 +12,7 @@ from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.checks import Pair, SensorCheck
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple
-from auditor.model.rig_kind import Likeness, RigKind
+from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.sub_rigs import SubRig
 from auditor.model.verdict import CauseIn
 
@@ -96,12 +96,12 @@ def prior_calibration(rig_kind: RigKind, procedure: Procedure) -> Calibration:
 class Marks:
     """What a judgement says of its calibration.
 
-    `likeness` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
+    `similarity` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
     `other_lidar`: the LiDAR has far more or fewer points than the calibration's, and its checks were judged by the
     prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
     """
 
-    likeness: Likeness = Likeness.SAME
+    similarity: Similarity = Similarity.SAME
     in_sample: bool = False
     other_lidar: bool = False
     measured_otherwise: str = ""

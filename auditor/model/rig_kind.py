@@ -7,7 +7,7 @@ from typing import NamedTuple
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 
 
-class Likeness(StrEnum):
+class Similarity(StrEnum):
     """How alike two rigs are: of one kind, of similar kinds as two production years are, or of other kinds."""
 
     SAME = "same"
@@ -36,8 +36,8 @@ class Tolerance(NamedTuple):
 
 
 TOLERANCES = {
-    Likeness.SAME: Tolerance(0.0, RIG_KIND_TOLERANCE.share, RIG_KIND_TOLERANCE.baseline_m),
-    Likeness.SIMILAR: Tolerance(
+    Similarity.SAME: Tolerance(0.0, RIG_KIND_TOLERANCE.share, RIG_KIND_TOLERANCE.baseline_m),
+    Similarity.SIMILAR: Tolerance(
         RIG_KIND_TOLERANCE.similar_share, RIG_KIND_TOLERANCE.similar_share, RIG_KIND_TOLERANCE.similar_baseline_m
     ),
 }
@@ -57,19 +57,19 @@ class RigKind:
     focals_px: tuple[float, ...]
     baselines_m: tuple[float, ...]
 
-    def likeness(self, other: "RigKind") -> Likeness:
+    def similarity(self, other: "RigKind") -> Similarity:
         """SAME where sizes are equal and lengths agree within 2 % or 5 mm, SIMILAR within 5 % or 2 cm.
 
         Kinds with other sensors are never alike.
         """
-        for likeness, tolerance in TOLERANCES.items():
+        for similarity, tolerance in TOLERANCES.items():
             if self._agrees(other, tolerance):
-                return likeness
-        return Likeness.OTHER
+                return similarity
+        return Similarity.OTHER
 
     def matches(self, other: "RigKind") -> bool:
         """True where both are one kind."""
-        return self.likeness(other) is Likeness.SAME
+        return self.similarity(other) is Similarity.SAME
 
     def _agrees(self, other: "RigKind", tolerance: Tolerance) -> bool:
         return (

@@ -4,19 +4,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.rig_kind import TOLERANCES, Likeness, RigKind, Tolerance
+from auditor.model.rig_kind import TOLERANCES, RigKind, Similarity, Tolerance
 
 
 @dataclass(frozen=True)
 class SubRig:
     """A rig as a part of the rig kind `whole`: by its sensors, ascending, their numbers there.
 
-    `likeness` is how alike the rig is to the same sensors of the whole.
+    `similarity` is how alike the rig is to the same sensors of the whole.
     """
 
     whole: RigKind
     sensors: tuple[int, ...]
-    likeness: Likeness = Likeness.SAME
+    similarity: Similarity = Similarity.SAME
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -37,10 +37,10 @@ def sub_rig(whole: RigKind, rig: Rig) -> SubRig | None:
     """
     if (rig.lidar and not whole.lidar) or len(rig.sensors) >= len(_cameras(whole)) + whole.lidar:
         return None
-    for likeness, tolerance in TOLERANCES.items():
+    for similarity, tolerance in TOLERANCES.items():
         choices = ((_apart_m(whole, rig, cameras), cameras) for cameras in _choices(whole, rig, tolerance, ()))
         if found := min(choices, default=None):
-            return SubRig(whole, ((LIDAR,) if rig.lidar else ()) + found[1], likeness)
+            return SubRig(whole, ((LIDAR,) if rig.lidar else ()) + found[1], similarity)
     return None
 
 

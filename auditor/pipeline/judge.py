@@ -35,7 +35,7 @@ from auditor.model.checks import LIDAR_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import LIDAR, Rig
-from auditor.model.rig_kind import Likeness, RigKind
+from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.verdict import Method, Verdict
 from auditor.store import (
     FrameStatistics,
@@ -267,10 +267,12 @@ def judge_measurement(
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
     whole, calibration = calibration, calibration_for(calibration, rig) or calibration
-    likeness = check_calibration(calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer)
+    similarity = check_calibration(
+        calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
+    )
     frames = _frame_statistics(store, measurement, recount=criteria.recount)
-    marks = marks_of(calibration, likeness, stored.recording_id, frames.returns, stored.versions)
-    transferred = likeness is not Likeness.SAME
+    marks = marks_of(calibration, similarity, stored.recording_id, frames.returns, stored.versions)
+    transferred = similarity is not Similarity.SAME
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
         learnt = without_lidar(calibration) if marks.other_lidar else calibration

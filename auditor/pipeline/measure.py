@@ -10,8 +10,6 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
-import cv2
-
 from auditor import __version__
 from auditor.errors import RigError
 from auditor.identification.marks import OPENCV, OPENCV_CPU
@@ -21,6 +19,7 @@ from auditor.measurement import (
     CalibrationCheck,
     FaultFeatures,
     PictureBook,
+    instruction_sets,
     localise,
     measure,
     measure_stream,
@@ -369,4 +368,4 @@ def _preflight(
 
 def _versions(matcher: Matcher) -> dict[str, str]:
     ours = {"auditor": __version__, "python": platform.python_version()} | {name: version(name) for name in _VERSIONED}
-    return plug_ins() | ours | {OPENCV_CPU: cv2.getCPUFeaturesLine()} | dict(libraries(matcher))
+    return plug_ins() | ours | {OPENCV_CPU: instruction_sets()} | dict(libraries(matcher))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from auditor.model.calibration import Calibration
-from auditor.model.rig_kind import Likeness
+from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, resolves_incidents
 from auditor.store import StoredJudgement
@@ -29,8 +29,8 @@ def unresolved(judgement: StoredJudgement, calibration: Calibration, criteria: C
 def marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:
     """The vehicle, LiDAR or machine that the calibration is of and the recording is not; or that it is of both."""
     marks = judgement.marks
-    if marks.likeness is not Likeness.SAME:
-        which = "a similar" if marks.likeness is Likeness.SIMILAR else "another"
+    if marks.similarity is not Similarity.SAME:
+        which = "a similar" if marks.similarity is Similarity.SIMILAR else "another"
         yield f"thresholds transferred from {which} rig kind: {calibration.rig_kind}"
     if marks.other_lidar:
         judged = ": its checks are judged by the prior" if judgement.method == Method.ROBUST else ""

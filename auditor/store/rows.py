@@ -12,7 +12,7 @@ from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig
-from auditor.model.rig_kind import Likeness
+from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
@@ -168,7 +168,7 @@ def judgement_row(judgement: JudgementRecord, rig: Rig) -> Row:
         "recounted": judgement.recounted,
         "absent_sensors": list(judgement.absent_sensors),
         "calibrated_as": judgement.calibrated_as and list(judgement.calibrated_as),
-        "likeness": judgement.marks.likeness.value,
+        "similarity": judgement.marks.similarity.value,
         "in_sample": judgement.marks.in_sample,
         "other_lidar": judgement.marks.other_lidar,
         "measured_otherwise": judgement.marks.measured_otherwise or None,
@@ -209,9 +209,9 @@ def _threshold_columns(judgement: JudgementRecord, rig: Rig) -> Row:
 
 def _marks(row: Mapping[str, Any]) -> Marks:
     """The marks of a judgement; older rows say of them whether it was transferred, and no more."""
-    unknown = Likeness.OTHER if row["transferred"] else Likeness.SAME
+    unknown = Similarity.OTHER if row["transferred"] else Similarity.SAME
     return Marks(
-        likeness=Likeness(row["likeness"]) if row["likeness"] else unknown,
+        similarity=Similarity(row["similarity"]) if row["similarity"] else unknown,
         in_sample=bool(row["in_sample"]),
         other_lidar=bool(row["other_lidar"]),
         measured_otherwise=row["measured_otherwise"] or "",

@@ -83,7 +83,10 @@ class Glare:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault, the cause that it should be called (None where there is none for it), and whether all cameras have it."""
+    """A fault and the cause that it should be called, None where there is none for it.
+
+    `together`: all cameras have it; `coloured`: only colour cameras can.
+    """
 
     name: str
     cause: Cause | None

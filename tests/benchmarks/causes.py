@@ -1,7 +1,7 @@
 """How well faults are told from attacks: `python -m tests.benchmarks.causes --into FOLDER [--attacks]`.
 
-Each fault lasts through the frames of a drive, each attack is drawn anew for every frame; on each sensor in turn, of
-streets too. `judged_drives` says how they are judged and counted. Of faults `right cause` should be all and `accused`
+Each fault lasts through the frames of a drive, each attack is drawn anew for every frame: on each sensor in turn, of
+streets on the LiDAR and one camera. `judged_drives` says how they are judged and counted. Of faults `right cause` should be all and `accused`
 none, of attacks `accused` all, `others` and `suspect` none. Faults and attacks need folders of their own.
 """
 
@@ -9,28 +9,31 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from auditor.model.frames import Frame
-from auditor.model.rig import Rig
+from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.judged_drives import run
 from tests.benchmarks.lasting_faults import CLEAN, Happening, attacks, faults
 
 ATTACKS = "--attacks"
 
 
-def all_faults(kept: Sequence[Frame], rig: Rig, seed: int, *, each: bool) -> Iterator[Happening]:
+def of_faults(kept: Sequence[Frame], rig: Rig, seed: int, *, each: bool) -> Iterator[Happening]:
     """Clean frames, and every fault."""
-    del seed, each
     yield Happening(CLEAN, None, None, kept)
-    yield from faults(kept, rig)
+    yield from _on_chosen(faults(kept, rig), rig, seed, each=each)
 
 
-def all_attacks(kept: Sequence[Frame], rig: Rig, seed: int, *, each: bool) -> Iterator[Happening]:
+def of_attacks(kept: Sequence[Frame], rig: Rig, seed: int, *, each: bool) -> Iterator[Happening]:
     """Clean frames, and every attack."""
-    del seed, each
     yield Happening(CLEAN, None, None, kept)
-    yield from attacks(kept, rig)
+    yield from _on_chosen(attacks(kept, rig), rig, seed, each=each)
+
+
+def _on_chosen(happened: Iterator[Happening], rig: Rig, seed: int, *, each: bool) -> Iterator[Happening]:
+    chosen = {None, LIDAR, rig.cameras[seed % len(rig.cameras)].number}
+    return (one for one in happened if each or one.sensor in chosen)
 
 
 if __name__ == "__main__":
     attacked = ATTACKS in sys.argv
     sys.argv = [word for word in sys.argv if word != ATTACKS]
-    run(__doc__ or "", all_attacks if attacked else all_faults, successive=not attacked)
+    run(__doc__ or "", of_attacks if attacked else of_faults, successive=not attacked)

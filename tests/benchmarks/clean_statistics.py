@@ -10,12 +10,11 @@ from them (`python -m tests.benchmarks.rates`). A scene that is there already is
 import argparse
 import pickle
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auditor.evaluation.sources import Recorded, Street
 from auditor.identification.statistics import sensor_statistics
@@ -26,6 +25,7 @@ from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import LIDAR, Rig
+from tests.benchmarks.scenes import Case, Scene
 
 MATCHER = find_matcher("sgbm")
 DRIVES = {
@@ -35,35 +35,6 @@ DRIVES = {
 }
 _WALLS_M = {"wall 2.5 m": 2.5, "wall 1 m": 1.0}
 _FACULAS = {"R 75 mild": (75.0, 255.0), "R 75 opaque": (75.0, 2000.0), "R 112 mild": (112.0, 255.0)}
-
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """One measured frame: `attack` is empty where it is clean. `statistics` follow the scene's sensor checks."""
-
-    frame: int
-    stamp_ns: int
-    attack: str
-    attacked: tuple[int, ...]
-    statistics: Floats
-    errors: Floats
-    features: Mapping[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
-    level: Mapping[int, float | None] = field(default_factory=dict)
-    saturated: Mapping[int, float | None] = field(default_factory=dict)
-    returns: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """The cases of one drive, of a rig and a family; `kinds` says of each camera whether it is grey or colour."""
-
-    name: str
-    family: str
-    rig: Rig
-    kinds: str
-    cases: tuple[Case, ...]
 
 
 def case_of(measurement: Measurement, rig: Rig, attack: str = "", attacked: tuple[int, ...] = ()) -> Case:
@@ -143,11 +114,6 @@ def scene_of(source: Recorded | Street, name: str, family: str, *, attacked: boo
         return Scene(name, family, drive.rig, "".join(kinds[n] for n in sorted(kinds)), cases)
 
 
-def load(folder: Path) -> list[Scene]:
-    """The scenes of a folder, in the order of their names."""
-    return [pickle.loads(path.read_bytes()) for path in sorted(folder.glob("*.scene"))]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--into", type=Path, required=True)
@@ -177,6 +143,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    from tests.benchmarks import clean_statistics  # pickled classes must not belong to __main__
-
-    clean_statistics.main()
+    main()

@@ -1,7 +1,7 @@
 """The verdicts on attacks beyond the paper and on faults: `python -m tests.benchmarks.conditions`.
 
 Every second frame of drive 0009 of the folder AUDITOR_TEST_DATA under each condition, n = 3, thresholds at r = 1 %
-from the ten clean frames of drive 0001. Prints how often each verdict was given. Each frame is judged by itself: causes
+from the clean frames of drive 0001. Prints how often each verdict was given. Each frame is judged by itself: causes
 that are not attacks and frozen sensors are left out, by which a scan recognises these faults.
 """
 
@@ -31,12 +31,13 @@ STEP_PX, STRIPE = 20, 90
 
 def pictures(pixels: Pixels, rng: np.random.Generator) -> Iterator[tuple[str, Pixels]]:
     """One camera's image under each condition."""
-    height, width = pixels.shape
+    height, width = pixels.shape[:2]
+    beside = (slice(None), slice(None), *[None] * (pixels.ndim - 2))  # the same of every channel
     u, v, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(187, 375)
     squared = (np.arange(width) - u) ** 2 + (np.arange(height)[:, None] - v) ** 2
-    yield "dark spot, R 187 to 375 px", pixels * (1 - np.exp(-squared / (2 * (radius / 2) ** 2)))
-    yield "black disc, R 187 to 375 px", np.where(squared < radius**2, 0, pixels)
-    yield f"stripes of {STRIPE} grey levels", pixels + STRIPE * (np.arange(height)[:, None] // STEP_PX % 2)
+    yield "dark spot, R 187 to 375 px", pixels * (1 - np.exp(-squared / (2 * (radius / 2) ** 2)))[beside]
+    yield "black disc, R 187 to 375 px", np.where((squared < radius**2)[beside], 0, pixels)
+    yield f"stripes of {STRIPE} grey levels", pixels + STRIPE * (np.arange(height)[:, None] // STEP_PX % 2)[beside]
     yield "noise of 40 grey levels", pixels + rng.normal(0, 40, pixels.shape)
     yield "shifted by 12 px", np.roll(pixels, 12, axis=1)
     yield "blurred over 15 px", cv2.blur(pixels, (15, 15))
@@ -85,20 +86,20 @@ def conditions(frame: Frame, before: Frame | None, rig: Rig) -> Iterator[Case]:
 def main() -> None:
     """Measure and print."""
     use_one_thread()
-    rig, stream = frames("0001")
-    clean = [AttackedFrame(frame, rig, MATCHER).ratios({}) for frame in stream]
-    ratios: list[tuple[float | None, ...]] = []
+    rig, stream = frames("0001", colour=True)
+    clean = [AttackedFrame(frame, rig, MATCHER).statistics({}) for frame in stream]
+    statistics: list[tuple[float | None, ...]] = []
     happened: list[tuple[str, tuple[int, ...]]] = []
-    rig, stream = frames("0009")
+    rig, stream = frames("0009", colour=True)
     before: Frame | None = None
     for frame in stream:
         if frame.number % 2 == 0:
             for name, whom, changed in conditions(frame, before, rig):
                 happened.append((name, whom))
-                ratios.append(AttackedFrame(changed, rig, MATCHER).ratios({}))
+                statistics.append(AttackedFrame(changed, rig, MATCHER).statistics({}))
         before = frame
     counted: dict[tuple[str, tuple[int, ...]], Counter[str]] = {}
-    for what, verdict in zip(happened, judge_alone(rig, clean, ratios), strict=True):
+    for what, verdict in zip(happened, judge_alone(rig, [clean], statistics), strict=True):
         text = " ".join([verdict.kind, *(f"S_{s}" for s in verdict.attacked)])
         counted.setdefault(what, Counter())[text] += 1
     for (name, whom), verdicts in counted.items():

@@ -1,8 +1,8 @@
 """Calibrations in which some frames had been attacked: `python -m tests.benchmarks.contaminated [--streets 3]`.
 
 Streets of each style under faculas on single cameras, drawn anew for every frame, judged frame by frame by thresholds
-of the other styles at r = 1 %, of whose frames 0, 5, 10 or 20 % were attacked by mild or by opaque faculas. How many
-name exactly the attacked camera. Causes that are not attacks and frozen sensors are left out.
+of the streets of other styles at r = 1 %, of each of which 0, 10, 20 or 50 % of the frames were attacked by mild or by
+opaque faculas. How many name exactly the attacked camera. Causes that are not attacks and frozen sensors are left out.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from auditor.model.rig import Rig
 from tests.benchmarks.intervals import wilson_percent
 from tests.benchmarks.single_frames import judge_alone
 
-SHARES = (0.0, 0.05, 0.1, 0.2)
+SHARES = (0.0, 0.1, 0.2, 0.5)
 STRENGTHS = ("mild", "opaque")
 FRAMES = 10
 MATCHER = find_matcher("sgbm")
@@ -29,11 +29,11 @@ MATCHER = find_matcher("sgbm")
 
 @dataclass(frozen=True)
 class Sample:
-    """The windowed ratios of a frame under a facula of some strength on one camera, None where it is clean."""
+    """The statistics of a frame under a facula of some strength on one camera, None where it is clean."""
 
     strength: str | None
     camera: int
-    ratios: tuple[float | None, ...]
+    statistics: tuple[float | None, ...]
 
 
 def samples(number: int, style: str) -> tuple[Rig, list[Sample]]:
@@ -43,18 +43,18 @@ def samples(number: int, style: str) -> tuple[Rig, list[Sample]]:
 
 
 def _of(attacked_frame: AttackedFrame, number: int) -> Iterator[Sample]:
-    yield Sample(None, 0, attacked_frame.ratios({}))
+    yield Sample(None, 0, attacked_frame.statistics({}))
     draws = SeededDraws(0, number, attacked_frame.frame.number, 0)
     for strength in STRENGTHS:
         for camera in attacked_frame.rig.cameras:
             attack = drawn_attack(attacked_frame.rig, camera.number, strength, draws.of(camera.number))
-            yield Sample(strength, camera.number, attacked_frame.ratios({camera.number: attack}))
+            yield Sample(strength, camera.number, attacked_frame.statistics({camera.number: attack}))
 
 
-def mixed(learnt: Sequence[Sample], share: float, strength: str, rng: np.random.Generator) -> list[Sample]:
-    """The clean frames of a calibration, of which a share gives way to attacked ones."""
-    clean = [one for one in learnt if one.strength is None]
-    bad = [one for one in learnt if one.strength == strength]
+def mixed(street: Sequence[Sample], share: float, strength: str, rng: np.random.Generator) -> list[Sample]:
+    """The clean frames of a street of a calibration, of which a share gives way to attacked ones."""
+    clean = [one for one in street if one.strength is None]
+    bad = [one for one in street if one.strength == strength]
     count = round(share * len(clean))
     kept = [clean[place] for place in rng.permutation(len(clean))[count:]]
     return kept + [bad[place] for place in rng.permutation(len(bad))[:count]]
@@ -66,21 +66,21 @@ def main() -> None:
     parser.add_argument("--streets", type=int, default=3, help="of each style")
     options = parser.parse_args()
     use_one_thread()
-    of_style: dict[str, list[Sample]] = {style: [] for style in STYLES}
+    of_style: dict[str, list[list[Sample]]] = {style: [] for style in STYLES}
     for place, style in enumerate(STYLES, start=1):
         for street in range(options.streets):
             rig, found = samples(1000 * place + street, style)
-            of_style[style] += found
+            of_style[style].append(found)
     rng = np.random.default_rng(0)
     for share in SHARES:
         for strength in STRENGTHS:
             right = dict.fromkeys(STRENGTHS, 0)
             total = dict.fromkeys(STRENGTHS, 0)
             for style, part in of_style.items():
-                learnt = [one for other in STYLES if other != style for one in of_style[other]]
-                tested = [one for one in part if one.strength is not None]
-                clean = [one.ratios for one in mixed(learnt, share, strength, rng)]
-                verdicts = judge_alone(rig, clean, [one.ratios for one in tested])
+                learnt = [street for other in STYLES if other != style for street in of_style[other]]
+                tested = [one for street in part for one in street if one.strength is not None]
+                drives = [[one.statistics for one in mixed(street, share, strength, rng)] for street in learnt]
+                verdicts = judge_alone(rig, drives, [one.statistics for one in tested])
                 for one, verdict in zip(tested, verdicts, strict=True):
                     right[one.strength] += verdict.attacked == (one.camera,)
                     total[one.strength] += 1

@@ -35,7 +35,7 @@ def measure(street: Street, store: Path) -> None:
     use_one_thread()
     matcher = find_matcher("sgbm")
     task = EvaluateTask(street, store)
-    with street.open(colour=matcher.colour) as [drive]:
+    with street.open() as [drive]:
         run = _Run(task, drive, matcher, Store.open(store, create=True), EXPERIMENTS[:1])
         run.go(lambda what, done: None)
 

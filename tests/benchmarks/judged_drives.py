@@ -25,7 +25,7 @@ from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import DRIVES, Scene, load
+from tests.benchmarks.clean_statistics import DRIVES
 from tests.benchmarks.lasting_faults import Happening
 from tests.benchmarks.measured_series import (
     Drive,
@@ -37,9 +37,10 @@ from tests.benchmarks.measured_series import (
     learn,
     measured_drive,
 )
+from tests.benchmarks.scenes import Scene, load
 
 EVERY = {"0009": 5, "0001": 2, "04": 2}
-SUCCESSIVE = 12
+SUCCESSIVE = 8
 LISTED = 0.5
 
 Rows = Mapping[tuple[bool, str], Counter[str]]

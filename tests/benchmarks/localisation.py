@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from auditor.identification.scores import candidates
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.scores import worth_localising
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.simulation.drives import make_drive
 from auditor.lab.simulation.streets import STYLES
 from auditor.measurement import measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.localisation.regions import localise
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.measurement import REGION_STEP, Region
 from auditor.model.rig import LIDAR, Rig
@@ -36,14 +36,16 @@ CHANGED = 45
 WALLS_M = (0.5, 1.0, 1.5, 2.5)
 FRAMES_A_SCENE = 5
 
+Drive = list[tuple[float, ...]]
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """One attacked frame: its ratios, and the intersection over union of the region of the attacked sensor."""
+    """One attacked frame: its statistics, and the intersection over union of the region of the attacked sensor."""
 
     kind: str
     sensor: int
-    ratios: tuple[float, ...]
+    statistics: tuple[float, ...]
     iou: float
     solid_error_m: float
 
@@ -67,13 +69,13 @@ def attacked(frame: Frame, rig: Rig, sensor: int, attack: Facula | BogusWall) ->
     return replace(frame, images={**frame.images, sensor: attack.apply(frame.images[sensor])})
 
 
-def ratios_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Region, ...], object]:
-    """Windowed ratios, NaN where not measured, the regions, and the evidence."""
-    pair_checks = rig_pair_checks(rig)
+def statistics_of(frame: Frame, rig: Rig) -> tuple[tuple[float, ...], tuple[Region, ...], object]:
+    """Statistics of the sensor checks, NaN where not measured, the regions, and the evidence."""
+    sensor_checks = rig_sensor_checks(rig)
     measurement, evidence = measure(frame, rig, MATCHER)
-    found = windowed_ratios(pair_checks, measurement.cells, measurement.shares)
-    regions = localise(evidence, candidates(pair_checks, found))
-    return tuple(np.nan if ratio is None else ratio for ratio in found), regions, evidence
+    found = sensor_statistics(sensor_checks, measurement.cells, measurement.shares)
+    regions = localise(evidence, worth_localising(sensor_checks, found))
+    return tuple(np.nan if value is None else value for value in found), regions, evidence
 
 
 def measured(stream: Iterable[Frame], rig: Rig, seed: int) -> Iterator[Found]:
@@ -81,14 +83,14 @@ def measured(stream: Iterable[Frame], rig: Rig, seed: int) -> Iterator[Found]:
     for frame in stream:
         for kind, sensor, attack in attacks(frame, rig, seed):
             changed = attacked(frame, rig, sensor, attack)
-            ratios, regions, evidence = ratios_of(changed, rig)
+            statistics, regions, evidence = statistics_of(changed, rig)
             region = next((r for r in regions if r.sensor == sensor), None)
             iou, error = 0.0, np.nan
             if region is not None and sensor == LIDAR:
                 iou, error = lidar_iou(region, evidence, frame), solid_error_m(region, attack, rig)
             elif region is not None:
                 iou = image_iou(region, changed, frame)
-            yield Found(kind, sensor, ratios, iou, error)
+            yield Found(kind, sensor, statistics, iou, error)
 
 
 def unpacked(region: Region, height: int, width: int) -> np.ndarray:
@@ -124,12 +126,15 @@ def solid_error_m(region: Region, wall: BogusWall, rig: Rig) -> float:
     return float(np.hypot(right - wall.lateral_m, forward - wall.range_m))
 
 
-def report(title: str, rig: Rig, parts: Sequence[tuple[Sequence[tuple[float, ...]], Sequence[Found]]]) -> None:
-    """Print the means of each attack, over all frames and over those whose verdict names the sensor."""
+def report(title: str, rig: Rig, parts: Sequence[tuple[Sequence[Drive], Sequence[Found]]]) -> None:
+    """Print the means of each attack, over all frames and over those whose verdict names the sensor.
+
+    Each part is judged by thresholds of clean drives.
+    """
     print(title)
     rows: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
-    for clean, part in parts:
-        verdicts = judge_alone(rig, clean, [found.ratios for found in part])
+    for drives, part in parts:
+        verdicts = judge_alone(rig, drives, [found.statistics for found in part])
         for found, verdict in zip(part, verdicts, strict=True):
             named = found.iou if found.sensor in verdict.attacked else 0.0
             for row in {found.kind, "all faculas" if found.sensor else "all walls", f"{found.kind} S_{found.sensor}"}:
@@ -152,28 +157,30 @@ def main() -> None:
     options = parser.parse_args()
     use_one_thread()
     if not options.streets_only:
-        rig, stream = frames("0001")
-        clean = [ratios_of(frame, rig)[0] for frame in stream]
-        rig, stream = frames("0009")
+        rig, stream = frames("0001", colour=True)
+        clean = [statistics_of(frame, rig)[0] for frame in stream]
+        rig, stream = frames("0009", colour=True)
         kept = [frame for frame in stream if frame.number % options.every == 0]
-        report("drive 0009, thresholds of 0001", rig, [(clean, list(measured(kept, rig, 0)))])
+        report("drive 0009, thresholds of 0001", rig, [([clean], list(measured(kept, rig, 0)))])
     if options.synthetic:
         streets(range(options.first, options.first + options.synthetic))
 
 
 def streets(scenes: range) -> None:
     """These scenes of each style, each style judged by the others' thresholds."""
-    quiet: dict[str, list[tuple[float, ...]]] = defaultdict(list)
+    quiet: dict[str, list[Drive]] = defaultdict(list)
     found_by_style: dict[str, list[Found]] = defaultdict(list)
     for s, style in enumerate(STYLES):
         for scene in scenes:
             number = 1000 * (s + 1) + scene
             drive = make_drive(number, FRAMES_A_SCENE, style=style, vehicle=number)
+            quiet[style].append([])
             for frame in drive.frames():
-                quiet[style].append(ratios_of(frame, drive.rig)[0])
+                quiet[style][-1].append(statistics_of(frame, drive.rig)[0])
                 found_by_style[style].extend(measured([frame], drive.rig, scene))
     parts = [
-        ([r for other in STYLES if other != style for r in quiet[other]], found_by_style[style]) for style in STYLES
+        ([drive for other in STYLES if other != style for drive in quiet[other]], found_by_style[style])
+        for style in STYLES
     ]
     report("synthetic streets, thresholds of the other styles", drive.rig, parts)
 

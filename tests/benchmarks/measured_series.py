@@ -25,8 +25,8 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
-from tests.benchmarks.clean_statistics import Scene
 from tests.benchmarks.lasting_faults import Happening
+from tests.benchmarks.scenes import Scene
 
 MATCHER = find_matcher("sgbm")
 OTHER_DRIVES = 3
@@ -135,7 +135,7 @@ def kept_drive(path: Path, make: Callable[[], Drive]) -> Drive:
     if not path.exists():
         path.write_bytes(pickle.dumps(make()))
         print(f"measured {path.stem}", flush=True)
-    found: Drive = pickle.loads(path.read_bytes())  # noqa: S301 - our own files
+    found: Drive = pickle.loads(path.read_bytes())
     return found
 
 

@@ -43,15 +43,18 @@ def street(seed: int, offsets_m: tuple[tuple[float, float, float], ...]) -> Synt
 def named(drives: Sequence[SyntheticDrive], learnt_on: Sequence[SyntheticDrive]) -> Counter[tuple[str, str]]:
     """How often each set of attacked sensors got each verdict."""
     rig, matcher, rng = drives[0].rig, SgbmMatcher(), np.random.default_rng(5)
-    clean = [AttackedFrame(frame, d.rig, matcher).ratios({}) for d in learnt_on for frame in list(d.frames())[::2]]
+    clean = [
+        [AttackedFrame(frame, drive.rig, matcher).statistics({}) for frame in list(drive.frames())[::2]]
+        for drive in learnt_on
+    ]
     cases = [{}] + [{s: draw_facula(rng, 1242, 375, "strong")} for s in (1, 2, 3) for _ in range(DRAWS)]
     cases += [{LIDAR: draw_wall(rng)} for _ in range(DRAWS)]
-    attacked, ratios = [], []
+    attacked, statistics = [], []
     for frame in (frame for d in drives for frame in list(d.frames())[::EVERY]):
         attacked_frame = AttackedFrame(frame, rig, matcher)
         attacked += cases
-        ratios += [attacked_frame.ratios(case) for case in cases]
-    verdicts = judge_alone(rig, clean, ratios)
+        statistics += [attacked_frame.statistics(case) for case in cases]
+    verdicts = judge_alone(rig, clean, statistics)
     called = ("clean" if v.kind is VerdictKind.CLEAN else f"attacked {v.attacked}" for v in verdicts)
     return Counter(
         (f"attacked {tuple(case)}" if case else "clean", what) for case, what in zip(attacked, called, strict=True)

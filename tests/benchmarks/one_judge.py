@@ -30,7 +30,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for number in ("0009", "0001"):
-            rig, stream = frames(number)
+            rig, stream = frames(number, colour=True)
             write_mcap(folder / f"{number}.mcap", rig, islice(stream, options.frames), image="raw")
         paths = folder / "0009.mcap", folder / "0001.mcap"
         for one in compare(folder, *paths, experiments_of(patterns), every=options.every, patterns=patterns):

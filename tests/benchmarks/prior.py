@@ -24,8 +24,8 @@ from auditor.identification.prior import Prior, effective_size, log_odds, prior_
 from auditor.identification.scores import normalised_scores, thresholds_from
 from auditor.model.checks import SensorCheck
 from auditor.model.verdict import CauseIn
-from tests.benchmarks.clean_statistics import Scene, load
 from tests.benchmarks.rates import clean_frames, system_of
+from tests.benchmarks.scenes import Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 TAILS = (0.99, 0.998)

@@ -3,12 +3,12 @@
 Reads what `python -m tests.benchmarks.clean_statistics` measured. Each scene is judged by thresholds learnt from the
 scenes of other families (real drives: from the other real drives), or by the prior alone:
 
-    python -m tests.benchmarks.rates FOLDER [--against FOLDER] [--r 0.01] [--cameras 1 2 3] [--prior]
+    python -m tests.benchmarks.rates FOLDER... [--table] [--r 0.01] [--cameras 1 2 3] [--prior]
 """
 
 import argparse
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -27,8 +27,16 @@ from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
 from auditor.model.measurement import Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import Case, Scene, load
 from tests.benchmarks.clustered import clustered_interval
+from tests.benchmarks.scenes import Case, Scene, load
+
+TABLE = ("paper's facula", "wall 2.5 m", "wall 1 m", "R 112 mild", "R 75 mild")
+"""The attacks of the published table."""
+
+FEWEST_SCENES = 5
+"""Fewer scenes have no interval (docs/protocol.md)."""
+
+Outcome = Callable[[Verdict, Case], bool]
 
 
 @dataclass(frozen=True)
@@ -158,53 +166,99 @@ def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, pr
     return found
 
 
-def report(judged: Sequence[Judged]) -> Iterable[str]:
+def report(judged: Sequence[Judged]) -> Iterator[str]:
     """Clean frames first: not clean, accused; then by attack: named exactly, found, an innocent named."""
-    groups: dict[str, list[Judged]] = defaultdict(list)
-    for one in judged:
-        groups[one.case.attack or "clean"].append(one)
-    for attack, cases in groups.items():
-        if attack == "clean":
-            yield f"clean: {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN)} not clean, " + (
-                f"{_share(cases, lambda v, c: v.kind is VerdictKind.ATTACKED)} accused; "
-                f"paper {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN, paper=True)}"
-            )
-            continue
-        yield f"{attack}: named {_share(cases, lambda v, c: v.attacked == c.attacked)}, " + (
-            f"found {_share(cases, lambda v, c: v.kind is not VerdictKind.CLEAN)}, "
-            f"an innocent {_share(cases, lambda v, c: bool(set(v.attacked) - set(c.attacked)))}; "
-            f"paper named {_share(cases, lambda v, c: v.attacked == c.attacked, paper=True)}"
+    clean = [one for one in judged if not one.case.attack]
+    yield f"clean: {share(clean, _not_clean)} not clean, {share(clean, _accused)} accused; " + (
+        f"paper {share(clean, _not_clean, paper=True)} not clean"
+    )
+    for attack in dict.fromkeys(one.case.attack for one in judged if one.case.attack):
+        cases = [one for one in judged if one.case.attack == attack]
+        yield f"{attack}: named {share(cases, _named)}, found {share(cases, _not_clean)}, " + (
+            f"an innocent {share(cases, _innocent)}; paper named {share(cases, _named, paper=True)}"
         )
 
 
-def _share(cases: Sequence[Judged], is_so, *, paper: bool = False) -> str:
-    known = [
-        (one.scene.name, is_so(one.paper if paper else one.robust, one.case)) for one in cases if one.paper or not paper
-    ]
-    counts: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for name, so in known:
-        counts[name][0] += so
-        counts[name][1] += 1
-    k, n = (sum(values) for values in zip(*counts.values(), strict=True)) if counts else (0, 0)
+def table(judged: Sequence[Judged], attacks: Sequence[str]) -> Iterator[str]:
+    """A Markdown table by family, real drives one each and streets by condition, the worst first; robust / paper."""
+    groups: dict[str, list[Judged]] = defaultdict(list)
+    for one in judged:
+        family = one.scene.family
+        groups[f"streets, {family.partition(', ')[2]}" if ", " in family else f"KITTI {family}"].append(one)
+
+    def cell(cases: Sequence[Judged], is_so: Outcome) -> str:
+        numbers = [counts(cases, is_so, paper=paper) for paper in (False, True)]
+        return " / ".join(f"{100 * k / n:.0f}" if n else "-" for k, n in numbers) + f" of {len(cases)}"
+
+    def row(name: str, cases: Sequence[Judged]) -> str:
+        clean = [one for one in cases if not one.case.attack]
+        of_attacks = [cell([one for one in cases if one.case.attack == attack], _named) for attack in attacks]
+        return " | ".join(["", name, cell(clean, _not_clean), *of_attacks, ""]).strip()
+
+    def worst(group: tuple[str, list[Judged]]) -> float:
+        clean = [one for one in group[1] if not one.case.attack]
+        attacked = [one for one in group[1] if one.case.attack in attacks]
+        (raised, frames), (named, cases) = counts(clean, _not_clean), counts(attacked, _named)
+        return named / max(cases, 1) - raised / max(frames, 1)
+
+    yield "| family | clean frames raised | " + " | ".join(attacks) + " |"
+    yield "|---" * (2 + len(attacks)) + "|"
+    for name, cases in sorted(groups.items(), key=worst):
+        yield row(name, cases)
+    yield row("all", judged)
+
+
+def counts(cases: Sequence[Judged], is_so: Outcome, *, paper: bool = False) -> tuple[int, int]:
+    """How many of the cases are so by one method's verdict, and of how many that method has one."""
+    known = [(one.paper if paper else one.robust, one.case) for one in cases]
+    outcomes = [is_so(verdict, case) for verdict, case in known if verdict is not None]
+    return sum(outcomes), len(outcomes)
+
+
+def share(cases: Sequence[Judged], is_so: Outcome, *, paper: bool = False) -> str:
+    """Counts and per cent, with the clustered interval of five scenes or more."""
+    scenes: dict[str, list[Judged]] = defaultdict(list)
+    for one in cases:
+        scenes[one.scene.name].append(one)
+    of_scenes = [counts(those, is_so, paper=paper) for those in scenes.values()]
+    k, n = (sum(column) for column in zip(*of_scenes, strict=True)) if of_scenes else (0, 0)
     if not n:
         return "-"
-    interval = ""
-    if len(counts) >= 5:
-        low, high = clustered_interval(*(list(one) for one in zip(*counts.values(), strict=True)))
-        interval = f" [{100 * low:.1f}, {100 * high:.1f}]"
-    return f"{k}/{n} {100 * k / n:.1f} %{interval}"
+    text = f"{k}/{n} {100 * k / n:.1f} %"
+    if len(of_scenes) < FEWEST_SCENES:
+        return text
+    low, high = clustered_interval(*(list(column) for column in zip(*of_scenes, strict=True)))
+    return f"{text} [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def _not_clean(verdict: Verdict, case: Case) -> bool:
+    return verdict.kind is not VerdictKind.CLEAN
+
+
+def _accused(verdict: Verdict, case: Case) -> bool:
+    return verdict.kind is VerdictKind.ATTACKED
+
+
+def _named(verdict: Verdict, case: Case) -> bool:
+    return verdict.attacked == case.attacked
+
+
+def _innocent(verdict: Verdict, case: Case) -> bool:
+    return bool(set(verdict.attacked) - set(case.attacked))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folders", type=Path, nargs="+", help="judged each by itself")
+    parser.add_argument("--table", action="store_true", help="a Markdown table by family")
     parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
     parser.add_argument("--cameras", type=int, nargs="+", default=[1, 2, 3, 4])
     parser.add_argument("--prior", action="store_true", help="by the prior alone")
     options = parser.parse_args()
-    scenes = load(options.folder)
-    for line in report(judge_all(scenes, options.cameras, options.r, prior=options.prior)):
-        print(line)
+    judged: list[Judged] = []
+    for folder in options.folders:
+        judged += judge_all(load(folder), options.cameras, options.r, prior=options.prior)
+    print(*(table(judged, TABLE) if options.table else report(judged)), sep="\n")
 
 
 if __name__ == "__main__":

@@ -23,11 +23,15 @@ def without(rig: Rig, name: str) -> Rig:
     return Rig(rig.lidar, tuple(replace(camera, number=number) for number, camera in enumerate(kept, start=1)))
 
 
-def frames(number: str, *, all_cameras: bool = False) -> tuple[Rig, Iterator[Frame]]:
-    """The rig (S_1 = cam1, S_2 = cam3, S_3 = cam2; or all four cameras) and the frames of a drive."""
+def frames(number: str, *, all_cameras: bool = False, colour: bool = False) -> tuple[Rig, Iterator[Frame]]:
+    """The rig (S_1 = cam1, S_2 = cam3, S_3 = cam2; or all four cameras) and the frames of a drive.
+
+    With `colour` as a scan sees them: cam2 and cam3 have colours.
+    """
     recording = open_recording(drive(number))
     surveyed = survey(recording)
     rig = find_rigs(surveyed)[0]
     if not all_cameras:
         rig = without(rig, LEFT_OUT)
-    return rig, (frame for frame in synchronise(recording, rig, surveyed) if isinstance(frame, Frame))
+    stream = synchronise(recording, rig, surveyed, colour=colour)
+    return rig, (frame for frame in stream if isinstance(frame, Frame))

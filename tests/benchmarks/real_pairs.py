@@ -75,9 +75,8 @@ def main() -> None:
         z = normalised_scores(found, [thresholds.expected[check] for check in CHECKS])[0]
         count, raised = count + 1, raised + bool(np.nanmax(z) > thresholds.limit)
         shown = " ".join(f"{v:.2f} ({s:.1f})" for v, s in zip(found[0], z, strict=True))
-        print(
-            f"{family:28} {name:32} {'x'.join(map(str, left.shape)):14} {shown}{'  RAISED' if np.nanmax(z) > thresholds.limit else ''}"
-        )
+        mark = "  RAISED" if np.nanmax(z) > thresholds.limit else ""
+        print(f"{family:28} {name:32} {'x'.join(map(str, left.shape)):14} {shown}{mark}")
     print(f"{raised} of {count} raised at r = {options.r}, limit {thresholds.limit:.2f}")
 
 

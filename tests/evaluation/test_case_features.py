@@ -33,7 +33,7 @@ FRAMES = 4
 
 @pytest.fixture(scope="module", params=OFFSETS_M, ids=list(OFFSETS_M))
 def drive(request):
-    made = make_drive(2, FRAMES, width_px=414, height_px=126, condition="clear", kinds=("grey", "colour", "colour"))
+    made = make_drive(7, FRAMES, width_px=414, height_px=126, condition="clear", kinds=("grey", "colour", "colour"))
     offsets = OFFSETS_M[request.param]
     rig = moved(made.rig, offsets) if offsets else made.rig
     frames = list(replace(made, vehicle=replace(made.vehicle, rig=rig)).frames())
@@ -55,7 +55,9 @@ def scanned(frames, rig, number):
         measurement, evidence = measure(frame, rig, MATCHER)
         fault_features = watch.update(evidence)
         if frame.number == number:
-            pairs = [fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs]
+            pairs = [
+                fault_features[pair].values if pair in fault_features else [np.nan] * len(COLUMNS) for pair in rig.pairs
+            ]
             coverage = [measurement.coverage.get(s) for s in rig.sensors]
             return (
                 [s in measurement.fingerprints for s in rig.sensors],

@@ -122,9 +122,7 @@ def test_statistics_are_those_of_the_requested_triples_whose_sensors_are_there()
     attacked_frame = AttackedFrame(plane_frame(RIG), RIG, matcher)
     asked = {
         check
-        for check, x in zip(
-            attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True
-        )
+        for check, x in zip(attacked_frame.sensor_checks, attacked_frame.statistics({}, [Triple(0, 1, 4)]), strict=True)
         if x is not None
     }
     assert asked == {
@@ -364,7 +362,7 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
         ("robust", "recording", 0),
     }
     assert all(row["clean_frames"] == FRAMES and 0 <= row["not_clean"] <= 1 for row in rows)
-    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "innocents"))
+    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "misnamed"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr
     assert json.loads(second.stdout) == rows

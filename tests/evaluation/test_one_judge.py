@@ -44,7 +44,7 @@ def few_attacks(monkeypatch):
 def test_an_evaluation_and_a_scan_say_the_same_of_every_kind_of_attack(tmp_path, few_attacks):
     paths = []
     for number in ("0009", "0001"):
-        rig, stream = frames(number)
+        rig, stream = frames(number, colour=True)
         paths.append(tmp_path / f"{number}.mcap")
         write_mcap(paths[-1], rig, islice(stream, FRAMES), image="raw")
     found = list(compare(tmp_path, *paths, few_attacks, every=1, patterns=()))

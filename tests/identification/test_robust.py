@@ -5,60 +5,75 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.identification.naming import System
+from auditor.identification.prior import statistic_at
 from auditor.identification.robust import FrameSeries, judge_frames, window_scores
-from auditor.model.calibration import RobustThresholds, Scale
-from auditor.model.checks import Check, PairCheck, pair_checks_of
+from auditor.identification.systems import System
+from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
+from auditor.model.checks import Check, sensor_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import FINDINGS, Cause, Finding, VerdictKind
 
-PAIRS = ((1, 3), (2, 3))
-SYSTEM = System(pair_checks_of(3, PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
+PAIRS = ((1, 2), (1, 3), (2, 3))
+SYSTEM = System(sensor_checks_of(PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
+LIMIT = 3.0
 THRESHOLDS = RobustThresholds(
-    "c" * 32, Decimal("0.01"), dict.fromkeys(SYSTEM.pair_checks, Scale(0.4, 0.1, 100)), {}, resolvable=True
+    "c" * 32, Decimal("0.01"), LIMIT, dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 3, 100)), {}, 3
 )
-U13, U23 = (SYSTEM.pair_checks.index(PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, *pair)) for pair in PAIRS)
 FRAMES = 20
 
 
-def series_of(hit=(), pair_check=U13, *, frozen=(), missing=(), ratio=0.8):
-    """Frames at 10 Hz; in those `hit` one pair check's ratio is high, in those `frozen` S_2 repeats its data."""
-    ratios = np.full((FRAMES, len(SYSTEM.pair_checks)), 0.3)
-    ratios[list(hit), pair_check] = ratio
+def columns_of(sensor, check):
+    return [c for c, one in enumerate(SYSTEM.sensor_checks) if (one.sensor, one.check) == (sensor, check)]
+
+
+def series_of(hit=(), sensor=1, *, check=Check.ADDED_LIGHT, frozen=(), missing=(), z=6.0):
+    """Frames at 10 Hz; in those `hit` a check of one sensor has that score, in those `frozen` S_2 repeats its data."""
+    statistics = np.full((FRAMES, len(SYSTEM.sensor_checks)), statistic_at(-2.0))
+    statistics[np.ix_(list(hit), columns_of(sensor, check))] = statistic_at(-2.0 + 0.5 * z)
     prints = np.arange(FRAMES)[:, None] * 10 + np.arange(4)
     prints[list(frozen), 2] = -7
     present = np.ones((FRAMES, 4), dtype=np.bool_)
     present[list(missing), 1] = False
     stamps_ns = np.arange(FRAMES, dtype=np.int64) * 100_000_000
-    return FrameSeries.of_recording(stamps_ns, ratios, present, prints, {})
+    return FrameSeries.of_recording(stamps_ns, statistics, present, prints, {})
 
 
-def judge(*hit, threshold=0.0, **what):
-    return judge_frames(series_of(*hit, **what), SYSTEM, replace(THRESHOLDS, score=threshold))
+def judge(*hit, score=0.0, **what):
+    return judge_frames(series_of(*hit, **what), SYSTEM, replace(THRESHOLDS, score=score))
 
 
-def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
+def test_an_attack_that_lasts_is_an_incident_and_a_weak_one_begins_and_ends_within_it():
     verdicts = judge(range(5, 12))
     assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == list(range(5, 12))
     assert [f for f, v in enumerate(verdicts) if v.finding] == list(range(5, 12))
     assert verdicts[8].finding == Finding(VerdictKind.ATTACKED, (1,))
+    weaker = judge(range(5, 12), z=4.0)
+    assert [f for f, v in enumerate(weaker) if v.finding] == list(range(6, 11))
 
 
 def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
-    verdicts = judge([7], ratio=0.45)
+    verdicts = judge([7])
     assert verdicts[7].attacked == (1,)
     assert not [v for v in verdicts if v.finding]
 
 
-def test_the_threshold_is_that_of_the_temporal_windows():
-    assert judge(range(5, 12), threshold=2.0)[8].finding
-    weak = judge(range(5, 12), threshold=2.0, ratio=0.5)
+def test_the_score_is_what_windows_must_exceed_the_limit_by_and_no_matter_to_the_frames():
+    assert judge(range(5, 12), score=2.9)[8].finding
+    weak = judge(range(5, 12), score=3.1)
     assert weak[8].kind is VerdictKind.ATTACKED
     assert weak[8].finding is None
 
 
+def test_a_window_may_name_another_sensor_than_its_frame():
+    series = series_of(range(5, 12), sensor=1, z=9.0)
+    series.statistics[8] = series_of([8], sensor=2).statistics[8]
+    verdict = judge_frames(series, SYSTEM, THRESHOLDS)[8]
+    assert verdict.attacked == (2,)
+    assert verdict.finding == Finding(VerdictKind.ATTACKED, (1,))
+
+
 def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out():
-    verdicts = judge(range(5, 12), U23, frozen=range(4, 14))
+    verdicts = judge(range(5, 12), 2, frozen=range(4, 14))
     still = verdicts[8]
     assert (still.kind, still.attacked, still.out_of_system) == (VerdictKind.SUSPECT, (), (2,))
     assert [(one.cause, one.sensor) for one in still.causes] == [(Cause.FROZEN, 2)]
@@ -69,7 +84,7 @@ def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out()
 def test_a_frozen_sensor_has_no_other_cause_and_the_others_keep_theirs():
     late = [(Cause.LATE, 1), (Cause.LATE, 2)]
     series = replace(series_of(frozen=range(4, 14)), fault_scores={cause: np.full(FRAMES, 2.0) for cause in late})
-    thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, Scale(1.0, 0.25, 100)))
+    thresholds = replace(THRESHOLDS, causes=dict.fromkeys(late, Scale(1.0, 0.25, 3)))
     verdicts = judge_frames(series, SYSTEM, thresholds)
     assert [(one.cause, one.sensor) for one in verdicts[8].causes] == [(Cause.FROZEN, 2), (Cause.LATE, 1)]
     assert [(one.cause, one.sensor) for one in verdicts[2].causes] == late
@@ -81,6 +96,14 @@ def test_a_missing_sensor_is_neither_checked_nor_named():
     assert verdicts[8].out_of_system == (1,)
 
 
+def test_a_camera_that_only_lacks_light_is_soiled_as_well_as_attacked():
+    verdict = judge(range(5, 12), 1, check=Check.REMOVED_LIGHT)[8]
+    assert (verdict.kind, verdict.attacked) == (VerdictKind.SUSPECT, ())
+    assert [(one.cause, one.sensor) for one in verdict.causes] == [(Cause.SOILED, 1)]
+    assert verdict.alternatives[0].attacked == (1,)
+    assert verdict.finding == Finding(VerdictKind.SUSPECT, ())
+
+
 def test_frames_judged_alone_are_judged_as_among_all():
     series = series_of(range(5, 12), frozen=range(9, 14))
     everything = judge_frames(series, SYSTEM, THRESHOLDS)
@@ -90,8 +113,8 @@ def test_frames_judged_alone_are_judged_as_among_all():
 
 def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_out():
     late = {(Cause.LATE, 1): np.full(FRAMES, 2.0)}
-    series = replace(series_of(range(5, 12)), fault_scores=late)
-    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 100)})
+    series = replace(series_of(range(5, 12), z=5.0), fault_scores=late)
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
     assert judge_frames(series, SYSTEM, thresholds)[8].finding == Finding(VerdictKind.SUSPECT, ())
     without = judge_frames(series, SYSTEM, thresholds, without_causes=True)
     assert (without[8].finding, without[8].causes) == (Finding(VerdictKind.ATTACKED, (1,)), ())
@@ -105,3 +128,33 @@ def test_the_score_of_a_temporal_window_is_what_the_threshold_is_compared_with()
         still = series.frozen.any(axis=1)
         alone = [v.kind in FINDINGS for v in judge_frames(series, SYSTEM, THRESHOLDS)]
         assert found == [a and (bool(s > threshold) or bool(f)) for a, s, f in zip(alone, scores, still, strict=True)]
+
+
+def test_a_check_of_which_nothing_is_expected_does_not_count():
+    thresholds = replace(THRESHOLDS, expected={})
+    assert {v.kind for v in judge_frames(series_of(range(5, 12)), SYSTEM, thresholds)} == {VerdictKind.NOT_AUDITABLE}
+
+
+def test_clean_frames_are_a_series_with_their_missing_and_frozen_sensors():
+    nowhere, gone = np.zeros(FRAMES, dtype=np.bool_), np.arange(FRAMES) < 4
+    check = SYSTEM.sensor_checks[0]
+    clean = CleanFrames(
+        "a",
+        np.arange(FRAMES, dtype=np.int64) * 100_000_000,
+        {},
+        {check: np.full(FRAMES, 0.3)},
+        {(Cause.LATE, 1): np.zeros(FRAMES)},
+        missing={2: gone},
+        frozen={3: ~gone},
+    )
+    series = FrameSeries.of_clean(clean, SYSTEM)
+    assert series.present.T.tolist() == [
+        (~nowhere).tolist(),
+        (~nowhere).tolist(),
+        (~gone).tolist(),
+        (~nowhere).tolist(),
+    ]
+    assert series.frozen.T.tolist() == [nowhere.tolist()] * 3 + [(~gone).tolist()]
+    assert (series.statistics[:, 0] == 0.3).all()
+    assert np.isnan(series.statistics[:, 1:]).all()
+    assert set(series.fault_scores) == {(Cause.LATE, 1)}

@@ -2,144 +2,150 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from auditor.errors import ThresholdsError
-from auditor.identification.scores import (
-    CEILINGS,
-    FLOORS,
-    candidates,
-    fault_scale,
-    fault_scales,
-    normalised_scores,
-    scale_of,
-    scales_of,
-)
-from auditor.model.calibration import Scale
-from auditor.model.checks import Check, PairCheck
+from auditor.errors import SettingError
+from auditor.identification.parameters import FAULT_SCALE
+from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
+from auditor.identification.scores import fault_scale, normalised_scores, thresholds_from, worth_localising
+from auditor.model.calibration import CleanFrames, Expected, Scale
+from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
 
 R = Decimal("0.01")
+PAIRS = ((1, 2), (1, 3), (2, 3))
+CHECKS = sensor_checks_of(PAIRS, PAIRS, (3,))
+LIT = SensorCheck(Check.ADDED_LIGHT, 1, (2, 3))
+FRAMES = 60
 
 
-def test_a_tenth_of_what_is_left_is_added_to_the_quantile():
-    samples = sorted([*np.linspace(0, 0.3, 199).tolist(), 0.99])
-    assert scale_of(Check.PHOTOMETRIC_INCONSISTENCY, samples, R).theta == pytest.approx(
-        samples[197] + 0.1 * (1 - samples[197])
+def clean(recording="a", statistics=None, strengths=None):
+    """Clean frames with a constant value of each statistic and fault score."""
+    return CleanFrames(
+        recording,
+        np.arange(FRAMES, dtype=np.int64) * 100_000_000,
+        {},
+        {check: np.full(FRAMES, value) for check, value in (statistics or {}).items()},
+        {cause: np.full(FRAMES, value) for cause, value in (strengths or {}).items()},
     )
 
 
-def test_one_clean_window_at_one_does_not_silence_a_pair_check():
-    for check in (Check.LIDAR_CONFLICT, Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE):
-        found = scale_of(check, [0.0] * 9 + [1.0], Decimal(0))
-        assert found.theta == CEILINGS[check] < 1
+def test_without_clean_frames_every_check_has_the_prior():
+    found = thresholds_from([], CHECKS, 11, R, "prior")
+    assert set(found.expected) == set(CHECKS)
+    assert all(found.expected[check] == expected(prior_of_check(check), []) for check in CHECKS)
+    assert (found.calibration_id, found.r, found.drives, found.score) == ("prior", R, 0, 0.0)
+    assert found.limit == joint_limit(0.01, 11)
 
 
-def test_point_dropout_does_not_fire_for_a_lidar_that_never_fills_the_view():
-    found = scale_of(Check.POINT_DROPOUT, [1.0] * 50, R)
-    assert normalised_scores(np.array([[1.0]]), [found])[0, 0] <= 0
+def test_clean_recordings_are_drives():
+    two = [clean("a", {LIT: 0.1}), clean("b", {LIT: 0.2})]
+    found = thresholds_from(two, CHECKS, 11, R)
+    assert found.drives == 2
+    assert found.expected[LIT] == expected(prior_of_check(LIT), [log_odds(one.statistics[LIT]) for one in two])
+    assert (found.expected[LIT].drives, found.expected[LIT].samples) == (2, 2 * FRAMES)
+    other = CHECKS[0]
+    assert found.expected[other] == expected(prior_of_check(other), []), "of others nothing is known"
 
 
-@pytest.mark.parametrize(
-    ("check", "floor", "ceiling"),
-    [
-        (Check.LIDAR_CONFLICT, 0.48, 0.6),
-        (Check.PHOTOMETRIC_INCONSISTENCY, 0.25, 0.5),
-        (Check.BRIGHTNESS_DIFFERENCE, 0.3, 0.5),
-        (Check.POINT_DROPOUT, 0.85, 1.0),
-        (Check.ISOLATED_POINTS, 0.4, 1.0),
-    ],
-)
-def test_thresholds_lie_between_these_floors_and_ceilings(check, floor, ceiling):
-    assert scale_of(check, [0.0] * 100, R).theta == floor
-    assert scale_of(check, [1.0] * 100, R).theta == ceiling
-    between = (floor + 0.01 - 0.1) / 0.9
-    assert scale_of(check, [between] * 100, R).theta == pytest.approx(floor + 0.01)
+def test_two_measurements_of_one_recording_are_one_drive_in_what_is_said():
+    assert thresholds_from([clean("a", {LIT: 0.1}), clean("a", {LIT: 0.1})], CHECKS, 11, R).drives == 1
 
 
-def test_a_scale_of_nineteen_equal_samples_and_a_large_one_is_worked_out_by_hand():
-    # theta: 0.3 and a tenth of 0.7; scale: the 95th percentile of the samples less their median.
-    found = scale_of(Check.PHOTOMETRIC_INCONSISTENCY, [0.1] * 10 + [0.3] * 11, Decimal("0.1"))
-    assert found.theta == pytest.approx(0.37)
-    assert found.scale == pytest.approx(0.37 / 4)
-    wide = scale_of(Check.PHOTOMETRIC_INCONSISTENCY, [0.0] * 15 + [0.02 * n for n in range(1, 7)], Decimal("0.3"))
-    assert wide.theta == 0.25
-    assert wide.scale == pytest.approx(0.1)
-    assert wide.samples == 21
+@pytest.mark.parametrize("r", ["-0.1", "1.1", "NaN"])
+def test_a_rate_that_is_none_is_refused(r):
+    with pytest.raises(SettingError):
+        thresholds_from([], CHECKS, 11, Decimal(r))
 
 
-def test_the_scores_of_what_is_just_over_or_far_off_are_worked_out_by_hand():
-    z = normalised_scores(np.array([[0.6], [0.61], [0.8], [0.81], [0.3], [0.29]]), [Scale(0.5, 0.1, 9)]).ravel()
-    np.testing.assert_allclose(z, [1, 1.1, 3, 3, -2, -2])
+@given(st.decimals("0", "1", places=4), st.decimals("0", "1", places=4))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_smaller_rate_never_has_a_smaller_limit_and_expects_the_same(r, other):
+    one, two = (thresholds_from([clean("a", {LIT: 0.1})], CHECKS, 11, rate) for rate in sorted((r, other)))
+    assert one.limit >= two.limit
+    assert one.expected == two.expected
 
 
-@pytest.mark.parametrize(
-    ("samples", "r", "theta"), [([0.2] * 100, 0, 1.0), ([0.8] * 100, 0, 1.0), ([1.0] * 100, 0, 1.25), ([2.0], 1, 2.5)]
-)
-def test_a_fault_s_threshold_is_a_quarter_more_than_clean_frames_show_and_one_at_least(samples, r, theta):
-    assert fault_scale(samples, Decimal(r)) == Scale(theta, theta / 4, len(samples))
+def test_a_score_is_how_many_deviations_the_log_odds_lie_above_the_mean():
+    expects = [Expected(-2.0, 0.5, 1, 10), Expected(-1.0, 0.25, 1, 10), None]
+    statistics = np.array([[statistic_at(odds) for odds in row] for row in ([-2.0, -1.0, 0.0], [-1.0, -1.5, 0.0])])
+    np.testing.assert_allclose(normalised_scores(statistics, expects), [[0, 0, np.nan], [2, -2, np.nan]], atol=1e-9)
 
 
-def test_a_fault_never_measured_has_no_threshold():
-    samples = {(Cause.LATE, 1): [2.0], (Cause.LATE, 2): []}
-    assert fault_scales(samples, R) == {(Cause.LATE, 1): Scale(2.5, 0.625, 1)}
+def test_scores_stay_between_two_limits_and_what_was_not_measured_has_none():
+    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 1, 10)])
+    assert z[:2].ravel().tolist() == [12, -4]
+    assert np.isnan(z[2, 0])
 
 
-@pytest.mark.parametrize("check", list(Check))
-def test_easy_drives_do_not_set_the_threshold(check):
-    assert scale_of(check, [0.0] * 100, R).theta == FLOORS[check]
+@given(st.floats(0, 1), st.floats(0, 1))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_larger_statistic_never_has_a_smaller_score(value, other):
+    expects = [thresholds_from([], [LIT], 1, R).expected[LIT]]
+    low, high = (normalised_scores(np.array([[one]]), expects)[0, 0] for one in sorted((value, other)))
+    assert low <= high
 
 
-def test_the_scale_is_the_clean_spread_but_no_less_than_a_quarter_of_theta():
-    narrow = scale_of(Check.PHOTOMETRIC_INCONSISTENCY, [0.5] * 100, R)
-    assert narrow.scale == pytest.approx(narrow.theta / 4)
-    wide = sorted([0.0] * 90 + [0.9] * 10)
-    assert scale_of(Check.PHOTOMETRIC_INCONSISTENCY, wide, R).scale == pytest.approx(0.9)
+@pytest.mark.parametrize("check", CHECKS, ids=str)
+def test_by_the_prior_alone_what_is_nearly_one_exceeds_every_usual_limit_and_what_is_usual_none(check):
+    expects = [thresholds_from([], [check], 1, R).expected[check]]
+    usual = statistic_at(prior_of_check(check).mean)
+    high, low = normalised_scores(np.array([[0.98], [usual]]), expects).ravel()
+    assert low == pytest.approx(0, abs=1e-9)
+    assert high > joint_limit(0.01, 11)
 
 
-def test_scores_are_zero_at_theta_clipped_and_nan_where_unmeasured():
-    scales = (Scale(0.5, 0.1, 9), Scale(0.3, 0.3, 9), None)
-    z = normalised_scores(np.array([[0.5, np.nan, 0.9], [0.55, 0.0, 0.9], [1.0, 1.0, 0.9], [0.0, 0.3, 0.9]]), scales)
-    np.testing.assert_allclose(z, [[0, np.nan, np.nan], [0.5, -1, np.nan], [3, 7 / 3, np.nan], [-2, 0, np.nan]])
-
-
-def test_each_pair_check_has_the_scale_of_its_own_clean_frames():
-    pair_checks = (
-        PairCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, 3),
-        PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 2),
-        PairCheck(Check.BRIGHTNESS_DIFFERENCE, 1, 3),
-    )
-    ratios = np.array([[0.1, np.nan, 0.4], [0.3, np.nan, np.nan]])
-    photometric, unmeasured, brightness = scales_of(ratios, pair_checks, Decimal(0))
-    assert photometric.theta == pytest.approx(0.37)
-    assert unmeasured is None
-    assert (brightness.theta, brightness.samples) == (pytest.approx(0.46), 1)
-
-
-def test_no_samples_make_no_threshold():
-    with pytest.raises(ThresholdsError):
-        scale_of(Check.BRIGHTNESS_DIFFERENCE, [], R)
-
-
+@pytest.mark.parametrize("check", [LIT, CHECKS[0]], ids=str)
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
-@pytest.mark.parametrize("check", [Check.LIDAR_CONFLICT, Check.PHOTOMETRIC_INCONSISTENCY, Check.BRIGHTNESS_DIFFERENCE])
 def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(check, share):
-    rng = np.random.default_rng(7)
-    clean, attack = rng.uniform(0, 0.2, 400), rng.uniform(0.8, 0.95, 400)
-    count = round(share * len(clean))
-    mixed = np.sort(np.concatenate([clean[count:], attack[:count]]))
-    scales = [scale_of(check, mixed.tolist(), R)]
-    assert (normalised_scores(attack[count:, None], scales) > 0).all()
-    assert (normalised_scores(clean[:, None], scales) <= 0).all()
+    values = np.random.default_rng(7).uniform(0.05, 0.2, FRAMES)
+    values[: round(share * FRAMES)] = 0.95
+    mixed = CleanFrames("a", np.arange(FRAMES, dtype=np.int64), {}, {check: values}, {})
+    found = thresholds_from([mixed] * 3, CHECKS, 11, R)
+    assert normalised_scores(np.array([[0.95]]), [found.expected[check]])[0, 0] > found.limit
 
 
-def test_only_what_lies_above_its_floor_is_a_candidate():
-    pair_checks = [
-        PairCheck(check, 1, 3)
-        for check in (
-            Check.PHOTOMETRIC_INCONSISTENCY,
-            Check.PHOTOMETRIC_INCONSISTENCY,
-            Check.BRIGHTNESS_DIFFERENCE,
-            Check.BRIGHTNESS_DIFFERENCE,
-        )
+def test_a_fault_s_theta_is_what_clean_frames_exceed_as_seldom_and_one_at_least():
+    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 4, 10), 3.0)
+    assert quiet == Scale(1.0, FAULT_SCALE.scale, 4)
+    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 4, 10), 3.0)
+    assert always == Scale(3.5, FAULT_SCALE.scale * 3.5, 4)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 4, 10), -9.0).theta == 2.0, "a limit below 0 lowers no theta"
+
+
+def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta():
+    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 4, 10), 3.0)
+    assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
+
+
+def test_faults_have_the_prior_s_scale_where_no_clean_frame_is_known_but_what_is_usual_only_drives_say():
+    found = thresholds_from([], CHECKS, 11, R)
+    late = expected(prior_of_cause((Cause.LATE, 1)), [])
+    assert found.causes[Cause.LATE, 1] == fault_scale(Cause.LATE, late, found.limit)
+    assert {(Cause.DISPLACED, 0), (Cause.RAIN, 0), (Cause.DARK, None), (Cause.GLARE, None)} <= set(found.causes)
+    assert not [cause for cause, _ in found.causes if cause is Cause.EXPOSURE]
+    learnt = thresholds_from([clean("a", strengths={(Cause.EXPOSURE, 2): 1.4})], CHECKS, 11, R)
+    assert learnt.causes[Cause.EXPOSURE, 2].usual == pytest.approx(1.4)
+
+
+def test_what_a_rig_always_shows_raises_its_fault_s_theta():
+    dark = Cause.DARK, None
+    usual, always = (
+        thresholds_from([clean(name, strengths={dark: score}) for name in "abcdef"], CHECKS, 11, R)
+        for score in (-0.3, 1.2)
+    )
+    assert always.causes[dark].theta > 1.2 > usual.causes[dark].theta == 1.0
+
+
+def test_damage_is_looked_for_in_sensors_with_an_unusual_statistic():
+    checks = [
+        LIT,
+        SensorCheck(Check.REMOVED_LIGHT, 2, (1, 3)),
+        SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 3, (1, 2)),
+        SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3)),
+        SensorCheck(Check.POINT_DROPOUT, 0, (3,)),
     ]
-    assert candidates(pair_checks, [0.25, 0.26, None, 0.31]) == [pair_checks[1], pair_checks[3]]
+    assert set(worth_localising(checks, [0.1, 0.1, 0.1, 0.4, 1.0])) == set()
+    assert set(worth_localising(checks, [0.11, 0.1, 0.11, 0.4, 1.0])) == {1, 3}
+    assert set(worth_localising(checks, [None, 0.2, None, 0.5, None])) == {0, 2}

@@ -10,7 +10,7 @@ from auditor.identification.thresholds import check_calibration, parse_r, resolv
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import triples_of
-from auditor.model.rig_kind import Likeness, RigKind
+from auditor.model.rig_kind import RigKind, Similarity
 from tests.making.clean_frames import clean_frames
 
 TRIPLES = triples_of(3, lidar=True)
@@ -126,19 +126,19 @@ def test_a_statistic_without_samples_is_an_error():
 
 def test_a_calibration_of_the_same_kind_and_procedure_fits():
     other_vehicle = replace(KIND, focals_px=(718.9,) * 3)
-    assert check_calibration(CALIBRATION, rig_kind=other_vehicle, procedure=PROCEDURE) is Likeness.SAME
+    assert check_calibration(CALIBRATION, rig_kind=other_vehicle, procedure=PROCEDURE) is Similarity.SAME
 
 
 def test_a_similar_kind_needs_no_transfer():
     second_year = replace(KIND, sizes_px=((1226, 370),) * 3, focals_px=(707.1,) * 3)
-    assert check_calibration(CALIBRATION, rig_kind=second_year, procedure=PROCEDURE) is Likeness.SIMILAR
+    assert check_calibration(CALIBRATION, rig_kind=second_year, procedure=PROCEDURE) is Similarity.SIMILAR
 
 
 def test_another_rig_kind_is_refused_unless_a_transfer_is_asked_for():
     other = replace(KIND, baselines_m=(0.07, 0.30))
     with pytest.raises(ThresholdsError, match=r"another rig kind.*ask for a transfer"):
         check_calibration(CALIBRATION, rig_kind=other, procedure=PROCEDURE)
-    assert check_calibration(CALIBRATION, rig_kind=other, procedure=PROCEDURE, transfer=True) is Likeness.OTHER
+    assert check_calibration(CALIBRATION, rig_kind=other, procedure=PROCEDURE, transfer=True) is Similarity.OTHER
 
 
 @pytest.mark.parametrize(

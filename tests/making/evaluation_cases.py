@@ -9,7 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from auditor.identification.algorithm2 import disagreements, identify
+from auditor.identification.faults import darkened, weigh
+from auditor.identification.naming import name_attacked
+from auditor.identification.scores import normalised_scores, thresholds_from
+from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
+from auditor.model.calibration import CleanFrames
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.measurement import Counts
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, part_writer
 from tests.making.drawn_statistics import drawn_statistics
@@ -18,6 +24,7 @@ from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, p
 RATES = [Decimal(text) for text in ("0", "0.02", "0.05", "0.3", "1")]
 BLOCK = 5
 RIG = make_rig(4)
+CHECKS = rig_sensor_checks(RIG)
 FRAMES = {"a": 17, "b": 9}
 SEEN, SPREAD = 0.4, 2.0
 """Some attacks are missed, and some clean frames raised."""
@@ -131,6 +138,39 @@ def judged(e):
     if nameable and disagreements(e, named, RIG.triples) == 0:
         return "attacked", named, True
     return "unidentified", named, True
+
+
+def learnt(cases, keeps, system, r):
+    """The robust method's thresholds from the clean cases that are kept, each recording taken for a drive."""
+    clean = []
+    for recording in FRAMES:
+        kept = [case for case in cases["clean", recording] if keeps(recording, case.frame)]
+        columns = np.array([case.statistics for case in kept], dtype=np.float64).T
+        statistics = dict(zip(CHECKS, columns, strict=False))
+        stamps = np.array([case.stamp_ns for case in kept], dtype=np.int64)
+        clean += [CleanFrames(recording, stamps, {}, statistics, {})] if kept else []
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
+
+
+def system_of(sensors):
+    """What some of the rig's sensors are judged by."""
+    checks = tuple(check for check in CHECKS if set(check.needed) <= set(sensors))
+    triples = tuple(t for t in RIG.triples if set(t) <= set(sensors))
+    return System(checks, triples, tuple(sensors), RIG.fallback if set(RIG.fallback) <= set(sensors) else None)
+
+
+def scores(statistics, system, thresholds):
+    """(F, M) z of a system's checks, from the statistics of all."""
+    inside = [place for place, check in enumerate(CHECKS) if check in system.sensor_checks]
+    values = np.array(statistics, dtype=np.float64)[:, inside]
+    return normalised_scores(values, [thresholds.expected[check] for check in system.sensor_checks])
+
+
+def named(z, system, thresholds):
+    """The verdicts where every sensor was there, and no cause was seen but missing light."""
+    limit = thresholds.limit
+    found = name_attacked(z, system, [frozenset()] * len(z), limit)
+    return [weigh(verdict, darkened(verdict), limit) for verdict in found]
 
 
 def case_of(rng, frame, attacked, attack=None, strength=None):

@@ -198,9 +198,7 @@ def _judge_robust(store, rig, measurement_id, r, drives):
     stored = store.load_statistics(measurement_id)
     present = stored.states == SensorState.PRESENT
     series = FrameSeries.of_recording(stored.stamps_ns, stored.statistics, present, stored.fingerprints, {})
-    rows = zip(
-        stored.frames.tolist(), stored.stamps_ns.tolist(), judge_frames(series, system, thresholds), strict=True
-    )
+    rows = zip(stored.frames.tolist(), stored.stamps_ns.tolist(), judge_frames(series, system, thresholds), strict=True)
     store.write_judgement(JudgementRecord(measurement_id, "robust", thresholds, RULES, WHEN), rows)
 
 

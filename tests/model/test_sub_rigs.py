@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auditor.model.rig import Rig
-from auditor.model.rig_kind import Likeness
+from auditor.model.rig_kind import Similarity
 from auditor.model.sub_rigs import SubRig, sub_rig
 from tests.making.scenes import moved, plane_rig
 
@@ -38,17 +38,17 @@ def test_a_rig_that_is_no_part_is_none():
 
 def test_lengths_agree_within_the_tolerance_of_rig_kinds():
     assert sub_rig(WHOLE.kind, plane_rig((1.043, 0.74, 0.0))) == SubRig(WHOLE.kind, (0, 1, 2, 4))
-    assert sub_rig(WHOLE.kind, plane_rig((1.055, 0.74, 0.0))) == SubRig(WHOLE.kind, (0, 1, 2, 4), Likeness.SIMILAR)
+    assert sub_rig(WHOLE.kind, plane_rig((1.055, 0.74, 0.0))) == SubRig(WHOLE.kind, (0, 1, 2, 4), Similarity.SIMILAR)
     assert sub_rig(WHOLE.kind, plane_rig((1.08, 0.74, 0.0))) is None
 
 
 def test_a_part_of_a_similar_kind_is_found_where_none_of_the_kind_itself_is():
     found = part((0, 2, 3, 4))
     cameras = tuple(replace(c, width_px=324, projection=np.diag([1.03, 1.03, 1]) @ c.projection) for c in found.cameras)
-    assert sub_rig(WHOLE.kind, Rig(found.lidar, cameras)) == SubRig(WHOLE.kind, (0, 2, 3, 4), Likeness.SIMILAR)
+    assert sub_rig(WHOLE.kind, Rig(found.lidar, cameras)) == SubRig(WHOLE.kind, (0, 2, 3, 4), Similarity.SIMILAR)
     even = plane_rig((0.75, 0.5, 0.25, 0.0))
     exactly = sub_rig(even.kind, plane_rig((0.5, 0.26, 0.0)))
-    assert (exactly.sensors, exactly.likeness) == ((0, 1, 2, 3), Likeness.SIMILAR)
+    assert (exactly.sensors, exactly.similarity) == ((0, 1, 2, 3), Similarity.SIMILAR)
 
 
 def test_of_several_choices_the_nearest_is_taken_and_of_equal_ones_the_first():

@@ -14,9 +14,8 @@ from auditor.model.calibration import RobustThresholds
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Cause, Verdict, VerdictKind
-from tests.benchmarks.causes import judged, learn
 from tests.benchmarks.lasting_faults import on, taken
-from tests.benchmarks.measured_series import measured
+from tests.benchmarks.measured_series import judged, learn, measured
 
 FRAMES = 4
 # Two vehicles, each with a street of its own; the LiDAR of the second lies well beside its calibration.

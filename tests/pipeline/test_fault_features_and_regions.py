@@ -7,7 +7,7 @@ from auditor.store import Store
 from tests.making.small_drives import write_drive
 
 
-def test_a_scan_keeps_symptoms_of_every_frame_and_the_regions_of_damaged_sensors(tmp_path):
+def test_a_scan_keeps_fault_features_of_every_frame_and_the_regions_of_damaged_sensors(tmp_path):
     positions_m = (0.6, 0.3, 0.0)
     attacked = {1: range(2, 4), 0: range(4, 6)}
     drive = write_drive(tmp_path / "drive.mcap", count=6, seed=1, positions_m=positions_m, attacked=attacked)
@@ -16,8 +16,6 @@ def test_a_scan_keeps_symptoms_of_every_frame_and_the_regions_of_damaged_sensors
     seen = store.load_fault_features(known)
     assert (seen.frames.tolist(), seen.pairs, seen.cameras) == (list(range(6)), ((1, 3), (2, 3), (1, 2)), (1, 2, 3))
     assert (seen.columns["agreeing"][:2] > 0.8).all()
-    assert (seen.columns["inconsistent_px"][2:4, 0] > 10 * seen.columns["inconsistent_px"][[0, 1, 4, 5], 0].max()).all()
-    assert (seen.columns["difference"][2:4, 0] < -60).all()  # S_1 is the brighter one
     assert (seen.level[2:4, 0] > seen.level[2:4, 2] + 60).all()
     assert np.isnan(seen.columns["before_only"][0]).all()
     assert [[r.sensor for r in store.load_regions(known, n)] for n in range(2)] == [[], []]

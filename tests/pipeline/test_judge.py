@@ -39,8 +39,8 @@ def reads(monkeypatch):
 
 
 def measured(store, recording="a"):
-    ratios = [0.01 * place for place in range(20)]
-    frames = [make_measurement(RIG, f, [10 + f] * len(RIG.triples), ratios=ratios) for f in range(6)]
+    statistics = [0.001 * place for place in range(20)]
+    frames = [make_measurement(RIG, f, [10 + f] * len(RIG.triples), statistics=statistics) for f in range(6)]
     return add_measurement(store, RIG, frames, recording=recording)
 
 
@@ -79,7 +79,7 @@ def test_nothing_is_kept_of_a_judgement_whose_r_has_too_many_decimals(tmp_path):
 
 
 @pytest.mark.parametrize("method", Method)
-def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_fault_features(tmp_path, reads, method):
+def test_judging_opens_no_file_twice_but_frames_for_their_statistics_and_for_the_rest(tmp_path, reads, method):
     store, known = judged(tmp_path, 7)
     reads.clear()
     results = list(judge_all(Store.open(store.folder), known, JudgeSettings(Criteria(ZERO, method))))
@@ -93,8 +93,7 @@ def test_judging_opens_no_file_twice_but_frames_for_their_ratios_and_their_fault
         *(["fault_features"] if method is Method.ROBUST else []),
     )
     assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
-    often = 2 if method is Method.ROBUST else 1
-    assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", often)}
+    assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", 2)}
 
 
 def test_a_page_of_twice_as_many_recordings_reads_twice_as_many_judgements(tmp_path, reads):
@@ -116,8 +115,8 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     calibration = calibrate([(store, known)])
     before = judge_measurement(store, known, calibration, Criteria(ZERO, method))
     assert judge_measurement(store, known, calibration, Criteria(ZERO, method)).judgement_id == before.judgement_id
-    changed = replace(parameters.ATTACK_SET_COST, penalty_per_sensor=0.25)
-    others = [changed if group is parameters.ATTACK_SET_COST else group for group in parameters.JUDGING]
+    changed = replace(parameters.NAMING, another=0.25)
+    others = [changed if group is parameters.NAMING else group for group in parameters.JUDGING]
     monkeypatch.setattr(parameters, "JUDGING", tuple(others))
     after = judge_measurement(store, known, calibration, Criteria(ZERO, method))
     assert {one.judgement_id: one.rules for one in store.judgements()} == {
@@ -127,7 +126,7 @@ def test_a_changed_parameter_is_another_judgement_and_the_one_before_keeps_its_v
     rows = run_sql(store, "SELECT * FROM judgements ORDER BY judged_at").to_pylist()
     assert [row["judging_version"] for row in rows] == [JUDGING_VERSION] * 2
     assert [row["auditor_version"] for row in rows] == [auditor.__version__] * 2
-    penalties = [json.loads(row["judging_settings"])["attack_set_cost.penalty_per_sensor"] for row in rows]
-    assert penalties == [parameters.ATTACK_SET_COST.penalty_per_sensor, 0.25]
+    settings = [json.loads(row["judging_settings"])["naming.another"] for row in rows]
+    assert settings == [parameters.NAMING.another, 0.25]
     for judgement in (before, after):
         assert len(read_rows("verdicts", store.path("verdicts", judgement.judgement_id))) == 6

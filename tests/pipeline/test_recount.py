@@ -1,4 +1,4 @@
-"""What a scan keeps of a frame is enough to work out its windowed ratios without the images, and to judge by them."""
+"""What a scan keeps of a frame is enough to work out its statistics without the images, and to judge by them."""
 
 from decimal import Decimal
 
@@ -7,8 +7,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.identification import statistics
-from auditor.model.checks import Check, rig_pair_checks
-from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, ratios_from_cells
+from auditor.model.checks import LIDAR_CHECKS, Check, rig_sensor_checks
+from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, statistics_from_cells
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store, run_sql
 from tests.making.small_drives import write_drive
@@ -24,29 +24,36 @@ def scanned(tmp_path_factory):
     return Store.open(folder / "audit"), measured.measurement_ids[0]
 
 
-def test_local_ratios_from_stored_cells_are_those_that_the_scan_stored(scanned):
+def test_statistics_from_stored_cells_are_those_that_the_scan_stored(scanned):
     store, measurement = scanned
-    stored = store.load_ratios(measurement).ratios
-    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
-    assert stored.shape == (FRAMES, len(pair_checks))
+    stored = store.load_statistics(measurement).statistics
+    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
+    assert stored.shape == (FRAMES, len(sensor_checks))
     # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
-    photometric = [
-        place for place, e in enumerate(pair_checks) if e.check is Check.PHOTOMETRIC_INCONSISTENCY and e.i == 1
+    unlike = [
+        place
+        for place, one in enumerate(sensor_checks)
+        if one.check is Check.PHOTOMETRIC_INCONSISTENCY and one.sensor == 1
     ]
-    assert (stored[2:, photometric] > stored[:2, photometric].max()).all()
-    np.testing.assert_array_equal(ratios_from_cells(store, measurement), stored)
+    assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
+    np.testing.assert_array_equal(statistics_from_cells(store, measurement), stored)
 
 
-def test_other_windows_give_other_local_ratios_of_what_has_cells_and_of_nothing_else(scanned, monkeypatch):
+def test_other_windows_give_other_statistics_of_what_has_cells_and_of_nothing_else(scanned, monkeypatch):
     store, measurement = scanned
-    stored = store.load_ratios(measurement).ratios
-    smaller = {check: statistics.Window(2, 2, 10) for check in statistics.WINDOWS}
-    monkeypatch.setattr(statistics, "WINDOWS", smaller)
-    changed = ratios_from_cells(store, measurement)
-    pair_checks = rig_pair_checks(store.rig(store.measurement(measurement).rig_id))
-    counted = np.array([pair_check.check in smaller for pair_check in pair_checks])
+    stored = store.load_statistics(measurement).statistics
+    in_windows(monkeypatch, statistics.Window(2, 2, 10, 10))
+    changed = statistics_from_cells(store, measurement)
+    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
+    counted = np.array([one.check not in LIDAR_CHECKS for one in sensor_checks])
     assert (changed[:, counted] != stored[:, counted]).any()
     np.testing.assert_array_equal(changed[:, ~counted], stored[:, ~counted])
+
+
+def in_windows(monkeypatch, window):
+    """Make all statistics of cells in such windows."""
+    for name in ("CONFLICT_WINDOW", "IMAGE_WINDOW"):
+        monkeypatch.setattr(statistics, name, window)
 
 
 def judged(store, measurement, *, recount):
@@ -72,13 +79,12 @@ def test_a_recounted_judgement_in_the_same_windows_has_the_same_verdicts_and_say
 
 def test_a_recounted_judgement_in_other_windows_has_other_verdicts_and_leaves_what_was_measured(scanned, monkeypatch):
     store, measurement = scanned
-    before, (_, as_measured) = store.load_ratios(measurement).ratios, judged(store, measurement, recount=False)
-    assert {"photometric_inconsistency", "brightness_difference"} <= checks(as_measured)
-    demanding = {check: statistics.Window(6, 8, 10**9) for check in statistics.WINDOWS}
-    monkeypatch.setattr(statistics, "WINDOWS", demanding)
-    assert checks(judged(store, measurement, recount=True)[1]) == {"brightness_difference"}
+    before, (_, as_measured) = store.load_statistics(measurement).statistics, judged(store, measurement, recount=False)
+    assert "photometric_inconsistency" in checks(as_measured)
+    in_windows(monkeypatch, statistics.Window(6, 8, 10**8, 200))
+    assert not checks(judged(store, measurement, recount=True)[1]) & {"photometric_inconsistency", "added_light"}
     assert judged(store, measurement, recount=False)[1] == as_measured
-    np.testing.assert_array_equal(store.load_ratios(measurement).ratios, before)
+    np.testing.assert_array_equal(store.load_statistics(measurement).statistics, before)
 
 
 def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, capfd):
@@ -88,7 +94,7 @@ def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, 
         run(["calibrate", str(store.folder.parent / "drive.mcap"), "--store", folder, "--frames", "0:2", "--recount"])
         == 0
     )
-    assert run(["judge", folder, "-r", "0", "--recount"]) == 1
+    assert run(["judge", folder, "-r", "0.2", "--recount"]) == 1
     assert store.current_judgements()[measurement].recounted
     assert run(["judge", folder, "-r", "0", "--recount", "--method", "paper"]) == 2
     assert "--recount: the paper's method has no statistics that come from cells" in capfd.readouterr().err

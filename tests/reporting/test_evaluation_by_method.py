@@ -1,4 +1,4 @@
-"""What the evaluation tables say of the robust method equals Python from the stored windowed ratios, exactly."""
+"""What the evaluation tables say of the robust method equals Python from the stored statistics, exactly."""
 
 from collections import Counter
 from decimal import Decimal
@@ -7,17 +7,14 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.naming import System, name_attacked
-from auditor.identification.scores import normalised_scores, scales_of
-from auditor.model.checks import rig_pair_checks
+from auditor.identification.scores import thresholds_from
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
-from tests.making.evaluation_cases import RIG, case_of, make_evaluation, part, write
+from tests.making.evaluation_cases import RIG, case_of, learnt, make_evaluation, named, part, scores, system_of, write
 from tests.making.stores import new_store
 
 R = Decimal("0.01")
 BLOCK = 10
-ELEMENTS = rig_pair_checks(RIG)
 LARGE = ((0, 1, 2, 4), (0, 1, 2, 3, 4))
 SMALL = tuple(tuple(triple) for triple in RIG.triples if triple.k == 4)
 
@@ -34,32 +31,22 @@ def told(made):
     """(left_out, system, experiment, case, verdict): the definition, spelled out."""
     _, cases = made
     everything = [(e, recording, case) for (e, recording), of_it in cases.items() for case in of_it]
-    kept = {
-        "nothing": lambda other, here: True,
-        "block": lambda other, here: other != here,
-        "recording": lambda other, here: other[0] != here[0],
-    }
     found = []
     for here in {(recording, case.frame // BLOCK) for _, recording, case in everything}:
         mine = [(e, case) for e, recording, case in everything if (recording, case.frame // BLOCK) == here]
+        kept = {
+            "nothing": lambda *_: True,
+            "block": lambda recording, frame, here=here: (recording, frame // BLOCK) != here,
+            "recording": lambda recording, _, here=here: recording != here[0],
+        }
         for left_out, keeps in kept.items():
-            clean = [
-                case.ratios
-                for e, recording, case in everything
-                if e == "clean" and keeps((recording, case.frame // BLOCK), here)
-            ]
-            scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, R)
-            for system in (*SMALL, *LARGE):
-                inside = [place for place, e in enumerate(ELEMENTS) if set(e.needed) <= set(system)]
-                triples = tuple(t for t in RIG.triples if set(t) <= set(system))
-                pair_checks = tuple(ELEMENTS[place] for place in inside)
-                chosen = [(e, case) for e, case in mine if is_asked(e, case, system)]
-                ratios = np.array([case.ratios for _, case in chosen], dtype=np.float64)[:, inside]
-                z = normalised_scores(ratios, [scales[place] for place in inside])
-                # Every sensor was there, and nothing speaks for another cause: a frame's verdict is its own alone.
-                fallback = RIG.fallback if set(RIG.fallback) <= set(system) else None
-                verdicts = name_attacked(z, System(pair_checks, triples, system, fallback), [frozenset()] * len(z))
-                found += [(left_out, system, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
+            for sensors in (*SMALL, *LARGE):
+                system = system_of(sensors)
+                thresholds = learnt(cases, keeps, system, R)
+                chosen = [(e, case) for e, case in mine if is_asked(e, case, sensors)]
+                z = scores([case.statistics for _, case in chosen], system, thresholds)
+                verdicts = named(z, system, thresholds)
+                found += [(left_out, sensors, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 
 
@@ -110,12 +97,15 @@ def test_identification_equals_python(made, told):
             key = left_out, system, case.strength, case.attacked
             expected[*key, "cases"] += 1
             expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
+            expected[*key, "misnamed"] += not set(verdict.attacked) <= set(case.attacked)
     rows = [row for row in answer(made, "evaluation_identification") if row["attacked"] is not None]
     assert len(rows) == 3 * 2 * (4 + 5 + 10)
     for row in rows:
         key = row["left_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
         assert (row["cases"], row["named"]) == (expected[*key, "cases"], expected[*key, "named"])
         assert row["identified"] == row["named"]
+        assert row["misnamed"] == expected[*key, "misnamed"]
+        assert row["misnaming_low"] <= row["misnaming_rate"] == row["misnamed"] / row["cases"] <= row["misnaming_high"]
     assert 0 < sum(row["named"] for row in rows) < sum(row["cases"] for row in rows)
 
 
@@ -126,11 +116,16 @@ def test_false_alarms_equal_python(made, told):
             expected[left_out, system, "frames"] += 1
             expected[left_out, system, "raised"] += raised(verdict)
             expected[left_out, system, "identified"] += verdict.kind is VerdictKind.ATTACKED
+            expected[left_out, system, "not_clean"] += verdict.kind is not VerdictKind.CLEAN
     rows = answer(made, "evaluation_false_alarms")
     assert len(rows) == 3 * 8
     for row in rows:
-        for column in ("frames", "raised", "identified"):
+        for column in ("frames", "raised", "identified", "not_clean"):
             assert row[column] == expected[row["left_out"], tuple(row["system"]), column]
+        assert row["not_clean_low"] <= row["not_clean_rate"] <= row["not_clean_high"]
+        # The whole of one recording is one block.
+        assert (row["samples"], row["drives"]) == (None, 2 if row["left_out"] == "nothing" else 1)
+    assert 0 < sum(row["raised"] for row in rows) < sum(row["frames"] for row in rows)
 
 
 def test_sensitivity_and_further_attacks_equal_python(made, told):
@@ -168,6 +163,20 @@ def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
     for row in answer(made, "evaluation_detection"):
         if row["attacked"] is None and (row["i"], row["j"]) in ((0, 1), (1, 2)):
             assert summary[row["left_out"], row["strength"]][f"scenario_{row['scenario']}"] == row["rate"]
+    for row in answer(made, "evaluation_false_alarms"):
+        if len(row["system"]) == len(RIG.sensors):
+            of_it = [one for (left_out, _), one in summary.items() if left_out == row["left_out"]]
+            assert {(one["clean_frames"], one["not_clean"]) for one in of_it} == {
+                (row["frames"], row["not_clean_rate"])
+            }
+    rows = answer(made, "evaluation_identification")
+    for (left_out, strength), one in summary.items():
+        of_all = [
+            row
+            for row in rows
+            if (row["left_out"], row["strength"], len(row["system"]), row["attacked"]) == (left_out, strength, 5, None)
+        ]
+        assert one["misnamed"] == sum(row["misnamed"] for row in of_all) / sum(row["cases"] for row in of_all)
 
 
 def test_other_rates_and_blocks_were_not_judged(made):
@@ -184,13 +193,27 @@ def test_judging_again_after_another_recording_replaces_what_was_said(tmp_path):
     def add(recording):
         write(store, part(recording, "clean"), [case_of(rng, frame, ()) for frame in range(12)])
         judge_cases(store)
-        sql = "SELECT left_out, count(*) AS n, max(samples) AS N FROM case_verdicts GROUP BY left_out ORDER BY left_out"
+        sql = "SELECT left_out, count(*) AS n, max(drives) AS D FROM case_verdicts GROUP BY left_out ORDER BY left_out"
         return [tuple(row.values()) for row in run_sql(store, sql).to_pylist()]
 
     systems = len(SMALL) + len(LARGE)
-    assert add("a") == [("block", 12 * systems, 10), ("nothing", 12 * systems, 12)]
-    assert add("b") == [
-        ("block", 24 * systems, 22),
-        ("nothing", 24 * systems, 24),
-        ("recording", 24 * systems, 12),
-    ]
+    assert add("a") == [(left_out, 12 * systems, D) for left_out, D in (("block", 1), ("nothing", 1), ("recording", 0))]
+    assert add("b") == [(left_out, 24 * systems, D) for left_out, D in (("block", 2), ("nothing", 2), ("recording", 1))]
+
+
+def test_without_any_other_recording_the_thresholds_are_the_prior(tmp_path):
+    store, rng = new_store(tmp_path), np.random.default_rng(1)
+    store.write_rig(RIG)
+    cases = [case_of(rng, frame, (1,) if frame == 3 else ()) for frame in range(BLOCK)]
+    write(store, part("a", "clean"), cases)
+    judge_cases(store)
+    sql = "SELECT * FROM case_verdicts WHERE len(system) = 5 ORDER BY left_out, frame"
+    rows = run_sql(store, sql).to_pylist()
+    system = system_of(RIG.sensors)
+    prior = thresholds_from([], system.sensor_checks, system.judged_together, R)
+    expected = named(scores([case.statistics for case in cases], system, prior), system, prior)
+    for left_out in ("block", "recording"):  # all ten frames are one block
+        of_it = [row for row in rows if row["left_out"] == left_out]
+        assert [(row["verdict"], tuple(row["identified"]), row["drives"]) for row in of_it] == [
+            (verdict.kind.value, verdict.attacked, 0) for verdict in expected
+        ]

@@ -9,23 +9,33 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.naming import System, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.scores import normalised_scores, scales_of
 from auditor.identification.statistics import window_means
-from auditor.model.checks import rig_pair_checks
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.queries import run_query, run_sql
 from tests.making.evaluation_cases import BLOCK as PAPER_BLOCK
-from tests.making.evaluation_cases import FRAMES, RIG, case_of, errors, folds, judged, part, state, write
+from tests.making.evaluation_cases import (
+    FRAMES,
+    RIG,
+    case_of,
+    errors,
+    folds,
+    judged,
+    learnt,
+    named,
+    part,
+    scores,
+    state,
+    system_of,
+    write,
+)
 from tests.making.stores import PERIOD_NS, new_store
 
 R = Decimal("0.05")
 ROBUST_R, ROBUST_BLOCK = Decimal("0.01"), 10
-ELEMENTS = rig_pair_checks(RIG)
-SYSTEM = System(ELEMENTS, RIG.triples, RIG.sensors, RIG.fallback)
+SYSTEM = system_of(RIG.sensors)
 SETS = [((1,), "still"), ((1,), "moving"), ((0, 4), "still")]
 
 
@@ -65,8 +75,8 @@ def by_paper(cases, left_out, recording, line):
     for case in line:
         theta, _ = theta_of[left_out, recording, case.frame // PAPER_BLOCK, R]
         pairs = zip(errors(case, Statistic.GATED), theta, strict=True)
-        kind, named, _ = judged("".join(state(*pair) for pair in pairs))
-        yield kind, named if kind == "attacked" else ()
+        kind, found, _ = judged("".join(state(*pair) for pair in pairs))
+        yield kind, found if kind == "attacked" else ()
 
 
 def by_robust(cases, left_out, recording, line):
@@ -78,11 +88,10 @@ def by_robust(cases, left_out, recording, line):
             "block": lambda r, f, f0=case.frame: (r, f // ROBUST_BLOCK) != (recording, f0 // ROBUST_BLOCK),
             "recording": lambda r, _: r != recording,
         }[left_out]
-        clean = [c.ratios for r in FRAMES for c in cases["clean", r] if kept(r, c.frame)]
-        scales = scales_of(np.array(clean, dtype=np.float64), ELEMENTS, ROBUST_R)
-        z = normalised_scores(np.array([drive[f].ratios for f in sorted(drive)], dtype=np.float64), scales)
+        thresholds = learnt(cases, kept, SYSTEM, ROBUST_R)
+        z = scores([drive[f].statistics for f in sorted(drive)], SYSTEM, thresholds)
         around = window_means(z, np.arange(len(z)) * PERIOD_NS, TEMPORAL_WINDOW.seconds)
-        alone, moment = (name_attacked(x[[case.frame]], SYSTEM, [frozenset()])[0] for x in (z, around))
+        alone, moment = (named(x[[case.frame]], SYSTEM, thresholds)[0] for x in (z, around))
         found = alone.kind in FINDINGS and moment.kind in FINDINGS
         yield (moment.kind.value, moment.attacked) if found else ("clean", ())
 

@@ -1,5 +1,7 @@
 """The evaluation page: whole, escaped, and saying what the queries say."""
 
+from itertools import product
+
 import pytest
 from click.testing import CliRunner
 
@@ -58,18 +60,29 @@ def test_its_tables_hold_the_queries_answers_beside_the_papers(store, page):
 def test_both_methods_stand_side_by_side(store, page):
     attacks, sizes = page.setups[0].grids["methods"]
     assert attacks.columns == ("E", "robust") * 3
-    rows = {row.label: row.cells for row in attacks.rows}
-    for at, mode in enumerate(("nothing", "block", "recording")):
-        for method, cell in zip(("paper", "robust"), rows["two named of 5 sensors, opaque"][2 * at :], strict=False):
-            [row] = [
-                row
-                for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
-                if (row["method"], row["left_out"], len(row["system"]), row["strength"], row["attacked"])
-                == (method, mode, 5, "opaque", None)
-                and row["attacked_sensors"] == 2
-            ]
-            assert cell == Rate(row["named"], row["cases"], row["low"], row["high"], row["resolvable"])
-    assert rows["two named of 5 sensors, opaque"][0] != rows["two named of 5 sensors, opaque"][1]
+    shown = {row.label: row.cells for row in attacks.rows}
+    named = shown["two of 5 sensors attacked, opaque: exactly named"]
+    misnamed = shown["two of 5 sensors attacked, opaque: a sensor named that was not"]
+    alarms = shown["clean frames that are not clean, S_0, S_1, S_2, S_3, S_4"]
+    rows = {
+        (row["left_out"], row["method"]): row
+        for row in run_query(store, "evaluation_identification", {"r": "0.01"}).to_pylist()
+        if (len(row["system"]), row["strength"], row["attacked"], row["attacked_sensors"]) == (5, "opaque", None, 2)
+    }
+    clean = {
+        (row["left_out"], row["method"]): row
+        for row in run_query(store, "evaluation_false_alarms", {"r": "0.01"}).to_pylist()
+        if len(row["system"]) == 5
+    }
+    for at, key in enumerate(product(("nothing", "block", "recording"), ("paper", "robust"))):
+        row, resolvable = rows[key], rows[key]["resolvable"]
+        assert named[at] == Rate(row["named"], row["cases"], row["low"], row["high"], resolvable)
+        bounds = row["misnaming_low"], row["misnaming_high"]
+        assert misnamed[at] == Rate(row["misnamed"], row["cases"], *bounds, resolvable)
+        of_clean = clean[key]
+        bounds = of_clean["not_clean_low"], of_clean["not_clean_high"]
+        assert alarms[at] == Rate(of_clean["not_clean"], of_clean["frames"], *bounds, resolvable)
+    assert named[0] != named[1]
     assert len(sizes.rows) == 5 + 2 * 2 * 6
     assert not [row for table in (attacks, sizes) for row in table.rows if None in row.cells]
     assert "Both methods" in Page(render_evaluation(page)).text

@@ -7,12 +7,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.model.checks import rig_pair_checks
+from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.measurement import Counts
 from auditor.model.verdict import FINDINGS
 from auditor.reporting.evaluation.loading import load_evaluation
 from auditor.store.evaluation_tables import CaseFeatures, EvaluationPart, MeasuredCase
 from auditor.store.queries import list_queries, run_query, run_sql
+from tests.making.drawn_statistics import drawn_statistics
 from tests.making.evaluation_cases import write
 from tests.making.stores import PERIOD_NS, make_features, make_rig, new_store, part_columns
 
@@ -24,9 +25,9 @@ def measured(rig, raised, frames=20):
     """Cases of which the frames `raised` have a high E of every triple."""
     for frame in range(frames):
         E = 500 if frame in raised else 10
-        counts, ratios = [Counts(2000, E, 1000, E, 0)] * len(rig.triples), [0.1] * len(rig_pair_checks(rig))
+        counts, statistics = [Counts(2000, E, 1000, E, 0)] * len(rig.triples), [0.1] * len(rig_sensor_checks(rig))
         yield MeasuredCase(
-            frame, frame * PERIOD_NS, 0, (), None, None, None, None, {}, counts, ratios, make_features(rig, frame)
+            frame, frame * PERIOD_NS, 0, (), None, None, None, None, {}, counts, statistics, make_features(rig, frame)
         )
 
 
@@ -51,20 +52,20 @@ def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
     assert alarms["hours"] == incidents["hours"] == pytest.approx(40 * 0.1 / 3600)
 
 
-def ratios_of(rig, frame, *, high=(), level=0.8):
-    """Windowed ratios of which those of S_1's pairs are high in some frames."""
-    pair_checks = rig_pair_checks(rig)
-    quiet = np.random.default_rng(frame).uniform(0, 0.2, len(pair_checks))
-    raised = [frame in high and e.check == "photometric_inconsistency" and 1 in e.needed for e in pair_checks]
-    return np.where(raised, level, quiet).tolist()
+def statistics_of(rig, frame, *, high=(), level=0.8):
+    """Statistics of which those of what S_1 sees are high in some frames."""
+    quiet = drawn_statistics(np.random.default_rng(frame), rig, spread=0.5)
+    checks = rig_sensor_checks(rig)
+    raised = [frame in high and c.check is Check.PHOTOMETRIC_INCONSISTENCY and 1 in c.nameable for c in checks]
+    return [level if high_here else value for high_here, value in zip(raised, quiet, strict=True)]
 
 
 def case(rig, frame, experiment="clean", *, high=(), level=0.8, variant=None, **features):
     """A case of a camera S_1 that is attacked, or of a clean frame."""
     attacked = () if experiment == "clean" else (1,)
-    counts, ratios = [None] * len(rig.triples), ratios_of(rig, frame, high=high, level=level)
+    counts, statistics = [None] * len(rig.triples), statistics_of(rig, frame, high=high, level=level)
     told = make_features(rig, frame, **features)
-    return MeasuredCase(frame, frame * PERIOD_NS, 0, attacked, None, variant, None, None, {}, counts, ratios, told)
+    return MeasuredCase(frame, frame * PERIOD_NS, 0, attacked, None, variant, None, None, {}, counts, statistics, told)
 
 
 def verdicts(store, experiment):
@@ -131,8 +132,8 @@ def test_parts_that_an_earlier_version_finished_are_counted_and_not_judged(tmp_p
     write(store, old, [case(OTHER, frame) for frame in range(20)])
     path = store.path("cases", old.evaluation_id)
     columns = pq.read_table(path)
-    kept = columns.select([n for n in columns.column_names if n not in {f.name for f in fields(CaseFeatures)}])
-    pq.write_table(kept, path)
+    newer = {"statistics", *(field.name for field in fields(CaseFeatures))}
+    pq.write_table(columns.select([name for name in columns.column_names if name not in newer]), path)
     assert judge_cases(store) == 1
     rows = run_sql(store, "SELECT DISTINCT recording_id FROM case_verdicts").to_pylist()
     assert rows == [{"recording_id": "a" * 64}]

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auditor.model.checks import COLUMNS, Agreement, Contrast, IsolatedShares, PairFaultFeatures, Rows
+from auditor.model.checks import COLUMNS, Agreement, IsolatedShares, PairFaultFeatures, Rows
 from auditor.model.frames import Skipped
 from auditor.model.measurement import Coverage, Region, Solid
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict, VerdictKind
@@ -21,7 +21,6 @@ from tests.making.stores import (
 
 SEEN = PairFaultFeatures(
     Rows(40, 0.9, 0.5, 0.95),
-    Contrast(12),
     Agreement(1500, 0.8, 0, 0.8, 4, 0, 0.7, -0.1, -0.2),
     IsolatedShares(0.02, 0.001),
 )
@@ -29,7 +28,7 @@ FACULA = Region(3, 3, (8, 4, 400, 240), 0.25, b"png")
 WALL = Region(0, 3, (100, 80, 300, 200), 0.125, b"points", 850, Solid((8.0, -1.0, 0.5), (2.5, 1.5, 0.0625), 4.5))
 
 
-def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tmp_path):
+def test_fault_features_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
     dim = {s: Coverage(0.25, 0.5, level=10.0 * s) if s else Coverage(returns=9) for s in rig.sensors}
     frames = [
@@ -48,8 +47,8 @@ def test_symptoms_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tm
     assert np.isnan(values[1, 0]).all()
     assert seen.level.tolist() == [[10, 20, 30]] * 2
     assert seen.saturated.tolist() == [[0.25] * 3] * 2
-    [row] = run_sql(store, "SELECT k, row_aligned, difference, rotated FROM fault_features WHERE frame = 3").to_pylist()
-    assert row == {"k": 3, "row_aligned": 0.9, "difference": None, "rotated": 0.7}
+    [row] = run_sql(store, "SELECT k, row_aligned, before_only, rotated FROM fault_features WHERE frame = 3").to_pylist()
+    assert row == {"k": 3, "row_aligned": 0.9, "before_only": None, "rotated": 0.7}
 
 
 def test_regions_come_back_and_tell_which_of_their_sensors_are_attacked(tmp_path):

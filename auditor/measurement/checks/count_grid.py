@@ -87,9 +87,9 @@ def cells_of_pair(matches: Matches, valid: Mask, amount: Floats32, steps: int, g
     row, column = np.nonzero(valid)
     there = np.clip(np.rint(matches.column[row, column]).astype(np.intp), 0, valid.shape[1] - 1)
     weight = amount[row, column] * np.float32(steps)
-    source = _scattered(_place(grid, row, there), weight, grid)
+    source = _added_up(_place(grid, row, there), weight, grid)
     if grid.place is not None:
-        return PairCells(source, _scattered(_place(grid, row, column), weight, grid))
+        return PairCells(source, _added_up(_place(grid, row, column), weight, grid))
     counts, sums = (_block_sums(one) for one in (valid.astype(np.float32), amount * np.float32(steps)))
     return PairCells(source, Cells(counts.astype(np.uint8), _rounded(sums)))
 
@@ -105,7 +105,7 @@ def _place(grid: ImageGrid, row: Indices, column: Indices) -> Indices:
     return np.asarray(grid.place[row, column])
 
 
-def _scattered(place: Indices, weight: Floats32, grid: ImageGrid) -> Cells:
+def _added_up(place: Indices, weight: Floats32, grid: ImageGrid) -> Cells:
     if grid.place is not None:
         place, weight = place[place >= 0], weight[place >= 0]
     size = grid.rows * grid.columns

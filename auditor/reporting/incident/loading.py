@@ -237,6 +237,7 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
         r=judgement.r,
         resolvable=judgement.resolvable,
         transferred=judgement.transferred,
+        marks=judgement.marks,
         recounted=judgement.recounted,
         incidents_per_hour=row["incidents_per_hour"],
         score_threshold=row["score_threshold"],

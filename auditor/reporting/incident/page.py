@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 
+from auditor.model.calibration import Marks
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, unread_line
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Solid, Statistic
@@ -13,6 +14,7 @@ from auditor.model.verdict import FINDINGS, VerdictKind
 from auditor.reporting.plots import Figure
 
 NS_PER_S = 1_000_000_000
+NO_MARKS = Marks()
 EDGE = "edge"
 
 
@@ -166,6 +168,7 @@ class Provenance:
     drives: int | None = None
     resolvable: bool = True
     transferred: bool = False
+    marks: Marks = NO_MARKS
     recounted: bool = False
     thresholds: tuple[ThresholdLine, ...] = ()
     checks: tuple[CheckLine, ...] = ()

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ def evidence_lines(evidence: Iterable[Sequence[Mapping[str, Any]]]) -> tuple[Evi
         for subject, value in largest.items():
             scores[subject].append(value)
     lines = [
-        EvidenceLine(check, sensor, other, len(values), float(np.mean(values)), max(values))
+        EvidenceLine(check, sensor, other, len(values), fmean(values), max(values))
         for (sensor, other, check), values in scores.items()
     ]
     strongest: dict[int, float] = {}

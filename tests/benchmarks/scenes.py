@@ -1,0 +1,45 @@
+"""Measured scenes as `clean_statistics` keeps them: a module of its own, since pickles name the module of a class."""
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.model.rig import Rig
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One measured frame: `attack` is empty where it is clean. `statistics` follow the scene's sensor checks."""
+
+    frame: int
+    stamp_ns: int
+    attack: str
+    attacked: tuple[int, ...]
+    statistics: Floats
+    errors: Floats
+    features: Mapping[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
+    level: Mapping[int, float | None] = field(default_factory=dict)
+    saturated: Mapping[int, float | None] = field(default_factory=dict)
+    returns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The cases of one drive, of a rig and a family; `kinds` says of each camera whether it is grey or colour."""
+
+    name: str
+    family: str
+    rig: Rig
+    kinds: str
+    cases: tuple[Case, ...]
+
+
+def load(folder: Path) -> list[Scene]:
+    """The scenes of a folder, in the order of their names."""
+    return [pickle.loads(path.read_bytes()) for path in sorted(folder.glob("*.scene"))]

@@ -1,0 +1,195 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auditor.identification.parameters import HIERARCHY, JOINT_TAIL
+from auditor.identification.prior import (
+    Prior,
+    effective_size,
+    expected,
+    joint_limit,
+    log_odds,
+    prior_of_cause,
+    prior_of_check,
+    statistic_at,
+)
+from auditor.model.checks import Check, SensorCheck, sensor_checks_of
+from auditor.model.verdict import Cause
+
+PRIOR = Prior(-2.0, 0.3, 0.4, 1.2)
+NAN = math.nan
+
+
+def drive(mean, frames=400, within=0.3, seed=0):
+    """Independent frames of one drive."""
+    noise = np.random.default_rng(seed).normal(0, within, frames)
+    return mean + noise - noise.mean()
+
+
+def deviation_of(within, between, drives):
+    """What the module's docstring says, by the prior's own numbers."""
+    return PRIOR.tail * math.sqrt(within**2 + between**2 * (1 + 1 / (HIERARCHY.rig_kind + drives)))
+
+
+def test_without_drives_the_prior_is_expected():
+    found = expected(PRIOR, [])
+    assert found.mean == PRIOR.mean
+    assert found.deviation == pytest.approx(deviation_of(PRIOR.within, PRIOR.between, 0))
+    assert (found.drives, found.samples) == (0, 0)
+
+
+def test_a_drive_of_which_nothing_was_measured_tells_nothing():
+    assert expected(PRIOR, [np.full(50, NAN), np.zeros(0)]) == expected(PRIOR, [])
+
+
+def test_a_drive_as_the_prior_expects_it_leaves_the_mean_and_narrows_the_deviation():
+    found = expected(PRIOR, [drive(-2.0, within=0.3)])
+    assert found.mean == pytest.approx(-2.0)
+    assert found.deviation < expected(PRIOR, []).deviation
+    assert found.deviation == pytest.approx(deviation_of(0.3, 0.4 * math.sqrt(4 / 5), 1), rel=0.03)
+    assert (found.drives, found.samples) == (1, 400)
+
+
+@given(st.floats(-3.0, -1.0), st.integers(1, 600))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_one_drive_moves_the_mean_towards_its_own_and_by_its_weight_at_most(mean, frames):
+    found = expected(PRIOR, [drive(mean, frames)])
+    most = 1 / (1 + HIERARCHY.rig_kind)
+    assert min(PRIOR.mean, mean) - 1e-9 <= found.mean <= max(PRIOR.mean, mean) + 1e-9
+    assert abs(found.mean - PRIOR.mean) <= most * abs(mean - PRIOR.mean) + 1e-9
+
+
+def test_more_frames_of_one_drive_are_no_second_drive():
+    short, long, two = (
+        expected(PRIOR, drives).mean - PRIOR.mean
+        for drives in ([drive(-1.2, 200)], [drive(-1.2, 20_000)], [drive(-1.2, 200), drive(-1.2, 200, seed=1)])
+    )
+    assert long == pytest.approx(short, rel=0.02)
+    assert two > 1.1 * long
+
+
+def test_many_drives_are_believed():
+    rng = np.random.default_rng(3)
+    means = rng.normal(-1.3, 0.2, 200)
+    found = expected(PRIOR, [drive(mean, within=0.15, seed=n) for n, mean in enumerate(means)])
+    assert found.mean == pytest.approx(means.mean(), abs=0.02)
+    assert found.deviation == pytest.approx(PRIOR.tail * math.hypot(0.15, 0.2), rel=0.1)
+    assert found.drives == 200
+
+
+def test_drives_that_differ_more_than_the_prior_knows_widen_the_deviation():
+    alike, apart = (
+        expected(PRIOR, [drive(-2.0 + at * step, seed=n) for n, at in enumerate((-1, 1, -1, 1))])
+        for step in (0.05, 1.0)
+    )
+    assert apart.deviation > 1.3 * alike.deviation
+    assert apart.mean == pytest.approx(alike.mean, abs=1e-9)
+
+
+@pytest.mark.parametrize("absurd", [3.9, -50.0, 50.0])
+def test_a_drive_of_absurd_values_is_bounded(absurd):
+    found = expected(PRIOR, [drive(absurd)])
+    reach = HIERARCHY.farthest * math.sqrt(PRIOR.within**2 + PRIOR.between**2 * (1 + 1 / HIERARCHY.rig_kind))
+    assert abs(found.mean - PRIOR.mean) <= reach / (1 + HIERARCHY.rig_kind) + 1e-9
+    assert found.mean == pytest.approx(expected(PRIOR, [drive(absurd * 2)]).mean), "farther off it counts no more"
+
+
+def test_frames_under_attack_in_a_calibration_widen_the_deviation_within_to_so_much_at_most():
+    half = np.tile([-2.0, 3.9], 200)
+    found = expected(PRIOR, [half] * 50)
+    assert found.deviation < PRIOR.tail * math.sqrt((HIERARCHY.widest * PRIOR.within) ** 2 + 0.5) + 0.1
+    # A strong attack still stands out of what such a calibration expects.
+    assert (log_odds(np.array(0.95)) - expected(PRIOR, [half]).mean) / expected(PRIOR, [half]).deviation > 2
+
+
+@given(
+    st.lists(st.lists(st.one_of(st.floats(-4, 4), st.just(NAN)), max_size=12), max_size=5),
+)
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_what_is_expected_is_finite_and_never_certain(drives):
+    found = expected(PRIOR, [np.array(values, dtype=np.float64) for values in drives])
+    assert math.isfinite(found.mean)
+    assert 0.05 < found.deviation < 10
+    assert found.drives == sum(any(not math.isnan(value) for value in values) for values in drives)
+    assert found.samples == sum(not math.isnan(value) for values in drives for value in values)
+
+
+def test_the_order_of_drives_does_not_matter():
+    drives = [drive(-1.5), drive(-2.5, seed=1), drive(-2.0, 30, seed=2)]
+    one, other = expected(PRIOR, drives), expected(PRIOR, drives[::-1])
+    assert (one.mean, one.deviation) == pytest.approx((other.mean, other.deviation))
+
+
+def test_independent_frames_are_worth_their_number():
+    noise = np.random.default_rng(0).normal(size=1000)
+    assert 700 < effective_size(noise) <= 1000
+
+
+def test_frames_that_hardly_change_are_worth_few():
+    walk = np.cumsum(np.random.default_rng(0).normal(size=1000))
+    assert effective_size(walk) < 50
+    in_tens = np.repeat(np.random.default_rng(1).normal(size=100), 10)
+    assert 50 < effective_size(in_tens) < 150
+
+
+@pytest.mark.parametrize("values", [np.full(500, 0.3), np.array([1.0, 2.0, 3.0]), np.array([7.0])])
+def test_constant_frames_and_hardly_any_are_worth_one(values):
+    assert effective_size(values) == 1.0
+
+
+@given(st.lists(st.floats(-5, 5, allow_subnormal=False), min_size=4, max_size=60))
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_frames_are_worth_one_at_least_and_their_number_at_most(values):
+    assert 1 <= effective_size(np.array(values)) <= len(values)
+
+
+@given(st.floats(1e-5, 0.99), st.floats(1e-5, 0.99), st.integers(1, 200), st.integers(1, 200))
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_the_limit_falls_with_r_and_rises_with_the_checks(r, other, checks, more):
+    assert joint_limit(min(r, other), checks) >= joint_limit(max(r, other), checks)
+    assert joint_limit(r, min(checks, more)) <= joint_limit(r, max(checks, more))
+
+
+def test_one_check_alone_has_the_limit_of_the_normal_distribution():
+    assert joint_limit(0.01, 1) == pytest.approx(JOINT_TAIL.stretch * 2.3263, abs=1e-4)
+    assert joint_limit(0.5, 1) == pytest.approx(0, abs=1e-9)
+
+
+def test_at_r_of_one_everything_is_a_finding_and_the_smallest_rates_are_taken_for_one():
+    assert joint_limit(1.0, 10) == -math.inf
+    assert joint_limit(0.0, 10) == joint_limit(JOINT_TAIL.smallest_r, 10) < math.inf
+
+
+@given(st.floats(0, 1))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_log_odds_rise_and_can_be_turned_back(statistic):
+    odds = float(log_odds(np.array(statistic)))
+    assert -4 < odds < 4
+    assert statistic_at(odds) == pytest.approx(statistic, abs=1e-9)
+    assert odds < float(log_odds(np.array(statistic + 0.01)))
+    assert float(log_odds(np.array(1 - statistic))) == pytest.approx(-odds)
+
+
+def test_what_was_not_measured_has_no_log_odds():
+    assert np.isnan(log_odds(np.array([NAN]))).all()
+
+
+def test_fewer_voters_are_expected_to_say_more():
+    for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY):
+        three, two, one = (prior_of_check(SensorCheck(check, 1, others)) for others in ((2, 3, 4), (2, 3), (2,)))
+        assert three.mean <= two.mean <= one.mean
+        assert three.between <= one.between + 0.1
+
+
+def test_every_check_and_every_cause_has_a_prior():
+    pairs = tuple((i, k) for k in (2, 3, 4, 5) for i in range(1, k))
+    for check in sensor_checks_of(pairs, pairs, (5, 4)):
+        prior = prior_of_check(check)
+        assert min(prior.within, prior.between) > 0
+        assert prior.tail >= 1
+    for cause in Cause:
+        for sensor in (None, 0, 1):
+            assert min(prior_of_cause((cause, sensor))[1:]) > 0

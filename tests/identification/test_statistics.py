@@ -1,0 +1,254 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auditor.identification.statistics import (
+    CONFLICT_WINDOW,
+    IMAGE_WINDOW,
+    Window,
+    fitted,
+    sensor_statistics,
+    strongest_window,
+    window_means_of,
+    window_sums,
+)
+from auditor.model.checks import CAMERA_CHECKS, Check, CountedPair, SensorCheck, sensor_checks_of
+from auditor.model.measurement import LIGHT_STEPS, Cells
+
+ROWS, COLUMNS = 12, 16
+FULL = 16
+"""Half-resolution pixels of a cell."""
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.integers(1, 10), st.integers(1, 10), st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_the_sums_of_windows_are_those_of_trying_all_of_them(height, width, rows, columns, seed):
+    grid = np.random.default_rng(seed).integers(-127, 128, (height, width)).astype(np.int8)
+    found = window_sums(grid, Window(rows, columns, 0, 0))
+    assert found.shape == (max(height - rows + 1, 0), max(width - columns + 1, 0))
+    for (r, c), total in np.ndenumerate(found):
+        assert total == grid[r : r + rows, c : c + columns].astype(int).sum()
+
+
+def cells(valid, total):
+    """Cells of one number each, or of the grids given."""
+    shape = ROWS, COLUMNS
+    return Cells(
+        np.broadcast_to(np.asarray(valid, np.uint8), shape).copy(),
+        np.broadcast_to(np.asarray(total, np.int8), shape).copy(),
+    )
+
+
+def patch(value, rows=slice(2, 8), columns=slice(4, 12), elsewhere=0):
+    grid = np.full((ROWS, COLUMNS), elsewhere)
+    grid[rows, columns] = value
+    return grid
+
+
+def of(check, i, k, sensor):
+    return CountedPair(check, i, k, sensor)
+
+
+INCONSISTENT = of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1)
+LIT = of(Check.ADDED_LIGHT, 1, 2, 1)
+CONFLICT = of(Check.LIDAR_CONFLICT, 1, 2, 0)
+
+
+def test_inconsistencies_are_counted_in_windows_of_six_by_eight_cells_with_a_pseudo_count_of_two_hundred():
+    means = window_means_of(INCONSISTENT, cells(5, patch(5))).means
+    assert means.shape == (ROWS - 5, COLUMNS - 7)
+    assert means.max() == means[2, 4] == pytest.approx(240 / (240 + 200))
+
+
+def test_conflicts_are_counted_in_windows_of_six_by_six_cells_with_a_pseudo_count_of_forty():
+    means = window_means_of(CONFLICT, cells(4, patch(4, columns=slice(5, 11)))).means
+    assert means.shape == (ROWS - 5, COLUMNS - 5)
+    assert means.max() == pytest.approx(144 / (144 + 40))
+
+
+def test_light_is_the_sum_of_residuals_and_darkness_is_below_zero():
+    means = window_means_of(LIT, cells(FULL, patch(LIGHT_STEPS * 8))).means
+    assert means.max() == pytest.approx(48 * 8 / (48 * 16 + 200))
+    assert window_means_of(LIT, cells(FULL, patch(-LIGHT_STEPS * 8))).means.min() == -means.max()
+
+
+def test_a_window_of_fewer_pixels_than_needed_has_no_mean():
+    few = patch(5, elsewhere=0)
+    assert window_means_of(INCONSISTENT, cells(few, few)).means[2, 4] == pytest.approx(240 / 440)
+    few[2, 4:12] = 0
+    assert window_means_of(INCONSISTENT, cells(few, few)).means[2, 4] == pytest.approx(200 / 400)
+    few[3, 4] = 4
+    means = window_means_of(INCONSISTENT, cells(few, few)).means
+    assert np.isnan(means[2, 4])
+    assert np.isnan(window_means_of(INCONSISTENT, cells(0, 0)).means).all()
+
+
+def test_a_grid_smaller_than_a_window_has_no_means():
+    small = Cells(np.full((5, 40), FULL, np.uint8), np.zeros((5, 40), np.int8))
+    assert window_means_of(INCONSISTENT, small).means.size == 0
+    assert sensor_statistics([SensorCheck(INCONSISTENT.check, 1, (2,))], {INCONSISTENT: small}, {}) == (None,)
+
+
+def test_the_strongest_window_is_the_largest_mean_and_the_first_cell_of_it():
+    found = strongest_window(window_means_of(INCONSISTENT, cells(5, patch(5))))
+    assert found == (pytest.approx(240 / 440), 2, 4)
+    assert strongest_window(window_means_of(INCONSISTENT, cells(0, 0))) is None
+
+
+@pytest.mark.parametrize(("points", "pseudo_count", "fewest"), [(5, 40, 20), (2, 36, 18), (1, 18, 9), (0, 15, 7)])
+def test_fewer_beams_have_a_smaller_pseudo_count_but_never_a_larger_one_than_sixty_four(points, pseudo_count, fewest):
+    grid = np.full((12, 12), points, dtype=np.uint8)
+    assert fitted(CONFLICT_WINDOW, grid) == Window(6, 6, pseudo_count, fewest)
+
+
+def test_windows_that_hold_no_points_do_not_make_it_easier():
+    grid = np.zeros((30, 10), dtype=np.uint8)
+    grid[:10] = 2
+    # Windows of 200, 180, ... 20 points: the 90th percentile is 182.
+    assert fitted(Window(10, 10, 120, 60), grid).pseudo_count == 91
+
+
+def voted(check, *means, fewest=FULL):
+    """The statistic of S_1's check by as many cameras as there are numbers, its mean of a window by each."""
+    lit = Check.ADDED_LIGHT if check is Check.REMOVED_LIGHT else check
+    steps = LIGHT_STEPS if lit is Check.ADDED_LIGHT else 1
+    others = tuple(range(2, 2 + len(means)))
+    counted = {}
+    for other, mean in zip(others, means, strict=True):
+        total = mean if isinstance(mean, np.ndarray) else patch(mean)
+        counted[of(lit, 1, other, 1)] = cells(fewest, total * steps)
+    return sensor_statistics([SensorCheck(check, 1, others)], counted, {})[0]
+
+
+def mean(value, valid=FULL):
+    return 48 * value / (48 * valid + 200)
+
+
+@pytest.mark.parametrize("check", CAMERA_CHECKS)
+def test_one_voter_alone_says_what_it_says(check):
+    sign = -1 if check is Check.REMOVED_LIGHT else 1
+    assert voted(check, sign * 12) == pytest.approx(mean(12))
+    assert voted(check, -sign * 12) == 0
+
+
+def test_added_light_of_two_voters_is_their_mean():
+    assert voted(Check.ADDED_LIGHT, 12, 4) == pytest.approx(mean(8))
+    assert voted(Check.ADDED_LIGHT, 12, -4) == pytest.approx(mean(4))
+    assert voted(Check.ADDED_LIGHT, 4, -12) == 0
+
+
+def test_added_light_of_three_voters_is_the_geometric_mean_of_their_mean_and_the_smallest():
+    assert voted(Check.ADDED_LIGHT, 12, 8, 4) == pytest.approx(np.sqrt(mean(8) * mean(4)))
+    assert voted(Check.ADDED_LIGHT, 12, 12, 0) == 0
+    assert voted(Check.ADDED_LIGHT, 12, 12, -4) == 0
+
+
+@pytest.mark.parametrize(("check", "sign"), [(Check.REMOVED_LIGHT, -1), (Check.PHOTOMETRIC_INCONSISTENCY, 1)])
+def test_what_an_attacked_voter_shows_as_well_is_the_least_that_any_voter_says(check, sign):
+    assert voted(check, sign * 12, sign * 4) == pytest.approx(mean(4))
+    assert voted(check, sign * 12, sign * 8, sign * 2) == pytest.approx(mean(2))
+    assert voted(check, sign * 12, sign * 8, 0) == 0
+
+
+def test_voters_must_agree_at_one_place():
+    apart = [patch(12, columns=columns) for columns in (slice(0, 4), slice(12, 16))]
+    assert voted(Check.PHOTOMETRIC_INCONSISTENCY, *apart) == 0
+    assert voted(Check.PHOTOMETRIC_INCONSISTENCY, apart[0], apart[0]) == pytest.approx(24 * 12 / (48 * 16 + 200))
+
+
+def by_three(valid, total=12):
+    counted = {
+        of(Check.PHOTOMETRIC_INCONSISTENCY, 1, other, 1): cells(seen, patch(total) * (np.asarray(seen) > 0))
+        for other, seen in zip((2, 3, 4), valid, strict=True)
+    }
+    return sensor_statistics([SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, (2, 3, 4))], counted, {})[0]
+
+
+def test_two_voters_must_have_compared_a_window_and_the_others_need_not():
+    assert by_three((FULL, FULL, FULL)) == pytest.approx(mean(12))
+    assert by_three((FULL, FULL, 0)) == pytest.approx(mean(12))
+    assert by_three((FULL, 0, 0)) is None
+    assert by_three((0, 0, 0)) is None
+
+
+def test_a_check_is_measured_only_where_all_its_voters_were_there():
+    counted = {of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1): cells(FULL, patch(12))}
+    checks = [SensorCheck(Check.PHOTOMETRIC_INCONSISTENCY, 1, others) for others in ((2, 3), (2,), (3,))]
+    assert sensor_statistics(checks, counted, {}) == (None, pytest.approx(mean(12)), None)
+
+
+def test_each_camera_is_judged_by_the_counts_in_its_own_image():
+    counted = {
+        of(Check.ADDED_LIGHT, 1, 2, 1): cells(FULL, patch(12 * LIGHT_STEPS // 2)),
+        of(Check.ADDED_LIGHT, 1, 2, 2): cells(FULL, -patch(4 * LIGHT_STEPS // 2)),
+    }
+    checks = [
+        SensorCheck(check, camera, (3 - camera,))
+        for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT)
+        for camera in (1, 2)
+    ]
+    found = sensor_statistics(checks, counted, {})
+    assert found == (pytest.approx(mean(6)), 0, 0, pytest.approx(mean(2)))
+
+
+def conflict(others, **of_pairs):
+    """The LiDAR's statistic by these cameras; pairs are called as p13."""
+    counted = {of(Check.LIDAR_CONFLICT, int(name[1]), int(name[2]), 0): one for name, one in of_pairs.items()}
+    return sensor_statistics([SensorCheck(Check.LIDAR_CONFLICT, 0, others)], counted, {})[0]
+
+
+def test_conflicts_are_the_mean_of_the_pairs_of_the_voters_in_one_direction():
+    strong, weak, none = (cells(4, patch(value, columns=slice(5, 11))) for value in (4, 2, 0))
+    full = 144 / 184
+    assert conflict((1, 2, 3), p13=strong, p23=weak) == pytest.approx(0.75 * full)
+    assert conflict((1, 2, 3), p13=strong, p23=none) == pytest.approx(0.5 * full)
+    assert conflict((1, 3), p13=strong, p23=none) == pytest.approx(full), "the pairs of other cameras do not count"
+    assert conflict((1, 2), p13=strong, p23=strong) is None
+
+
+def test_two_pairs_must_have_compared_a_direction_where_there_are_two():
+    strong, nothing = cells(4, patch(4, columns=slice(5, 11))), cells(0, 0)
+    assert conflict((1, 2, 3), p13=strong, p23=nothing) is None
+    half = cells(patch(4, slice(0, ROWS), slice(0, 8)), 0)
+    assert conflict((1, 2, 3), p13=cells(4, patch(4, columns=slice(0, 6))), p23=half) == pytest.approx(0.5 * 144 / 184)
+
+
+def test_the_pseudo_count_of_conflicts_fits_the_beams():
+    assert conflict((1, 2), p12=cells(1, 1)) == pytest.approx(36 / (36 + 18))
+
+
+def test_statistics_that_need_no_grid_are_the_shares_that_came_ready():
+    checks = [SensorCheck(check, 0, (3,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS)]
+    assert sensor_statistics(checks, {}, {checks[0]: 0.25}) == (0.25, None)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 5))
+@settings(max_examples=30, deadline=None, derandomize=True)
+def test_statistics_are_between_0_and_1(seed, cameras):
+    rng = np.random.default_rng(seed)
+    pairs = [(i, k) for k in range(2, cameras + 1) for i in range(1, k)]
+    counted = {}
+    for i, k in pairs:
+        for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY):
+            for sensor in (i, k):
+                valid = rng.integers(0, 17, (ROWS, COLUMNS)) * (rng.random((ROWS, COLUMNS)) < 0.8)
+                lowest, steps = (-1, LIGHT_STEPS) if check is Check.ADDED_LIGHT else (0, 1)
+                total = np.clip(np.rint(rng.uniform(lowest, 1) * valid * steps), -127, 127)
+                counted[of(check, i, k, sensor)] = cells(valid, total)
+        valid = rng.integers(0, 6, (ROWS, COLUMNS))
+        counted[of(Check.LIDAR_CONFLICT, i, k, 0)] = cells(valid, rng.integers(0, valid + 1))
+    checks = sensor_checks_of(tuple(pairs), tuple(pairs), ())
+    found = dict(zip(checks, sensor_statistics(checks, counted, {}), strict=True))
+    assert all(value is None or 0 <= value <= 1 for value in found.values())
+
+
+@pytest.mark.parametrize(("check", "sign"), [(Check.REMOVED_LIGHT, -1), (Check.PHOTOMETRIC_INCONSISTENCY, 1)])
+@given(st.lists(st.integers(0, 12), min_size=2, max_size=6))
+@settings(max_examples=20, deadline=None, derandomize=True)
+def test_one_more_voter_never_raises_what_the_others_say(check, sign, said):
+    assert voted(check, *(sign * value for value in said)) <= voted(check, *(sign * value for value in said[:-1]))
+
+
+def test_windows_are_those_of_the_parameters():
+    assert (Window(6, 8, 200, 200), Window(6, 6, 40, 20)) == (IMAGE_WINDOW, CONFLICT_WINDOW)

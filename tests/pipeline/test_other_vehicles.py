@@ -1,0 +1,111 @@
+"""Real drives judged by thresholds of another vehicle: of a second production year, or with another LiDAR."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from decimal import Decimal
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from auditor.model.calibration import Marks
+from auditor.model.frames import Frame
+from auditor.model.rig_kind import Similarity
+from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
+from auditor.store import Store, run_sql
+from tests.making.thinned_clouds import every_other_ring
+
+FRAMES = 12
+R = Decimal("0.01")
+
+
+def measured(path: Path, store: Path) -> str:
+    return measure_recording(MeasureTask(path, store), lambda *_: None).measurement_ids[0]
+
+
+def part_of(drive: Path, path: Path, frames: slice, *, thinned: bool = False) -> Path:
+    """Some frames of a drive as an MCAP file, and those of a LiDAR of half the rings where it is `thinned`."""
+    with open_recording(drive) as recording:
+        surveyed = survey(recording)
+        rig = find_rigs(surveyed)[0]
+
+        def chosen() -> Iterator[Frame]:
+            stream = (one for one in synchronise(recording, rig, surveyed, colour=True) if isinstance(one, Frame))
+            for one in islice(stream, frames.start, frames.stop):
+                yield replace(one, cloud=every_other_ring(one.cloud)) if thinned else one
+
+        write_mcap(path, rig, chosen())
+    return path
+
+
+@pytest.fixture(scope="module")
+def audit(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Store, dict[str, str]]:
+    """A store with a calibration on twelve frames of drive 0009, and the measurements of others by name."""
+    folder = tmp_path_factory.mktemp("others")
+    drive = real_data / "kitti_raw_2011_09_26_drive_0009"
+    recordings = {
+        "calibrated": part_of(drive, folder / "calibrated.mcap", slice(0, FRAMES)),
+        "another year": real_data / "kitti_odometry_04",
+        "half the rings": part_of(drive, folder / "half.mcap", slice(FRAMES, 2 * FRAMES), thinned=True),
+        "same vehicle": part_of(drive, folder / "same.mcap", slice(FRAMES, 2 * FRAMES)),
+    }
+    by_name = {name: measured(path, folder / "audit") for name, path in recordings.items()}
+    store = Store.open(folder / "audit")
+    store.write_calibration(calibrate([(store, by_name["calibrated"])]))
+    return store, by_name
+
+
+def judged(audit: tuple[Store, dict[str, str]], name: str) -> Judged:
+    store, by_name = audit
+    return Judge(store, JudgeSettings(Criteria(R))).judge(by_name[name])
+
+
+def verdicts(store: Store, measurement: str) -> list[dict]:
+    sql = "SELECT kind, attacked, named, evidence, finding FROM verdicts WHERE measurement_id = '{}'"
+    return run_sql(store, sql.format(measurement)).to_pylist()
+
+
+def test_a_second_production_year_is_judged_without_a_switch_and_marked(audit) -> None:
+    store, by_name = audit
+    found = judged(audit, "another year")
+    assert found.error is None
+    assert found.judgement.marks == Marks(Similarity.SIMILAR)
+    assert found.judgement.transferred
+    said = "thresholds transferred from a similar rig kind: LiDAR + 4 cameras 1242x375 f=722px b=0.06,0.47,0.06m"
+    assert said in found.warnings
+    assert sum(found.judgement.counts.values()) == FRAMES
+    assert not [row for row in verdicts(store, by_name["another year"]) if row["finding"]]
+    row = run_sql(store, "SELECT * FROM judgements WHERE similarity = 'similar'").to_pylist()[0]
+    assert (row["transferred"], row["in_sample"], row["other_lidar"]) == (True, False, False)
+
+
+def test_a_lidar_of_half_the_rings_is_another_one_and_nobody_accuses_it(audit) -> None:
+    store, by_name = audit
+    found = judged(audit, "half the rings")
+    assert found.judgement.marks == Marks(other_lidar=True)
+    assert "another LiDAR than the calibration's, by its points in view: its checks are judged by the prior" in (
+        found.warnings
+    )
+    rows = verdicts(store, by_name["half the rings"])
+    assert len(rows) == FRAMES
+    assert not [row for row in rows if 0 in (row["named"] or ()) or row["finding"]]
+    [drives] = run_sql(
+        store,
+        "SELECT DISTINCT check_samples FROM judgements JOIN measurements USING (measurement_id) WHERE other_lidar",
+    ).to_pylist()
+    sql = (
+        "SELECT position FROM sensor_checks JOIN measurements USING (rig_id) WHERE measurement_id = '{}' AND sensor = 0"
+    )
+    of_lidar = {row["position"] for row in run_sql(store, sql.format(by_name["half the rings"])).to_pylist()}
+    for position, samples in enumerate(drives["check_samples"], start=1):
+        assert (samples == 0) is (position in of_lidar)
+
+
+def test_the_same_vehicle_has_no_mark_and_the_calibrated_recording_is_in_sample(audit) -> None:
+    assert judged(audit, "same vehicle").judgement.marks == Marks()
+    found = judged(audit, "calibrated")
+    assert found.judgement.marks == Marks(in_sample=True)
+    assert "in sample: the calibration was made of it" in found.warnings

@@ -1,0 +1,129 @@
+"""Recordings of a rig kind that nobody calibrated are judged by the prior; and what else a judgement says."""
+
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+from auditor.identification.marks import OPENCV, OPENCV_CPU
+from auditor.model.calibration import PRIOR, Marks
+from auditor.model.verdict import Method
+from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.many import Judge, Judged, JudgeSettings
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
+from auditor.store.maintenance.check import check
+from tests.making.small_drives import DAY_NS, START_NS, write_drive
+
+FRAMES = 12
+R = Decimal("0.01")
+ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("recordings")
+    how = {
+        "clean": {},
+        "attacked": {"start_ns": START_NS + DAY_NS, "seed": 3, "attacked": {2: range(4, 8)}},
+        "another kind": {"start_ns": START_NS + 2 * DAY_NS, "seed": 5, "positions_m": (0.8, 0.5, 0.2, 0.0)},
+    }
+    return {name: write_drive(folder / f"{name}.mcap", FRAMES, **of) for name, of in how.items()}
+
+
+def measured(store: Path, recording: Path) -> str:
+    return measure_recording(MeasureTask(recording, store), lambda *_: None).measurement_ids[0]
+
+
+def judged(store: Store, measurement: str, criteria: Criteria = Criteria(R), **settings: object) -> Judged:
+    return Judge(store, JudgeSettings(criteria, **settings)).judge(measurement)
+
+
+def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(recordings, tmp_path) -> None:
+    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
+    store = Store.open(tmp_path / "audit")
+    quiet, found = (judged(store, one) for one in (clean, attacked))
+    assert ALONE in quiet.warnings
+    assert ALONE in found.warnings
+    assert (quiet.complete, quiet.found, quiet.gaps) == (True, False, ())
+    assert found.found
+    assert (found.judgement.calibration_id, found.judgement.drives) == (PRIOR, 0)
+    assert found.judgement.marks == Marks()
+    assert store.ids("calibrations") == []
+    assert list(check(store)) == []
+    [row] = run_sql(store, f"SELECT * FROM judgements WHERE measurement_id = '{attacked}'").to_pylist()
+    assert (row["calibration_id"], row["drives"], row["similarity"], row["in_sample"]) == (PRIOR, 0, "same", False)
+    assert set(row["check_samples"]) == {0}
+    rows = {row["name"]: row for row in run_query(store, "summary", {}).to_pylist()}
+    assert rows["attacked.mcap"]["attacked_sensors"] == [2]
+
+
+def test_where_the_store_has_thresholds_of_others_only_the_recording_is_not_fully_audited(recordings, tmp_path) -> None:
+    clean, other = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "another kind"))
+    store = Store.open(tmp_path / "audit")
+    store.write_calibration(calibrate([(store, clean)]))
+    found = judged(store, other)
+    assert found.judgement.calibration_id == PRIOR
+    assert ALONE in found.warnings
+    assert (found.complete, found.gaps) == (False, ("no thresholds for its rig kind and matcher",))
+    assert judged(store, clean).judgement.calibration_id != PRIOR
+
+
+def test_the_paper_s_method_has_no_prior(recordings, tmp_path) -> None:
+    clean = measured(tmp_path / "audit", recordings["clean"])
+    found = judged(Store.open(tmp_path / "audit"), clean, Criteria(R, Method.PAPER))
+    assert (found.judgement, found.complete) == (None, False)
+    assert found.gaps == ("no thresholds for its rig kind and matcher",)
+
+
+def test_the_prior_holds_for_the_matcher_that_it_was_fitted_on(recordings, tmp_path, monkeypatch) -> None:
+    clean = measured(tmp_path / "audit", recordings["clean"])
+    monkeypatch.setattr("auditor.pipeline.judge.PRIOR_MATCHER", "another")
+    assert judged(Store.open(tmp_path / "audit"), clean).judgement is None
+
+
+def test_the_prior_gives_no_incident_rate_and_is_not_strict(recordings, tmp_path) -> None:
+    clean = measured(tmp_path / "audit", recordings["clean"])
+    store = Store.open(tmp_path / "audit")
+    criteria = Criteria(R, incidents_per_hour=1.0)
+    assert "too few clean frames for that incident rate: judged as at 0" in judged(store, clean, criteria).warnings
+    error = judged(store, clean, replace(criteria, strict=True)).error
+    assert error.what == "its thresholds are the prior alone: no clean drive of this rig kind was seen"
+
+
+def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where_it_differs(
+    recordings, tmp_path
+) -> None:
+    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
+    store = Store.open(tmp_path / "audit")
+    made = calibrate([(store, clean)])
+    versions = store.measurement(clean).versions
+    assert made.clean[0].versions == {name: versions[name] for name in (OPENCV, OPENCV_CPU)}
+    assert judged(store, attacked, calibration=made).judgement.marks == Marks()
+
+    elsewhere = replace(made.clean[0], versions={OPENCV: "4.0.0", OPENCV_CPU: "NEON"})
+    other = make_calibration(made.rig_kind, made.procedure, [elsewhere])
+    assert other.calibration_id == made.calibration_id, "the same frames are the same calibration"
+    write_calibration(other, tmp_path / "other.parquet")
+    told = judged(store, attacked, calibration=read_calibration(tmp_path / "other.parquet"))
+    cpu = " ".join(sorted({"NEON", *versions[OPENCV_CPU].split()}))
+    differs = f"OpenCV {versions[OPENCV]}, not 4.0.0, another CPU ({cpu})"
+    assert told.judgement.marks == Marks(measured_otherwise=differs)
+    assert f"the calibration's counts may differ: {differs}" in told.warnings
+    rows = run_sql(store, "SELECT measured_otherwise FROM judgements").to_pylist()
+    assert {row["measured_otherwise"] for row in rows} == {differs}
+
+
+def test_a_recording_that_is_judged_by_itself_is_in_sample(recordings, tmp_path) -> None:
+    clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
+    store = Store.open(tmp_path / "audit")
+    store.write_calibration(calibrate([(store, clean)]))
+    for criteria in (Criteria(R), Criteria(R, Method.PAPER)):
+        assert "in sample: the calibration was made of it" in judged(store, clean, criteria).warnings
+        assert not judged(store, attacked, criteria).judgement.marks.in_sample
+    sql = "SELECT measurement_id, in_sample FROM judgements WHERE current"
+    assert {row["measurement_id"]: row["in_sample"] for row in run_sql(store, sql).to_pylist()} == {
+        clean: True,
+        attacked: False,
+    }

@@ -1,0 +1,121 @@
+"""The incident page of judgements by the robust method: evidence by sensor and check, and z against the limit."""
+
+import numpy as np
+import pytest
+
+from auditor.model.checks import Check, SensorCheck
+from auditor.model.verdict import Evidence
+from auditor.reporting.incident.loading import load_page
+from auditor.reporting.incident.render import render
+from auditor.reporting.incident.scores import evidence_lines, sensor_scores
+from tests.making.pages import Page
+from tests.making.report_stores import add_recording, make_rig, new_store
+
+NAN = np.nan
+
+
+@pytest.fixture
+def store(tmp_path):
+    return new_store(tmp_path)
+
+
+def part_of(store):
+    (part,) = load_page(store).recordings
+    return part
+
+
+def words_of(store):
+    return Page(render(load_page(store))).words
+
+
+def test_an_incident_tells_its_evidence_by_sensor_and_check_with_z_and_the_limit(store):
+    add_recording(store, attacks=[((1,), 10, 19)], drives=3, r="0.01")
+    (incident,) = part_of(store).incidents
+    assert sorted((line.check, line.sensor, line.other, line.frames) for line in incident.checks) == [
+        ("added_light", 1, None, 10),
+        ("photometric_inconsistency", 1, None, 10),
+        ("removed_light", 1, None, 10),
+    ]
+    limit = part_of(store).provenance.limit
+    assert all(limit < line.mean <= line.largest <= 12 for line in incident.checks)
+    words = words_of(store)
+    assert "Sensor What its checks say Frames Mean z Largest z Limit" in words
+    strongest = incident.checks[0]
+    assert f"10 {strongest.mean:.1f} {strongest.largest:.1f} {limit:.1f}" in words
+    assert "S1 sees light that the others do not 10" in words
+    assert "Carried by" not in words
+
+
+def test_every_sensor_has_a_chart_of_its_largest_z_and_the_limit(store):
+    add_recording(store, attacks=[((1,), 10, 19)], drives=3, r="0.01")
+    part = part_of(store)
+    charts = part.incidents[0].figure.charts
+    assert [(chart.name, chart.indices, chart.theta, chart.mark) for chart in charts] == [
+        ("S", (sensor,), part.provenance.limit, "limit") for sensor in range(4)
+    ]
+    assert [chart.above.count("M") for chart in charts] == [0, 10, 0, 0]
+    assert f"limit {part.provenance.limit:.2f}" in words_of(store)
+
+
+def test_a_sensor_that_is_missing_has_no_z_and_the_others_have_that_of_the_voters_that_are_left(store):
+    add_recording(store, frames=30, attacks=[((1,), 10, 19)], missing=[(2, 12), (2, 13)], drives=3, r="0.01")
+    charts = part_of(store).incidents[0].figure.charts
+    assert charts[2].path.count("M") == 2
+    assert charts[1].path.count("M") == 1
+
+
+def test_thresholds_say_how_many_drives_they_were_learnt_from(store):
+    add_recording(store, attacks=[((1,), 10, 19)], drives=3, r="0.01")
+    by = part_of(store).provenance
+    words = words_of(store)
+    assert f"Thresholds Learnt from 3 drives; the largest z of a frame must exceed {by.limit:.2f}" in words
+    assert "false-alarm rate of a frame" in words
+    assert "resolvable" not in words
+    assert {(line.check, line.sensor, line.others) for line in by.checks if line.sensor == 1} == {
+        (check, 1, (2, 3)) for check in ("added_light", "removed_light", "photometric_inconsistency")
+    }
+    assert all(0 < line.expected < line.theta <= 1 and line.samples == 60 for line in by.checks)
+
+
+def test_the_prior_alone_is_a_caution(store):
+    add_recording(store, attacks=[((1,), 10, 19)], drives=0, r="0.01")
+    words = words_of(store)
+    assert "Judged by the prior alone: no clean drive of this rig kind was seen." in words
+    assert "Thresholds Prior; the largest z of a frame must exceed" in words
+
+
+def test_two_cameras_alone_are_told_as_a_pair(store):
+    rig = make_rig(("velo", "right", "left"))
+    add_recording(store, rig=rig, attacks=[((1,), 10, 19)], drives=3, r="0.01")
+    (incident,) = part_of(store).incidents
+    assert {(line.sensor, line.other) for line in incident.checks} <= {(1, 2), (2, 1)}
+    assert "one of the two sees light that the other does not" in words_of(store)
+
+
+def test_the_largest_z_is_of_the_checks_that_count():
+    by_both = SensorCheck(Check.ADDED_LIGHT, 1, (2, 3))
+    by_two = SensorCheck(Check.ADDED_LIGHT, 1, (2,))
+    other = SensorCheck(Check.REMOVED_LIGHT, 1, (2, 3))
+    z = np.array([[1.0, 9.0, 2.0], [NAN, 9.0, NAN], [1.0, 9.0, 2.0]])
+    missing = [frozenset(), frozenset(), frozenset({3})]
+    scores = sensor_scores(z, (by_both, by_two, other), (0, 1, 2, 3), missing)
+    assert np.array_equal(
+        scores, [[NAN, 2, NAN, NAN], [NAN, NAN, NAN, NAN], [NAN, 9, 9, NAN]], equal_nan=True
+    )  # one voter that is left speaks of both
+
+
+def test_a_check_of_several_views_counts_once_a_frame():
+    def found(check, i, score, k=None):
+        return Evidence(check, i, None, k, score)._asdict()
+
+    lines = evidence_lines(
+        [
+            [found("point_dropout", 0, 4.0), found("point_dropout", 0, 6.0), found("added_light", 1, 5.0)],
+            [found("point_dropout", 0, 8.0), found("lidar_conflict", 0, 3.5)],
+        ]
+    )
+    assert [(line.check, line.sensor, line.frames, line.mean, line.largest) for line in lines] == [
+        ("point_dropout", 0, 2, 7.0, 8.0),
+        ("lidar_conflict", 0, 1, 3.5, 3.5),
+        ("added_light", 1, 1, 5.0, 5.0),
+    ]
