@@ -30,12 +30,12 @@ def test_statistics_from_stored_cells_are_those_that_the_scan_stored(scanned):
     sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
     assert stored.shape == (FRAMES, len(sensor_checks))
     # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
-    unlike = [
+    inconsistent = [
         place
         for place, one in enumerate(sensor_checks)
         if one.check is Check.PHOTOMETRIC_INCONSISTENCY and one.sensor == 1
     ]
-    assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
+    assert (stored[2:, inconsistent] > stored[:2, inconsistent].max()).all()
     np.testing.assert_array_equal(statistics_from_cells(store, measurement), stored)
 
 
