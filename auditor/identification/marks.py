@@ -48,10 +48,11 @@ def is_another_lidar(clean: Sequence[CleanFrames], returns: Floats) -> bool:
 @lru_cache(maxsize=4)
 def without_lidar(calibration: Calibration) -> Calibration:
     """The calibration as if nothing had been learnt of its LiDAR's checks and faults."""
-    return replace(calibration, clean=tuple(map(_without_lidar, calibration.clean)))
+    return replace(calibration, clean=tuple(map(clean_without_lidar, calibration.clean)))
 
 
-def _without_lidar(clean: CleanFrames) -> CleanFrames:
+def clean_without_lidar(clean: CleanFrames) -> CleanFrames:
+    """The same frames as if nothing of the LiDAR's checks and faults had been measured in them."""
     unknown = np.full(clean.frames, np.nan)
     return replace(
         clean,
