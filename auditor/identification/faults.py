@@ -103,8 +103,9 @@ def fault_hypotheses(
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = ((keys[place], float(share[frame, place])) for place in np.argsort(-z[frame], kind="stable").tolist())
-        hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in ranked if score >= least)
+        places: list[int] = np.argsort(-z[frame], kind="stable").tolist()
+        scored = ((keys[place], float(share[frame, place])) for place in places)
+        hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in scored if score >= least)
     return hypotheses
 
 

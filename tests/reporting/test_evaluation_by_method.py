@@ -97,15 +97,15 @@ def test_identification_equals_python(made, told):
             key = left_out, system, case.strength, case.attacked
             expected[*key, "cases"] += 1
             expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
-            expected[*key, "innocents"] += not set(verdict.attacked) <= set(case.attacked)
+            expected[*key, "misnamed"] += not set(verdict.attacked) <= set(case.attacked)
     rows = [row for row in answer(made, "evaluation_identification") if row["attacked"] is not None]
     assert len(rows) == 3 * 2 * (4 + 5 + 10)
     for row in rows:
         key = row["left_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
         assert (row["cases"], row["named"]) == (expected[*key, "cases"], expected[*key, "named"])
         assert row["identified"] == row["named"]
-        assert row["innocents"] == expected[*key, "innocents"]
-        assert row["innocent_low"] <= row["innocent_rate"] == row["innocents"] / row["cases"] <= row["innocent_high"]
+        assert row["misnamed"] == expected[*key, "misnamed"]
+        assert row["misnaming_low"] <= row["misnaming_rate"] == row["misnamed"] / row["cases"] <= row["misnaming_high"]
     assert 0 < sum(row["named"] for row in rows) < sum(row["cases"] for row in rows)
 
 
@@ -176,7 +176,7 @@ def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
             for row in rows
             if (row["left_out"], row["strength"], len(row["system"]), row["attacked"]) == (left_out, strength, 5, None)
         ]
-        assert one["innocents"] == sum(row["innocents"] for row in of_all) / sum(row["cases"] for row in of_all)
+        assert one["misnamed"] == sum(row["misnamed"] for row in of_all) / sum(row["cases"] for row in of_all)
 
 
 def test_other_rates_and_blocks_were_not_judged(made):
