@@ -146,7 +146,7 @@ def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     for sensor, one in seen.items():
         if one.removed >= LIGHT_OF_CAUSES.least_removed and one.added < LIGHT_OF_CAUSES.added_share * one.removed:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
-        elif one.added < LIGHT_OF_CAUSES.least_added:
+        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
     return tuple(found)
 
@@ -270,8 +270,11 @@ def _median(values: Floats) -> float:
 
 
 def _unusual(scores: Floats, scale: Scale | None) -> Floats:
-    """The scores, or how far they are from what is usual."""
-    return scores if scale is None or scale.usual is None else np.abs(scores - scale.usual)
+    """The scores, or how far they are from what is usual; far brighter than usual a camera is dazzled, not exposed."""
+    if scale is None or scale.usual is None:
+        return scores
+    beyond = scores - scale.usual
+    return np.where(beyond <= FAULT_SCORES.dazzled, np.abs(beyond), np.nan)
 
 
 def _rain(seen: ObservedFeatures) -> Floats:

@@ -159,6 +159,7 @@ class FaultScores:
     biased: float = parameter(0.25, unit="share of LiDAR points, more", source=_FAULTS)
     biased_by_px: float = parameter(3.0, unit="px of disparity", source=_FAULTS)
     rotated_lidar: float = parameter(0.2, unit="excess of points once rotated", source=_FAULTS_ON_STREETS)
+    dazzled: float = parameter(2.5, unit="times exposure, brighter: a gain of 1.65", source=_BENIGN)
     dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
@@ -193,6 +194,9 @@ class LightOfCauses:
     least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
     added_share: float = parameter(0.7, unit="of removed light's z, added light less: dirt", source=_BENIGN)
     least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
+    blind: float = parameter(
+        6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN
+    )
     exposure_added: float = parameter(
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
