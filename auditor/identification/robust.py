@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, is_finding, unlit, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, seen_of, weigh
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores
@@ -91,20 +91,13 @@ def judge_frames(
 
     def weighed(verdicts: Sequence[Verdict], scores: Floats, limit: float) -> list[Verdict]:
         return [
-            weigh(verdict, _ranked(unlit(verdict, row, system), causes), limit)
+            weigh(verdict, causes, limit, seen_of(verdict, row, system))
             for verdict, row, causes in zip(verdicts, scores[judged], hypotheses, strict=True)
         ]
 
     of_frames = weighed(frames, z, thresholds.limit)
     of_windows = weighed(windows, z_window, of_window)
     return list(map(_with_finding, of_frames, of_windows))
-
-
-def _ranked(some: tuple[FaultHypothesis, ...], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
-    """Both, faults that are findings by themselves first, then the likeliest; else in their order."""
-    if not some:
-        return others
-    return tuple(sorted((*others, *some), key=lambda one: (not is_finding(one), -one.score)))
 
 
 def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
