@@ -36,8 +36,9 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import LIGHT_STEPS, Measurement
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import MATCHER, Case, Scene, attacks_on, case_of, load
+from tests.benchmarks.clean_statistics import MATCHER, attacks_on, case_of
 from tests.benchmarks.rates import Judged, clean_frames, judge_all, judge_scene, system_of, thresholds_of
+from tests.benchmarks.scenes import Case, Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 RATE = Decimal("0.01")
@@ -48,7 +49,8 @@ MOST_BYTES = 60_000
 WIDTH, HEIGHT = 480, 145
 _FULL_RESIDUAL = 0.5
 _OUTLINED_LEVELS = 20
-_WHITE, _GREY, _YELLOW, _RED, _GREEN = (255, 255, 255), (150, 150, 150), (0, 230, 255), (60, 60, 255), (60, 180, 60)
+_BLACK, _WHITE, _GREY, _YELLOW = (0, 0, 0), (255, 255, 255), (150, 150, 150), (0, 230, 255)
+_RED, _GREEN = (60, 60, 255), (60, 180, 60)
 
 
 class Picture(NamedTuple):
@@ -207,6 +209,7 @@ def _voters(shown: Shown, camera: int) -> list[Image]:
     for other in strongest.others:
         panel = _compared(shown, camera, other)
         if box is not None:
+            cv2.rectangle(panel, *box, _BLACK, 3)
             cv2.rectangle(panel, *box, _WHITE, 1)
         panels.append(_named(panel, f"S_{camera} as S_{other} predicts it"))
     return panels
