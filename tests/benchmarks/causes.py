@@ -1,8 +1,9 @@
 """How well faults are told from attacks: `python -m tests.benchmarks.causes --into FOLDER [--attacks]`.
 
 Each fault lasts through the frames of a drive, each attack is drawn anew for every frame: on each sensor in turn, of
-streets on the LiDAR and one camera. `judged_drives` says how they are judged and counted. Of faults `right cause` should be all and `accused`
-none, of attacks `accused` all, `others` and `suspect` none. Faults and attacks need folders of their own.
+streets on the LiDAR and one camera. `judged_drives` says how they are judged and counted. Of faults `right cause`
+should be all and `accused` none, of attacks `accused` all, `others` and `suspect` none. Faults and attacks need folders
+of their own.
 """
 
 import sys
