@@ -42,9 +42,6 @@ from tests.benchmarks.scenes import Case, Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 RATE = Decimal("0.01")
-EVERY = 5
-"""Of the measured frames every fifth was attacked."""
-
 MOST_BYTES = 60_000
 WIDTH, HEIGHT = 480, 145
 _FULL_RESIDUAL = 0.5
@@ -54,7 +51,10 @@ _RED, _GREEN = (60, 60, 255), (60, 180, 60)
 
 
 class Picture(NamedTuple):
-    """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn."""
+    """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn.
+
+    The street was measured with `frames` frames, of which one of `every` was attacked.
+    """
 
     name: str
     seed: int
@@ -63,6 +63,8 @@ class Picture(NamedTuple):
     attack: str = ""
     attacked: tuple[int, ...] = ()
     cameras: tuple[int, ...] = CAMERAS
+    frames: int = 10
+    every: int = 5
 
 
 THREE = (1, 2, 3)
@@ -102,11 +104,11 @@ class Shown:
 
 def frames_of(picture: Picture) -> tuple[Rig, Frame, Frame]:
     """The rig of the street, the frame with the attack and without it."""
-    with Street(picture.seed, 10, len(CAMERAS)).open(colour=True) as (drive,):
+    with Street(picture.seed, picture.frames, len(CAMERAS)).open(colour=True) as (drive,):
         rng = np.random.default_rng(zlib.crc32(f"street {picture.seed}".encode()))
         made = (one for one in drive.frames if isinstance(one, Frame))
         for place, frame in enumerate(islice(made, picture.frame + 1)):
-            attacks = list(attacks_on(frame, drive.rig, rng)) if picture.attack and place % EVERY == 0 else []
+            attacks = list(attacks_on(frame, drive.rig, rng)) if picture.attack and place % picture.every == 0 else []
         if not picture.attack:
             return drive.rig, frame, frame
         (changed,) = (one for name, on, one in attacks if (name, on) == (picture.attack, picture.attacked))
