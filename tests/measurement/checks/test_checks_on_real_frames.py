@@ -10,7 +10,7 @@ import pytest
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.identification.naming import name_attacked
 from auditor.identification.scores import normalised_scores, thresholds_from
-from auditor.identification.statistics import CONFLICT_WINDOW, fitted
+from auditor.identification.statistics import CONFLICT_WINDOW, fitted, window_sums
 from auditor.identification.systems import System
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement.disparity.matchers import find_matcher
@@ -66,4 +66,4 @@ def test_a_clean_frame_is_clean(attacked_frame):
 def test_sixty_four_beams_need_what_the_window_says(attacked_frame):
     for attacks in ({}, {0: BogusWall(range_m=6.0, lateral_m=0.0)}, {3: FACULA}):
         conflicts = attacked_frame.frame_checks((1, 3), attacks).lidar_conflicts[1, 3]
-        assert fitted(CONFLICT_WINDOW, conflicts.valid) == CONFLICT_WINDOW
+        assert fitted(CONFLICT_WINDOW, window_sums(conflicts.valid, CONFLICT_WINDOW)) == CONFLICT_WINDOW
