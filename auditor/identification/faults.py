@@ -6,15 +6,23 @@ on another row, or where it lay a frame ago; every LiDAR point agrees with stere
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.parameters import FAULT_HYPOTHESES, FAULT_SCALE, FAULT_SCORES, FROZEN, TEMPORAL_WINDOW
+from auditor.identification.parameters import (
+    FAULT_HYPOTHESES,
+    FAULT_SCALE,
+    FAULT_SCORES,
+    FROZEN,
+    LIGHT_OF_CAUSES,
+    TEMPORAL_WINDOW,
+)
 from auditor.identification.statistics import window_means
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.checks import CAMERA_CHECKS, COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
@@ -109,17 +117,55 @@ def fault_hypotheses(
     return hypotheses
 
 
-def weigh(verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float) -> Verdict:
+class Seen(NamedTuple):
+    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured."""
+
+    added: float
+    removed: float
+    inconsistent: float
+
+
+def seen_of(verdict: Verdict, z: Floats, system: System) -> dict[int, Seen]:
+    """What the cameras of a finding's evidence show, from the scores (M,) of its frame."""
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    found = {}
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        own = ((system.sensor_checks[column], float(z[column])) for column in columns.tolist())
+        scores = {check.check: score for check, score in own if check.sensor == sensor}
+        found[sensor] = Seen(*(scores.get(check, np.nan) for check in CAMERA_CHECKS))
+    return found
+
+
+def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
+    """The cameras that changed without light being added.
+
+    An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
+    it only does not see what the others see, that is just enough for dirt.
+    """
+    found = []
+    for sensor, one in seen.items():
+        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.added < LIGHT_OF_CAUSES.added_share * one.removed:
+            found.append(FaultHypothesis(Cause.SOILED, sensor))
+        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
+            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+    return tuple(found)
+
+
+def weigh(
+    verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float, seen: Mapping[int, Seen] | None = None
+) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
     A fault is a finding by itself; darkness, glare, rain and exposure are listed where no check fired, and are no
     finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` clearly
     more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
-    strongly. The attack of a `suspect` verdict is the first of its alternatives.
+    strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    kept = tuple(one for one in causes if (_explains(one, verdict) if fired else _by_itself(one)))
-    enough = _explaining(kept, verdict, limit) if fired else map(is_finding, kept)
+    ranked = sorted((*causes, *dirt(seen or {})), key=lambda one: (not is_finding(one), -one.score))
+    kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
+    enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):
         return replace(verdict, causes=kept) if kept else verdict
     likeliest = (Alternative(verdict.attacked, 0.0),) if verdict.attacked else ()
@@ -132,27 +178,29 @@ def is_finding(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
 
 
-def _explaining(causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float) -> Iterator[bool]:
-    for one in causes:
-        likely = one.score >= FAULT_HYPOTHESES.enough and one.sensor not in verdict.out_of_system
-        yield likely and _as_strong(one, verdict, limit)
-
-
-def _as_strong(hypothesis: FaultHypothesis, verdict: Verdict, limit: float) -> bool:
-    """Whether a fault is about as clear as the checks that fired exceed their limit.
-
-    Dirt has been weighed against light already. An exposure changes levels, and what a camera sees where it saturates;
-    light added to a portion of its view changes both.
-    """
-    if hypothesis.cause is Cause.SOILED:
-        return True
-    if hypothesis.cause is Cause.EXPOSURE:
-        own = {one.check_name: one.score for one in verdict.evidence if one.i == hypothesis.sensor}
-        added = own.get(Check.ADDED_LIGHT.value, limit) - limit
-        seen_alike = Check.PHOTOMETRIC_INCONSISTENCY.value not in own
-        return added <= (FAULT_HYPOTHESES.exposure_gap if seen_alike else 0.0)
+def _explaining(
+    causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, Seen]
+) -> Iterator[bool]:
     lead = max((one.score - limit for one in verdict.evidence), default=0.0)
-    return _z_of(hypothesis) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
+    for one in causes:
+        if one.score < FAULT_HYPOTHESES.enough or one.sensor in verdict.out_of_system:
+            yield False
+        elif one.cause is Cause.EXPOSURE:
+            own = seen.get(one.sensor) if one.sensor is not None else None
+            yield own is not None and _by_exposure(own, limit)
+        else:  # dirt has been weighed against light already
+            least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
+            yield one.cause is Cause.SOILED or _z_of(one) >= least
+
+
+def _by_exposure(seen: Seen, limit: float) -> bool:
+    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
+
+    Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
+    little brighter than predicted.
+    """
+    unchanged = seen.inconsistent < LIGHT_OF_CAUSES.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
+    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -212,19 +260,23 @@ def _levels(seen: ObservedFeatures) -> list[Floats]:
     """By camera, how much brighter than the median of the others it is, as a logarithm: darker cameras are below 0."""
     levels = np.log(np.maximum(seen.level, 1.0))
     others = (np.delete(levels, place, axis=1) for place in range(len(seen.cameras)))
-    medians = (np.array([_median(row) for row in one]) for one in others)
-    return [(levels[:, place] - median) / FAULT_SCORES.exposure for place, median in enumerate(medians)]
+    return [(levels[:, place] - _medians(one)) / FAULT_SCORES.exposure for place, one in enumerate(others)]
 
 
-def _median(values: Floats) -> float:
-    """The median of what was measured, of two at least; else NaN."""
-    known = values[~np.isnan(values)]
-    return float(np.median(known)) if known.size >= FEWEST_VOTERS else np.nan
+def _medians(values: Floats) -> Floats:
+    """(F,) the median of what was measured in each row, of two at least; else NaN."""
+    known = np.count_nonzero(~np.isnan(values), axis=1) >= FEWEST_VOTERS
+    medians = np.full(len(values), np.nan)
+    medians[known] = np.nanmedian(values[known], axis=1)
+    return medians
 
 
 def _unusual(scores: Floats, scale: Scale | None) -> Floats:
-    """The scores, or how far they are from what is usual."""
-    return scores if scale is None or scale.usual is None else np.abs(scores - scale.usual)
+    """The scores, or how far they are from what is usual; far brighter than usual a camera is dazzled, not exposed."""
+    if scale is None or scale.usual is None:
+        return scores
+    beyond = scores - scale.usual
+    return np.where(beyond <= FAULT_SCORES.dazzled, np.abs(beyond), np.nan)
 
 
 def _rain(seen: ObservedFeatures) -> Floats:
@@ -276,29 +328,6 @@ def _z_of(hypothesis: FaultHypothesis) -> float:
 def _by_itself(hypothesis: FaultHypothesis) -> bool:
     """Whether a hypothesis is listed where no check fired: dirt would have made one fire."""
     return hypothesis.score >= FAULT_HYPOTHESES.enough and hypothesis.cause is not Cause.SOILED
-
-
-def unlit(verdict: Verdict, z: Floats, system: System) -> tuple[FaultHypothesis, ...]:
-    """The cameras of a finding that changed without light being added, from the scores (M,) of its frame.
-
-    An attack by light adds light, and more than it seems to remove beside it. What a camera lacks light by is likely
-    dirt; where it only does not see what the others see, that is just enough for it.
-    """
-    fired = {(one.i, one.check_name) for one in verdict.evidence if one.k is None and one.i != LIDAR}
-    named = {sensor for sensor, _ in fired}
-    found = []
-    for sensor in sorted(named):
-        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
-        scores = {
-            system.sensor_checks[c].check: z[c] for c in columns.tolist() if system.sensor_checks[c].sensor == sensor
-        }
-        added, removed = (scores.get(check, np.nan) for check in (Check.ADDED_LIGHT, Check.REMOVED_LIGHT))
-        gap = FAULT_HYPOTHESES.removed_gap if (sensor, Check.ADDED_LIGHT.value) in fired else 0.0
-        if removed >= FAULT_HYPOTHESES.least_removed and removed - added >= gap:
-            found.append(FaultHypothesis(Cause.SOILED, sensor))
-        elif added < FAULT_HYPOTHESES.least_added:
-            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
-    return tuple(found)
 
 
 def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:

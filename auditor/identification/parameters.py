@@ -133,6 +133,9 @@ class TemporalWindow:
     """Means over time: attacks last, most mistakes do not."""
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
+    limit_share: float = parameter(
+        0.5, unit="of a frame's limit that the mean z of the window must exceed", source="demo and streets 2000 to 2053"
+    )
     incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
@@ -159,6 +162,7 @@ class FaultScores:
     biased: float = parameter(0.25, unit="share of LiDAR points, more", source=_FAULTS)
     biased_by_px: float = parameter(3.0, unit="px of disparity", source=_FAULTS)
     rotated_lidar: float = parameter(0.2, unit="excess of points once rotated", source=_FAULTS_ON_STREETS)
+    dazzled: float = parameter(2.5, unit="times exposure, brighter: a gain of 1.65", source=_BENIGN)
     dark_from: float = parameter(80.0, unit="mean grey level where darkness begins", source=_FAULTS)
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
@@ -178,17 +182,30 @@ class FaultHypotheses:
         unit="z by which an attack exceeds a fault",
         source="docs/decisions.md, an attack whose largest margin leads",
     )
-    exposure_gap: float = parameter(
-        2.0, unit="z above the limit that added light may have where exposure explains it", source=_BENIGN
-    )
-    removed_gap: float = parameter(1.0, unit="z by which removed light exceeds added light: dirt", source=_BENIGN)
-    least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
-    least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
     least_covered: float = parameter(0.5, unit="share of the fired checks' z", source=_FAULTS)
     rain_highest: float = parameter(
         -0.75,
         unit="z that rain counts with",
         source="docs/causes.md, rain: 0 tried, walls in rain of drive 0009 compared",
+    )
+
+
+@dataclass(frozen=True)
+class LightOfCauses:
+    """What dirt and exposures do to the scores of a camera's checks, and an attack by light does not."""
+
+    least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
+    added_share: float = parameter(0.7, unit="of removed light's z, added light less: dirt", source=_BENIGN)
+    least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
+    blind: float = parameter(
+        6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN
+    )
+    exposure_added: float = parameter(
+        2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
+    )
+    unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
+    unchanged_gap: float = parameter(
+        2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
     )
 
 
@@ -232,6 +249,7 @@ TEMPORAL_WINDOW = TemporalWindow()
 NAMING = Naming()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
+LIGHT_OF_CAUSES = LightOfCauses()
 FROZEN = Frozen()
 OTHER_LIDAR = OtherLidar()
 
@@ -252,6 +270,7 @@ JUDGING = (
     FAULT_SCORES,
     FAULT_SCALE,
     FAULT_HYPOTHESES,
+    LIGHT_OF_CAUSES,
     RIG_KIND_TOLERANCE,
     OTHER_LIDAR,
 )

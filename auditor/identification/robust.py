@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, is_finding, unlit, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, seen_of, weigh
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores
@@ -74,7 +74,7 @@ def judge_frames(
     """The verdicts on F frames, or `only` on those at these places.
 
     Each is that of its frame by itself. Its `finding` is the verdict of the temporal window, where both are findings:
-    incidents are made of these, and `thresholds.score` is what the window must exceed the limit by. A sensor with
+    incidents are made of these, and `window_limit` is what the window must exceed. A sensor with
     frozen data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
     unless the caller wants verdicts `without_causes`.
     """
@@ -83,34 +83,33 @@ def judge_frames(
     z, z_window = _scores(series, system, thresholds)
     missing = [unused[frame] for frame in judged.tolist()]
     frames = name_attacked(z[judged], system, missing, thresholds.limit)
-    windows = name_attacked(z_window[judged], system, missing, thresholds.limit + thresholds.score)
+    of_window = window_limit(thresholds)
+    windows = name_attacked(z_window[judged], system, missing, of_window)
     faults = [()] * len(judged) if without_causes else _fault_hypotheses(series, thresholds, judged)
     still = sensors_where(system.sensors, series.frozen[judged])
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
 
     def weighed(verdicts: Sequence[Verdict], scores: Floats, limit: float) -> list[Verdict]:
         return [
-            weigh(verdict, _ranked(unlit(verdict, row, system), causes), limit)
+            weigh(verdict, causes, limit, seen_of(verdict, row, system))
             for verdict, row, causes in zip(verdicts, scores[judged], hypotheses, strict=True)
         ]
 
     of_frames = weighed(frames, z, thresholds.limit)
-    of_windows = weighed(windows, z_window, thresholds.limit + thresholds.score)
+    of_windows = weighed(windows, z_window, of_window)
     return list(map(_with_finding, of_frames, of_windows))
-
-
-def _ranked(some: tuple[FaultHypothesis, ...], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
-    """Both, faults that are findings by themselves first, then the likeliest; else in their order."""
-    if not some:
-        return others
-    return tuple(sorted((*others, *some), key=lambda one: (not is_finding(one), -one.score)))
 
 
 def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
     """(F,) the score of each frame's temporal window: `judge_frames` compares it with `thresholds.score`."""
     unused = _unused_sensors(series, system)
     _, z_window = _scores(series, system, thresholds)
-    return attack_scores(z_window, system, unused) - thresholds.limit
+    return attack_scores(z_window, system, unused) - window_limit(replace(thresholds, score=0.0))
+
+
+def window_limit(thresholds: RobustThresholds) -> float:
+    """What the mean z of a temporal window must exceed: less than one frame, since half of its frames may be clean."""
+    return thresholds.limit * TEMPORAL_WINDOW.limit_share + thresholds.score
 
 
 def _unused_sensors(series: FrameSeries, system: System) -> list[frozenset[int]]:

@@ -36,23 +36,25 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import LIGHT_STEPS, Measurement
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import MATCHER, Case, Scene, attacks_on, case_of, load
+from tests.benchmarks.clean_statistics import MATCHER, attacks_on, case_of
 from tests.benchmarks.rates import Judged, clean_frames, judge_all, judge_scene, system_of, thresholds_of
+from tests.benchmarks.scenes import Case, Scene, load
 
 CAMERAS = (1, 2, 3, 4)
 RATE = Decimal("0.01")
-EVERY = 5
-"""Of the measured frames every fifth was attacked."""
-
 MOST_BYTES = 60_000
 WIDTH, HEIGHT = 480, 145
 _FULL_RESIDUAL = 0.5
 _OUTLINED_LEVELS = 20
-_WHITE, _GREY, _YELLOW, _RED, _GREEN = (255, 255, 255), (150, 150, 150), (0, 230, 255), (60, 60, 255), (60, 180, 60)
+_BLACK, _WHITE, _GREY, _YELLOW = (0, 0, 0), (255, 255, 255), (150, 150, 150), (0, 230, 255)
+_RED, _GREEN = (60, 60, 255), (60, 180, 60)
 
 
 class Picture(NamedTuple):
-    """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn."""
+    """One case of a street: a clean frame, or an attack on some sensors. `sensor` is the one whose maps are drawn.
+
+    The street was measured with `frames` frames, of which one of `every` was attacked.
+    """
 
     name: str
     seed: int
@@ -61,6 +63,8 @@ class Picture(NamedTuple):
     attack: str = ""
     attacked: tuple[int, ...] = ()
     cameras: tuple[int, ...] = CAMERAS
+    frames: int = 10
+    every: int = 5
 
 
 THREE = (1, 2, 3)
@@ -73,6 +77,8 @@ PICTURES = (
     Picture("facula-on-the-road", 2002, 0, 1, "R 75 mild", (1,), THREE),
     Picture("wall-at-20-m", 2000, 5, 0, "wall 2.5 m at 20 m", (0,)),
     Picture("two-faculas", 2008, 0, 4, "two faculas", (3, 4)),
+    Picture("plants-at-the-edge", 5011, 2, 1, frames=8, every=4),
+    Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
 )
 
 
@@ -100,11 +106,11 @@ class Shown:
 
 def frames_of(picture: Picture) -> tuple[Rig, Frame, Frame]:
     """The rig of the street, the frame with the attack and without it."""
-    with Street(picture.seed, 10, len(CAMERAS)).open(colour=True) as (drive,):
+    with Street(picture.seed, picture.frames, len(CAMERAS)).open(colour=True) as (drive,):
         rng = np.random.default_rng(zlib.crc32(f"street {picture.seed}".encode()))
         made = (one for one in drive.frames if isinstance(one, Frame))
         for place, frame in enumerate(islice(made, picture.frame + 1)):
-            attacks = list(attacks_on(frame, drive.rig, rng)) if picture.attack and place % EVERY == 0 else []
+            attacks = list(attacks_on(frame, drive.rig, rng)) if picture.attack and place % picture.every == 0 else []
         if not picture.attack:
             return drive.rig, frame, frame
         (changed,) = (one for name, on, one in attacks if (name, on) == (picture.attack, picture.attacked))
@@ -207,6 +213,7 @@ def _voters(shown: Shown, camera: int) -> list[Image]:
     for other in strongest.others:
         panel = _compared(shown, camera, other)
         if box is not None:
+            cv2.rectangle(panel, *box, _BLACK, 3)
             cv2.rectangle(panel, *box, _WHITE, 1)
         panels.append(_named(panel, f"S_{camera} as S_{other} predicts it"))
     return panels

@@ -10,7 +10,7 @@ from auditor.evaluation import judge_cases
 from auditor.identification.scores import thresholds_from
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
-from tests.making.evaluation_cases import RIG, case_of, learnt, make_evaluation, named, part, scores, system_of, write
+from tests.making.evaluation_cases import RIG, case_of, judged_alone, learnt, make_evaluation, part, system_of, write
 from tests.making.stores import new_store
 
 R = Decimal("0.01")
@@ -44,8 +44,7 @@ def told(made):
                 system = system_of(sensors)
                 thresholds = learnt(cases, keeps, system, R)
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, sensors)]
-                z = scores([case.statistics for _, case in chosen], system, thresholds)
-                verdicts = named(z, system, thresholds)
+                verdicts = judged_alone([case.statistics for _, case in chosen], system, thresholds)
                 found += [(left_out, sensors, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 
@@ -211,7 +210,7 @@ def test_without_any_other_recording_the_thresholds_are_the_prior(tmp_path):
     rows = run_sql(store, sql).to_pylist()
     system = system_of(RIG.sensors)
     prior = thresholds_from([], system.sensor_checks, system.judged_together, R)
-    expected = named(scores([case.statistics for case in cases], system, prior), system, prior)
+    expected = judged_alone([case.statistics for case in cases], system, prior)
     for left_out in ("block", "recording"):  # all ten frames are one block
         of_it = [row for row in rows if row["left_out"] == left_out]
         assert [(row["verdict"], tuple(row["identified"]), row["drives"]) for row in of_it] == [
