@@ -146,8 +146,8 @@ def judged(drives: Path, streets: Path) -> Columns:
     With two cameras nothing can be named, and an attacked frame counts where it is found.
     """
     from auditor.model.verdict import VerdictKind  # noqa: PLC0415 - its module reads parameters
-    from tests.benchmarks.clean_statistics import load  # noqa: PLC0415
     from tests.benchmarks.rates import judge_all  # noqa: PLC0415
+    from tests.benchmarks.scenes import load  # noqa: PLC0415
 
     found: Columns = dict.fromkeys(JUDGED_COLUMNS, 0)
     scenes = load(drives)
@@ -217,8 +217,9 @@ def measured(frames: Path, maps: dict) -> Columns:
     from auditor.identification.scores import normalised_scores, thresholds_from  # noqa: PLC0415
     from auditor.measurement import measure, use_one_thread  # noqa: PLC0415
     from auditor.model.rig import LIDAR  # noqa: PLC0415
-    from tests.benchmarks.clean_statistics import MATCHER, Scene, case_of  # noqa: PLC0415
+    from tests.benchmarks.clean_statistics import MATCHER, case_of  # noqa: PLC0415
     from tests.benchmarks.rates import system_of  # noqa: PLC0415
+    from tests.benchmarks.scenes import Scene  # noqa: PLC0415
 
     use_one_thread()
     matcher = RememberedMatcher(MATCHER, maps)
