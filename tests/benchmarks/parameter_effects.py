@@ -271,6 +271,7 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
         value = None if variant is None else getattr(groups[variant.group], variant.name)
         line = {"variant": as_kept, "value": value, "found": in_child(of_variant)}
         if variant is None:
+            assert FAILED not in line["found"], line
             line |= {"commit": commit(), "date": f"{datetime.now(UTC):%Y-%m-%d}"}
         with kept.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
