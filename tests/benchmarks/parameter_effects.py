@@ -1,7 +1,7 @@
 """The effect of every number that measures or judges, 20 % lower and 20 % higher (docs/parameters.md).
 
 Judging parameters: the scenes that `python -m tests.benchmarks.clean_statistics` measured are judged again. Measuring
-parameters: seven frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
+parameters: four frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
 What was found is kept in a file of JSON lines, and a run that was stopped goes on where it was:
 
     python -m tests.benchmarks.parameter_effects judging --scenes FOLDER --streets FOLDER --kept judging.jsonl
@@ -38,7 +38,7 @@ R = Decimal("0.01")
 RIGS = ((1, 2, 3, 4), (1, 2, 3), (1, 3))
 """The cameras that kept scenes are judged by: priors differ by how many take part."""
 
-FRAMES = {"0009": 3, "0001": 2, "04": 2}
+FRAMES = {"0009": 2, "0001": 1, "04": 1}
 """By drive how many of its frames the measuring parameters are tried on."""
 
 COUNTED_WHEN_MEASURED = {"windowed_mean", "disparity_error_samples", "pair_depth", "stored_residuals"}
