@@ -8,7 +8,7 @@ import numpy as np
 
 from auditor.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.evaluation.experiments import scenario_1
-from auditor.identification.marks import for_sparser_lidar, halvings_of_points
+from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.identification.systems import System
@@ -90,7 +90,7 @@ def _thresholds(
 ) -> Callable[[Block], dict[str, RobustThresholds]]:
     """For the cases of a block: thresholds by what was left out. Where no clean frame remains they are the prior.
 
-    As in a scan more isolated points are expected where the LiDAR of the recording is a sparser one.
+    As in a scan more isolated points are expected where the LiDAR of the recording is sparser than theirs.
     """
     family_of = {one.frames.recording_id: one.family for one in drives}
     shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
@@ -101,8 +101,9 @@ def _thresholds(
 
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
-        thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
-        return for_sparser_lidar(thresholds, halvings_of_points(clean, rig, returns[recording]))
+        found = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
+        halvings = halvings_of_points(clean, rig, returns[recording])
+        return for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
 
     @cache
     def of_recording(recording: str) -> dict[str, RobustThresholds]:

@@ -20,9 +20,6 @@ from auditor.model.rig_kind import Similarity
 OPENCV, OPENCV_CPU = "opencv-python-headless", "opencv_cpu"
 """Names in a measurement's versions: of OpenCV, and of the CPU's instruction sets that it uses."""
 
-_OTHER = log2(OTHER_LIDAR.factor)
-"""Of how many halvings of its points on, or of doublings, a LiDAR is another one."""
-
 MACHINE = (OPENCV, OPENCV_CPU)
 """The versions on which counts depend: a clean recording of a calibration keeps them."""
 
@@ -34,7 +31,7 @@ def marks_of(
     return Marks(
         similarity=similarity,
         in_sample=recording_id in calibration.recordings,
-        other_lidar=abs(halvings) > _OTHER,
+        other_lidar=is_another_lidar(halvings),
         measured_otherwise=_measured_otherwise(calibration.clean, versions),
     )
 
@@ -49,12 +46,14 @@ def halvings_of_points(clean: Sequence[CleanFrames], rig: Rig, returns: Floats) 
     return log2(usual / own) if usual > 0 and own > 0 else nan
 
 
-def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustThresholds:
-    """The thresholds for a LiDAR so much sparser: where it is another one more of its points have no neighbours.
+def is_another_lidar(halvings: float) -> bool:
+    """Whether so many halvings of the points in view make another LiDAR of it; NaN does not."""
+    return abs(halvings) > log2(OTHER_LIDAR.factor)
 
-    What is expected of the other checks is as it was, and so it is of all for a LiDAR of more points.
-    """
-    more = OTHER_LIDAR.isolated * halvings if halvings > _OTHER else 0.0
+
+def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustThresholds:
+    """The thresholds for a LiDAR of fewer points: more of them have no neighbours. Other checks are as they are."""
+    more = OTHER_LIDAR.isolated * max(halvings, 0.0)
     expected = {
         check: replace(known, mean=known.mean + more) if check.check is Check.ISOLATED_POINTS else known
         for check, known in thresholds.expected.items()

@@ -220,7 +220,7 @@ class Frozen:
 
 @dataclass(frozen=True)
 class OtherLidar:
-    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings give half the points."""
+    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings, half the points."""
 
     factor: float = parameter(
         1.4,

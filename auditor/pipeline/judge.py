@@ -278,7 +278,8 @@ def judge_measurement(
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
         thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
-        thresholds = for_sparser_lidar(thresholds, halvings)
+        if marks.other_lidar:
+            thresholds = for_sparser_lidar(thresholds, halvings)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)

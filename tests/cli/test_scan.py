@@ -49,7 +49,10 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     assert run(["query", "incidents", "--store", str(store), "--format", "json"]) == 0
     incidents = json.loads(capfd.readouterr().out)
     found, says = {
-        "robust": ([([2], 11), ([0], 24)], ("S_2 sees light that others do not", "the cameras disagree with the LiDAR")),
+        "robust": (
+            [([2], 11), ([0], 24)],
+            ("S_2 sees light that others do not", "the cameras disagree with the LiDAR"),
+        ),
         "paper": ([([2], 11), ([0], 25)], ("E_0,2,4", "E_0,1,4")),
     }[method]
     assert [(row["attacked"], row["last_frame"]) for row in incidents] == found
