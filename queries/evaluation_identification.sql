@@ -25,10 +25,10 @@
 -- column identification_rate: identified / cases.
 -- column identification_low: Lower end of its interval.
 -- column identification_high: Upper end of its interval.
--- column innocents: Attacked frames whose verdict is attacked and names a sensor that is not.
--- column innocent_rate: innocents / cases.
--- column innocent_low: Lower end of its interval.
--- column innocent_high: Upper end of its interval.
+-- column misnamed: Attacked frames whose verdict is attacked and names a sensor that is not.
+-- column misnaming_rate: misnamed / cases.
+-- column misnaming_low: Lower end of its interval.
+-- column misnaming_high: Upper end of its interval.
 WITH verdict_of AS MATERIALIZED (
     FROM verdicts_by_method(cases, paper_triples, case_verdicts, $r, $statistic, $block_frames)
 ),
@@ -49,7 +49,7 @@ tally AS (
         CAST(coalesce(sum(cases) FILTER (verdict = 'not_auditable'), 0) AS BIGINT) AS not_auditable,
         CAST(coalesce(sum(cases) FILTER (raised AND named = attacked), 0) AS BIGINT) AS named,
         CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND named = attacked), 0) AS BIGINT) AS identified,
-        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND NOT list_has_all(attacked, named)), 0) AS BIGINT) AS innocents
+        CAST(coalesce(sum(cases) FILTER (verdict = 'attacked' AND NOT list_has_all(attacked, named)), 0) AS BIGINT) AS misnamed
     FROM verdict_of
     WHERE experiment = 'combinations' AND len(system) >= 4
     GROUP BY GROUPING SETS (
@@ -79,9 +79,9 @@ SELECT
     identified / cases AS identification_rate,
     wilson(identified, cases, -1) AS identification_low,
     wilson(identified, cases, 1) AS identification_high,
-    innocents,
-    innocents / cases AS innocent_rate,
-    wilson(innocents, cases, -1) AS innocent_low,
-    wilson(innocents, cases, 1) AS innocent_high
+    misnamed,
+    misnamed / cases AS misnaming_rate,
+    wilson(misnamed, cases, -1) AS misnaming_low,
+    wilson(misnamed, cases, 1) AS misnaming_high
 FROM tally
 ORDER BY setup, method, left_out, len(system), strength, r, attacked_sensors, attacked NULLS LAST

@@ -23,7 +23,7 @@
 -- column one_of_3: Identification rate of one attacked sensor among the LiDAR and three cameras.
 -- column one_of_all: Identification rate of one attacked sensor among all sensors, where they are more.
 -- column two_of_all: Identification rate of two attacked sensors among all sensors.
--- column innocents: The share of attacked frames whose verdict, by all sensors, names a sensor that was not attacked.
+-- column misnamed: The share of attacked frames whose verdict, by all sensors, names a sensor that was not attacked.
 WITH threshold_of AS MATERIALIZED (
     FROM evaluation_thresholds(cases, $r, $statistic, $block_frames)
 ),
@@ -126,7 +126,7 @@ identification AS (
         coalesce(sum(cases) FILTER (right_name AND everyone AND hit = 2), 0)
             / sum(cases) FILTER (everyone AND hit = 2) AS two_of_all,
         coalesce(sum(cases) FILTER (largest AND verdict = 'attacked' AND NOT list_has_all(attacked, named)), 0)
-            / sum(cases) FILTER (largest) AS innocents
+            / sum(cases) FILTER (largest) AS misnamed
     FROM sized
     GROUP BY setup, method, left_out, strength, r
 ),
@@ -157,7 +157,7 @@ SELECT
     one_of_3,
     one_of_all,
     two_of_all,
-    innocents
+    misnamed
 FROM detection
 LEFT JOIN alarm USING (setup, method, left_out, r)
 LEFT JOIN identification USING (setup, method, left_out, strength, r)

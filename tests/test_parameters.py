@@ -72,7 +72,6 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
-    "identification/marks.py": ((4,), "calibrations without a LiDAR that are kept in memory"),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),

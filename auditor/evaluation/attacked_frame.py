@@ -104,6 +104,11 @@ class AttackedFrame:
 
         return self.memoise("coverage", camera, attacks, (camera,), take)
 
+    def returns(self, attacks: Attacks) -> int | None:
+        """The LiDAR points in the leftmost reference's view under these attacks; None where nothing compares them."""
+        references = [triple.k for triple in self._measurable(None) if triple.i == LIDAR]
+        return self.lidar_view(max(references), attacks).returns if references else None
+
     def pairs(self, triples: Collection[Triple] | None = None) -> list[Pair]:
         """The pairs (i, k) that are matched to measure these triples."""
         return matched(self._measurable(triples))

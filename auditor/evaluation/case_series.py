@@ -72,6 +72,7 @@ class CleanSeries:
             {},
             {check: values[kept] for check, values in frames.statistics.items()},
             {cause: scores[kept] for cause, scores in frames.strengths.items()},
+            returns=frames.returns[kept] if frames.returns.size else frames.returns,
         )
 
 
@@ -108,6 +109,7 @@ class CaseSeries:
             {},
             dict(zip(system.sensor_checks, statistics.T, strict=True)),
             self._scores(system, drive.places, features, drive.stamps_ns, drive.runs),
+            returns=self._cases.returns[drive.places] if LIDAR in system.sensors else np.zeros(0),
         )
         return CleanSeries(known[0].family, np.array([one.block[1] for one in known], dtype=np.int64), frames)
 

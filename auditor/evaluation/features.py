@@ -48,6 +48,7 @@ class FeaturesOfCases:
             ],
             fault_features=list(_in_order(attacked_frame, fault_features)),
             fault_features_after=list(_in_order(attacked_frame, features_after)),
+            returns=attacked_frame.returns(attacks),
         )
 
     def _before(

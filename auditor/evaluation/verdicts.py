@@ -4,8 +4,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 
+import numpy as np
+
 from auditor.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.evaluation.experiments import scenario_1
+from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.identification.systems import System
@@ -51,7 +54,7 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
             blocks[one.block].append(place)
     for sensors in systems(cases.rig) if blocks else ():
         system = _system(cases.rig, sensors)
-        thresholds = _thresholds(window.clean(system), system)
+        thresholds = _thresholds(window.clean(system), system, cases.rig)
         for block, inside in blocks.items():
             chosen = [place for place in inside if _is_judged(cases.known[place], sensors, cases.rig)]
             if not chosen:
@@ -82,28 +85,41 @@ def _system(rig: Rig, sensors: Sequence[int]) -> System:
     return System(sensor_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors), fallback)
 
 
-def _thresholds(drives: Sequence[CleanSeries], system: System) -> Callable[[Block], dict[str, RobustThresholds]]:
-    """For the cases of a block: thresholds by what was left out. Where no clean frame remains they are the prior."""
+def _thresholds(
+    drives: Sequence[CleanSeries], system: System, rig: Rig
+) -> Callable[[Block], dict[str, RobustThresholds]]:
+    """For the cases of a block: thresholds by what was left out. Where no clean frame remains they are the prior.
+
+    As in a scan more isolated points are expected where the LiDAR of the recording is sparser than theirs.
+    """
     family_of = {one.frames.recording_id: one.family for one in drives}
     shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
+    returns = {
+        recording: np.concatenate([one.frames.returns for one in drives if one.frames.recording_id == recording])
+        for recording in family_of
+    }
 
-    def learnt(clean: Sequence[CleanFrames]) -> RobustThresholds:
-        with_frames = [one for one in clean if one.frames]
-        return thresholds_from(with_frames, system.sensor_checks, system.judged_together, JUDGED_R)
+    def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
+        clean = [one for one in clean if one.frames]
+        found = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
+        halvings = halvings_of_points(clean, rig, returns[recording])
+        return for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
 
-    everything = learnt([one.frames for one in drives])
-    without_recording = cache(
-        lambda recording: learnt([one.frames for one in drives if one.frames.recording_id != recording])
-    )
-    without_family = cache(lambda family: learnt([one.frames for one in drives if one.family != family]))
+    @cache
+    def of_recording(recording: str) -> dict[str, RobustThresholds]:
+        folds = {
+            "nothing": learnt([one.frames for one in drives], recording),
+            "recording": learnt([one.frames for one in drives if one.frames.recording_id != recording], recording),
+        }
+        if shared:
+            others = [one.frames for one in drives if one.family != family_of[recording]]
+            folds["family"] = learnt(others, recording)
+        return folds
 
     def of_block(block: Block) -> dict[str, RobustThresholds]:
         recording, number = block
         rest = [one.without(number) if one.frames.recording_id == recording else one.frames for one in drives]
-        folds = {"nothing": everything, "block": learnt(rest), "recording": without_recording(recording)}
-        if shared:
-            folds["family"] = without_family(family_of[recording])
-        return folds
+        return of_recording(recording) | {"block": learnt(rest, recording)}
 
     return of_block
 

@@ -112,8 +112,9 @@ def fault_hypotheses(
     least = FAULT_HYPOTHESES.least_listed
     hypotheses: list[tuple[FaultHypothesis, ...]] = [()] * len(share)
     for frame in np.flatnonzero((share >= least).any(axis=1)).tolist():
-        ranked = [(*keys[place], float(share[frame, place])) for place in np.argsort(-z[frame], kind="stable").tolist()]
-        hypotheses[frame] = tuple(FaultHypothesis(*one) for one in ranked if one[-1] >= least)
+        places: list[int] = np.argsort(-z[frame], kind="stable").tolist()
+        scored = ((keys[place], float(share[frame, place])) for place in places)
+        hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in scored if score >= least)
     return hypotheses
 
 
@@ -268,14 +269,15 @@ def _levels(seen: ObservedFeatures) -> list[Floats]:
     """By camera, how much brighter than the median of the others it is, as a logarithm: darker cameras are below 0."""
     levels = np.log(np.maximum(seen.level, 1.0))
     others = (np.delete(levels, place, axis=1) for place in range(len(seen.cameras)))
-    medians = (np.array([_median(row) for row in one]) for one in others)
-    return [(levels[:, place] - median) / FAULT_SCORES.exposure for place, median in enumerate(medians)]
+    return [(levels[:, place] - _medians(one)) / FAULT_SCORES.exposure for place, one in enumerate(others)]
 
 
-def _median(values: Floats) -> float:
-    """The median of what was measured, of two at least; else NaN."""
-    known = values[~np.isnan(values)]
-    return float(np.median(known)) if known.size >= FEWEST_VOTERS else np.nan
+def _medians(values: Floats) -> Floats:
+    """(F,) the median of what was measured in each row, of two at least; else NaN."""
+    known = np.count_nonzero(~np.isnan(values), axis=1) >= FEWEST_VOTERS
+    medians = np.full(len(values), np.nan)
+    medians[known] = np.nanmedian(values[known], axis=1)
+    return medians
 
 
 def _unusual(scores: Floats, scale: Scale | None) -> Floats:

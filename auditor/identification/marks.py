@@ -1,19 +1,20 @@
 """What a judgement must say of the calibration that it was reached by, beside its thresholds.
 
 A calibration is of the LiDAR that made it, and so many points of it fall into the view. A LiDAR of half the rings has
-half of them: what is usual of its checks was not calibrated, so they are judged by the prior.
+half of them, and more of them are isolated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from math import atan, log2, nan
 
 import numpy as np
 
 from auditor.identification.parameters import OTHER_LIDAR
 from auditor.model.arrays import Floats
-from auditor.model.calibration import Calibration, CleanFrames, Marks
-from auditor.model.rig import LIDAR
+from auditor.model.calibration import Calibration, CleanFrames, Marks, RobustThresholds
+from auditor.model.checks import Check
+from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 
 OPENCV, OPENCV_CPU = "opencv-python-headless", "opencv_cpu"
@@ -24,40 +25,45 @@ MACHINE = (OPENCV, OPENCV_CPU)
 
 
 def marks_of(
-    calibration: Calibration, similarity: Similarity, recording_id: str, returns: Floats, versions: Mapping[str, str]
+    calibration: Calibration, similarity: Similarity, recording_id: str, halvings: float, versions: Mapping[str, str]
 ) -> Marks:
-    """The marks of a judgement of a recording.
-
-    `returns` (F,) are the LiDAR's points in view of its frames, NaN where there was none; `versions` are those that it
-    was measured with.
-    """
+    """The marks of a judgement of a recording: `versions` are those that it was measured with, `halvings` see below."""
     return Marks(
         similarity=similarity,
         in_sample=recording_id in calibration.recordings,
-        other_lidar=is_another_lidar(calibration.clean, returns),
+        other_lidar=is_another_lidar(halvings),
         measured_otherwise=_measured_otherwise(calibration.clean, versions),
     )
 
 
-def is_another_lidar(clean: Sequence[CleanFrames], returns: Floats) -> bool:
-    """Whether a LiDAR has far fewer or far more points in view than that of clean recordings usually has."""
-    usual, own = _median([_median(one.returns) for one in clean]), _median(returns)
-    return bool(own > OTHER_LIDAR.factor * usual or usual > OTHER_LIDAR.factor * own)
+def halvings_of_points(clean: Sequence[CleanFrames], rig: Rig, returns: Floats) -> float:
+    """How many times the LiDAR's usual points in view are half of those of clean drives; negative where it has more.
+
+    `returns` (F,) are the points in view of a recording's frames, NaN where there was no LiDAR. Without any clean drive
+    they are compared with those of the LiDARs that the prior was fitted on. NaN where nothing is known of either.
+    """
+    usual, own = _median([_median(one.returns) for one in clean]) if clean else _of_prior(rig), _median(returns)
+    return log2(usual / own) if usual > 0 and own > 0 else nan
 
 
-@lru_cache(maxsize=4)
-def without_lidar(calibration: Calibration) -> Calibration:
-    """The calibration as if nothing had been learnt of its LiDAR's checks and faults."""
-    return replace(calibration, clean=tuple(map(_without_lidar, calibration.clean)))
+def is_another_lidar(halvings: float) -> bool:
+    """Whether so many halvings of the points in view make another LiDAR of it; NaN does not."""
+    return abs(halvings) > log2(OTHER_LIDAR.factor)
 
 
-def _without_lidar(clean: CleanFrames) -> CleanFrames:
-    unknown = np.full(clean.frames, np.nan)
-    return replace(
-        clean,
-        statistics={one: unknown if one.sensor == LIDAR else known for one, known in clean.statistics.items()},
-        strengths={cause: unknown if cause[1] == LIDAR else known for cause, known in clean.strengths.items()},
-    )
+def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustThresholds:
+    """The thresholds for a LiDAR of fewer points: more of them have no neighbours. Other checks are as they are."""
+    more = OTHER_LIDAR.isolated * max(halvings, 0.0)
+    expected = {
+        check: replace(known, mean=known.mean + more) if check.check is Check.ISOLATED_POINTS else known
+        for check, known in thresholds.expected.items()
+    }
+    return replace(thresholds, expected=expected)
+
+
+def _of_prior(rig: Rig) -> float:
+    leftmost = rig.camera(rig.n)
+    return OTHER_LIDAR.prior_points * 2 * atan(leftmost.width_px / (2 * leftmost.focal_px))
 
 
 def _measured_otherwise(clean: Sequence[CleanFrames], versions: Mapping[str, str]) -> str:
@@ -79,4 +85,4 @@ def _median(values: Sequence[float] | Floats) -> float:
     """NaN where nothing is known."""
     known = np.asarray(values, dtype=np.float64)
     known = known[~np.isnan(known)]
-    return float(np.median(known)) if known.size else np.nan
+    return float(np.median(known)) if known.size else nan

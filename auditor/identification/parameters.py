@@ -133,6 +133,9 @@ class TemporalWindow:
     """Means over time: attacks last, most mistakes do not."""
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
+    limit_share: float = parameter(
+        0.5, unit="of a frame's limit that the mean z of the window must exceed", source="demo and streets 2000 to 2053"
+    )
     incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
@@ -217,12 +220,20 @@ class Frozen:
 
 @dataclass(frozen=True)
 class OtherLidar:
-    """When a LiDAR is not the one that was calibrated: half the rings give half the points in view."""
+    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings, half the points."""
 
     factor: float = parameter(
         1.4,
         unit="times the points in view, more or fewer",
         source="three KITTI drives with one LiDAR: medians differ by a factor of 1.1, frames of two drives by 1.25",
+    )
+    isolated: float = parameter(
+        1.35,
+        unit="log odds of isolated points more, for half the points",
+        source="the same drives with every second and fourth ring: 1.3 to 1.5, and 1.2 for the second halving",
+    )
+    prior_points: float = parameter(
+        13_300.0, unit="points in view a radian of its width: of the prior's LiDARs", source="the same drives, 64 rings"
     )
 
 

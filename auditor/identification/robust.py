@@ -74,7 +74,7 @@ def judge_frames(
     """The verdicts on F frames, or `only` on those at these places.
 
     Each is that of its frame by itself. Its `finding` is the verdict of the temporal window, where both are findings:
-    incidents are made of these, and `thresholds.score` is what the window must exceed the limit by. A sensor with
+    incidents are made of these, and `window_limit` is what the window must exceed. A sensor with
     frozen data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
     unless the caller wants verdicts `without_causes`.
     """
@@ -83,7 +83,8 @@ def judge_frames(
     z, z_window = _scores(series, system, thresholds)
     missing = [unused[frame] for frame in judged.tolist()]
     frames = name_attacked(z[judged], system, missing, thresholds.limit)
-    windows = name_attacked(z_window[judged], system, missing, thresholds.limit + thresholds.score)
+    of_window = window_limit(thresholds)
+    windows = name_attacked(z_window[judged], system, missing, of_window)
     faults = [()] * len(judged) if without_causes else _fault_hypotheses(series, thresholds, judged)
     still = sensors_where(system.sensors, series.frozen[judged])
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
@@ -96,7 +97,7 @@ def judge_frames(
 
     means = window_means(series.statistics, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
     of_frames = weighed(frames, z, series.statistics, thresholds.limit)
-    of_windows = weighed(windows, z_window, means, thresholds.limit + thresholds.score)
+    of_windows = weighed(windows, z_window, means, of_window)
     return list(map(_with_finding, of_frames, of_windows))
 
 
@@ -104,7 +105,12 @@ def window_scores(series: FrameSeries, system: System, thresholds: RobustThresho
     """(F,) the score of each frame's temporal window: `judge_frames` compares it with `thresholds.score`."""
     unused = _unused_sensors(series, system)
     _, z_window = _scores(series, system, thresholds)
-    return attack_scores(z_window, system, unused) - thresholds.limit
+    return attack_scores(z_window, system, unused) - window_limit(replace(thresholds, score=0.0))
+
+
+def window_limit(thresholds: RobustThresholds) -> float:
+    """What the mean z of a temporal window must exceed: less than one frame, since half of its frames may be clean."""
+    return thresholds.limit * TEMPORAL_WINDOW.limit_share + thresholds.score
 
 
 def _unused_sensors(series: FrameSeries, system: System) -> list[frozenset[int]]:

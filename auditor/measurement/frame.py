@@ -8,6 +8,7 @@ from queue import Full, Queue
 from threading import Event, Thread
 from typing import Generic, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +19,7 @@ from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
 from auditor.measurement.shared_view import FrameArrays, Maps, RectifiedFrame, compare, matched, prepare, present
+from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Coverage, Measurement
@@ -192,7 +194,7 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
     coverage = {
         number: Coverage(
             saturated_share=saturated_share(pixels),
-            textureless_share=1.0 - float(np.mean(prepared.texture[number])),
+            textureless_share=1.0 - _share(prepared.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
             level=level(pixels),
         )
@@ -206,16 +208,20 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
 
 def saturated_share(pixels: NDArray[np.uint8]) -> float:
     """The share of an image's (H, W) grey pixels that are saturated."""
-    return float(np.mean(pixels >= COVERAGE.saturated))
+    return _share(pixels >= COVERAGE.saturated)
 
 
 def level(pixels: NDArray[np.uint8]) -> float:
     """The mean of an image's (H, W) grey pixels."""
-    return float(np.mean(pixels))
+    return cv2.sumElems(pixels)[0] / pixels.size
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:
     references = [k for i, k in maps if i == source]
     if not references:
         return None
-    return float(np.mean(np.isnan(maps[source, max(references)].disparity_px)))
+    return _share(np.isnan(maps[source, max(references)].disparity_px))
+
+
+def _share(mask: Mask) -> float:
+    return float(np.count_nonzero(mask)) / mask.size

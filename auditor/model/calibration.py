@@ -97,8 +97,8 @@ class Marks:
     """What a judgement says of its calibration.
 
     `similarity` is how alike the rig kinds are. `in_sample`: the calibration was made of the recording itself.
-    `other_lidar`: the LiDAR has far more or fewer points than the calibration's, and its checks were judged by the
-    prior. `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
+    `other_lidar`: the LiDAR has far more or fewer points in view than that of the calibration, or of the prior.
+    `measured_otherwise` says on which other machine the counts of the calibration were made; empty where none.
     """
 
     similarity: Similarity = Similarity.SAME

@@ -14,7 +14,7 @@ from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, frozen
-from auditor.identification.marks import MACHINE, marks_of, without_lidar
+from auditor.identification.marks import MACHINE, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
@@ -271,13 +271,15 @@ def judge_measurement(
         calibration, rig_kind=rig.kind, procedure=stored.procedure, transfer=criteria.transfer
     )
     frames = _frame_statistics(store, measurement, recount=criteria.recount)
-    marks = marks_of(calibration, similarity, stored.recording_id, frames.returns, stored.versions)
+    halvings = halvings_of_points(calibration.clean, rig, frames.returns)
+    marks = marks_of(calibration, similarity, stored.recording_id, halvings, stored.versions)
     transferred = similarity is not Similarity.SAME
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
-        learnt = without_lidar(calibration) if marks.other_lidar else calibration
         rate = criteria.incidents_per_hour
-        thresholds = _robust(learnt, system_of(rig), criteria.r, rate, transferred=transferred)
+        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        if marks.other_lidar:
+            thresholds = for_sparser_lidar(thresholds, halvings)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)

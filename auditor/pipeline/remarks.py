@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from auditor.model.calibration import Calibration
 from auditor.model.rig_kind import Similarity
-from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, resolves_incidents
 from auditor.store import StoredJudgement
 
@@ -33,8 +32,7 @@ def marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str
         which = "a similar" if marks.similarity is Similarity.SIMILAR else "another"
         yield f"thresholds transferred from {which} rig kind: {calibration.rig_kind}"
     if marks.other_lidar:
-        judged = ": its checks are judged by the prior" if judgement.method == Method.ROBUST else ""
-        yield f"another LiDAR than the calibration's, by its points in view{judged}"
+        yield "another LiDAR than that of the thresholds, by its points in view"
     if marks.in_sample:
         yield "in sample: the calibration was made of it"
     if marks.measured_otherwise:

@@ -18,7 +18,7 @@ from auditor.store.store import Store
 _KNOWN_BY = (
     "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size, family"
 )
-_MEASURED = "statistics, present, fingerprint, level, saturated_share, fault_features, fault_features_after"
+_MEASURED = "statistics, present, fingerprint, level, saturated_share, fault_features, fault_features_after, returns"
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
 WHERE statistics IS NOT NULL
@@ -63,7 +63,7 @@ class Cases:
 
     `statistics` are (N, M) by sensor check; by sensor (N, S): `present`, `fingerprints`, grey `level` and
     `saturated` share; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
-    frame and of the clean one after it.
+    frame and of the clean one after it; `returns` (N,) are LiDAR points in view.
     """
 
     rig: Rig
@@ -75,6 +75,7 @@ class Cases:
     saturated: Floats
     features: Floats
     features_after: Floats
+    returns: Floats
 
     @cached_property
     def clean(self) -> NDArray[np.bool_]:
@@ -117,6 +118,7 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
         _floats(table["saturated_share"]).reshape(N, S),
         _floats(table["fault_features"]).reshape(by_pair),
         _floats(table["fault_features_after"]).reshape(by_pair),
+        np.asarray(table["returns"].cast("float64").to_numpy(), dtype=np.float64),
     )
 
 

@@ -6,7 +6,7 @@ on the same frames; rounds interleaved, medians. Needs AUDITOR_TEST_DATA.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from statistics import median
 from time import process_time
@@ -14,21 +14,24 @@ from typing import Any
 
 import cv2
 
-from auditor.identification.scores import candidates
-from auditor.identification.statistics import windowed_ratios
+from auditor.identification.scores import worth_localising
+from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
 from auditor.measurement import FaultFeatures, localise, measure, use_one_thread
-from auditor.measurement.checks.brightness import coarse, compare_brightness
 from auditor.measurement.checks.collect import collect_checks
-from auditor.measurement.checks.count_grid import cells_of_consistency, cells_of_points
+from auditor.measurement.checks.count_grid import ImageGrid, cells_of_pair, cells_of_points, places_of
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
-from auditor.measurement.checks.photometric_consistency import photometric_consistency
-from auditor.measurement.disparity.half_resolution import halve
+from auditor.measurement.checks.light import LightDifference, light_difference, views_of
+from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
+from auditor.measurement.disparity.equalising import equalised
+from auditor.measurement.disparity.half_resolution import grey, halve
 from auditor.measurement.disparity.lidar import lidar_view, visible_to_source
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.disparity.stereo import stereo_map, textured
-from auditor.model.checks import rig_pair_checks
+from auditor.model.arrays import Image
+from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
+from auditor.model.measurement import LIGHT_STEPS
 from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
 
@@ -61,25 +64,27 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
     """Time measuring with all checks, fault features and regions; then the parts of the checks for one pair."""
     measurement, evidence = timed(seconds, f"{kind}: measure", lambda: measure(frame, rig, MATCHER))
     timed(seconds, f"{kind}: fault features", lambda: watch.update(evidence))
-    found = windowed_ratios(rig_pair_checks(rig), measurement.cells, measurement.shares)
-    timed(seconds, f"{kind}: regions", lambda: localise(evidence, candidates(rig_pair_checks(rig), found)))
-    half_res = {n: halve(image.pixels) for n, image in frame.images.items()}
+    checks = rig_sensor_checks(rig)
+    found = timed(
+        seconds, f"{kind}: statistics", lambda: sensor_statistics(checks, measurement.cells, measurement.shares)
+    )
+    timed(seconds, f"{kind}: regions", lambda: localise(evidence, worth_localising(checks, found)))
+    greys = {n: grey(image.pixels) for n, image in frame.images.items()}
+    colours = {n: halve(image.pixels) for n, image in frame.images.items() if image.pixels.ndim > 2}
+    half_res = {n: halve(pixels) for n, pixels in greys.items()}
     texture = {n: textured(half) for n, half in half_res.items()}
     k = rig.n
-    maps = {
-        (i, k): stereo_map(MATCHER, frame.images[k].pixels, frame.images[i].pixels, texture[k], texture[i])
-        for i in range(1, k)
-    }
+    maps = {(i, k): stereo_map(MATCHER, greys[k], greys[i], texture[k], texture[i]) for i in range(1, k)}
+    timed(seconds, f"{kind}: equalising, a pair", lambda: equalised(half_res[1], half_res[k]))
     assert frame.cloud is not None
-    view = lidar_view(frame.cloud, rig, k)
-    collected = timed(seconds, f"{kind}: all checks", lambda: collect_checks(half_res, maps, {k: view}, rig))
-    pair_checks = rig_pair_checks(rig)
-    timed(seconds, f"{kind}: windowed ratios", lambda: windowed_ratios(pair_checks, collected.cells, collected.shares))
+    view = timed(seconds, f"{kind}: LiDAR projection, a view", lambda: lidar_view(frame.cloud, rig, k))
+    timed(seconds, f"{kind}: all checks, two pairs", lambda: collect_checks(half_res, colours, maps, {k: view}, rig))
     pair = timed(
         seconds,
         f"{kind}: photometric consistency, a pair",
         lambda: photometric_consistency(half_res[k], half_res[1], maps[1, k]),
     )
+    light = timed(seconds, f"{kind}: light, a pair", lambda: _light(half_res, colours, pair, k))
     d0 = view.disparity_px(1)
     timed(seconds, f"{kind}: visibility, a pair", lambda: visible_to_source(view, rig, 1, d0))
     points = timed(
@@ -87,13 +92,25 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         f"{kind}: verified conflicts, a pair",
         lambda: verify_conflicts(view, maps[1, k], pair, rig, 1, (half_res[k], half_res[1])),
     )
-    camera = rig.camera(k)
+    places = timed(
+        seconds, f"{kind}: places, a pair", lambda: places_of(pair.matches, ImageGrid.of(*half_res[k].shape))
+    )
     timed(
         seconds,
         f"{kind}: count grids, a pair",
-        lambda: (cells_of_consistency(pair), cells_of_points(points, camera.height_px, camera.width_px)),
+        lambda: (
+            cells_of_pair(places, light.comparable, light.residual, LIGHT_STEPS),
+            cells_of_pair(places, pair.comparable, pair.inconsistent),
+            cells_of_points(points, view),
+        ),
     )
-    timed(seconds, f"{kind}: brightness, a pair", lambda: compare_brightness(coarse(half_res[1]), coarse(half_res[k])))
+
+
+def _light(
+    half_res: Mapping[int, Image], colours: Mapping[int, Image], seen: PairConsistency, k: int
+) -> LightDifference:
+    lit = views_of(half_res, colours)
+    return light_difference(lit[k], lit[1], seen.matches.column, seen.matches.seen)
 
 
 def main() -> None:
@@ -106,7 +123,7 @@ def main() -> None:
     watches = {kind: FaultFeatures() for kind in KINDS}
     for _ in range(ROUNDS):
         for frame in kept:
-            left, right = frame.images[rig.n].pixels, frame.images[1].pixels
+            left, right = (grey(frame.images[n].pixels) for n in (rig.n, 1))
             timed(seconds, "bare SGBM call", lambda left=left, right=right: bare.compute(left, right))
             for kind, changed in kinds(frame, rig):
                 pieces(seconds, kind, changed, rig, watches[kind])
@@ -114,7 +131,7 @@ def main() -> None:
     for piece, values in seconds.items():
         print(f"{piece:44} {1e3 * median(values):7.2f} ms  {median(values) / scale_of:.3f}")
     for kind in KINDS:
-        whole = ("measure", "fault features", "regions", "windowed ratios")
+        whole = ("measure", "fault features", "regions", "statistics")
         total = sum(median(seconds[f"{kind}: {piece}"]) for piece in whole)
         print(f"{kind + ': everything':44} {1e3 * total:7.2f} ms  {total / scale_of:.3f}")
 

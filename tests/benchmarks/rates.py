@@ -156,13 +156,14 @@ def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, pr
     systems = {scene.name: system_of(scene, cameras) for scene in scenes}
     clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
     found: list[Judged] = []
-    of_family: dict[str, list[CleanFrames]] = {}
+    learnt: dict[tuple[str, System], tuple[RobustThresholds, Thresholds | None]] = {}
     for scene in scenes:
-        if scene.family not in of_family:
-            of_family[scene.family] = [clean[other.name] for other in scenes if other.family != scene.family]
         system = systems[scene.name]
-        learnt = [] if prior else of_family[scene.family]
-        found += judge_scene(scene, system, *thresholds_of(learnt, system, r))
+        key = scene.family, system
+        if key not in learnt:
+            others = [] if prior else [clean[other.name] for other in scenes if other.family != scene.family]
+            learnt[key] = thresholds_of(others, system, r)
+        found += judge_scene(scene, system, *learnt[key])
     return found
 
 

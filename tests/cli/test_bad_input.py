@@ -24,7 +24,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def store(clean: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Path:
     """A store with thresholds, and nothing printed yet."""
     folder = tmp_path / "audit"
-    assert run(["calibrate", str(clean), "-r", "0", "--store", str(folder)]) == 0
+    assert run(["calibrate", str(clean), "--store", str(folder)]) == 0
     capfd.readouterr()
     return folder
 
@@ -35,7 +35,7 @@ def remarks(capfd: pytest.CaptureFixture[str]) -> list[str]:
 
 
 def scan(store: Path, *arguments: object) -> int:
-    return run(["scan", "-r", "0", "--jobs", "1", "--store", str(store), *map(str, arguments)])
+    return run(["scan", "--jobs", "1", "--store", str(store), *map(str, arguments)])
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_recording_cut_short_is_audited_up_to_the_cut_and_exits_with_3(store: 
         write_drive(tmp_path / f"whole{day}.mcap", count=count, start_ns=START_NS + day * DAY_NS)
         for day, count in ((1, 10), (2, 40))
     )
-    assert run(["calibrate", str(calibrated), "-r", "0", "--store", str(store)]) == 0
+    assert run(["calibrate", str(calibrated), "--store", str(store)]) == 0
     content = whole.read_bytes()
     cut.write_bytes(content[: len(content) * 7 // 10])
     assert scan(store, cut) == 3
@@ -105,7 +105,7 @@ def test_thresholds_of_another_rig_kind_are_refused_without_transfer(
     positions_m = (0.9, 0.7, 0.4, 0.0)
     other = write_drive(tmp_path / "other.mcap", count=6, positions_m=positions_m, start_ns=START_NS + DAY_NS)
     thresholds = tmp_path / "thresholds.parquet"
-    assert run(["calibrate", str(clean), "-r", "0", "--store", str(store), "--out", str(thresholds)]) == 0
+    assert run(["calibrate", str(clean), "--store", str(store), "--out", str(thresholds)]) == 0
     assert scan(store, other, "--calibration", thresholds) == 2
     assert "another rig kind" in capfd.readouterr().err
     assert scan(store, other, "--calibration", thresholds, "--transfer") in (0, 1)
@@ -270,7 +270,7 @@ def test_ctrl_c_and_sigterm_are_one_line_and_the_next_run_goes_on(
     long = [
         str(write_drive(tmp_path / f"long{day}.mcap", count=30, start_ns=START_NS + day * DAY_NS)) for day in (1, 2)
     ]
-    scanning = ["scan", *long, "--store", str(store), "--jobs", jobs, "-r", "0"]
+    scanning = ["scan", *long, "--store", str(store), "--jobs", jobs]
     signalled = [sys.executable, str(tmp_path / "signalled.py"), str(store / "frames"), str(int(sent)), *scanning]
     with subprocess.Popen(signalled, stderr=subprocess.PIPE, text=True, start_new_session=True) as started:
         _, errors = started.communicate()
@@ -308,7 +308,7 @@ def test_an_unforeseen_error_ends_in_2_and_not_in_the_code_of_findings(
     assert message.rstrip().endswith("please report the lines above")
 
 
-@pytest.mark.parametrize("arguments", [["inspect"], ["calibrate", "-r", "0"], ["convert"]])
+@pytest.mark.parametrize("arguments", [["inspect"], ["calibrate"], ["convert"]])
 def test_sigterm_ends_a_verb_that_works_in_its_own_process(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,8 +28,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_drive(clean, seed=1, start_ns=START_NS - 60 * 10**9)
     write_drive(attacked, seed=1, start_ns=START_NS, attacked=ATTACKED)
     store = ["--store", str(folder / "audit")]
-    assert run(["calibrate", str(clean), "-r", "0", *store]) == 0
-    assert run(["scan", str(attacked), "-r", "0", *store]) == 1
+    assert run(["calibrate", str(clean), *store]) == 0
+    assert run(["scan", str(attacked), *store]) == 1
     return folder
 
 
@@ -70,7 +70,8 @@ def test_a_moment_of_ones_own_sql_is_printed(form, folder, capfdbinary):
 
 @pytest.mark.parametrize("method", ["robust", "paper"])
 def test_judging_again_ends_in_the_code_of_findings(method, folder, capfd):
-    assert run(["judge", str(folder / "audit"), "-r", "0", "--method", method]) == 1
+    r = {"robust": "1%", "paper": "0"}[method]
+    assert run(["judge", str(folder / "audit"), "-r", r, "--method", method]) == 1
     assert "Incidents" in capfd.readouterr().out
 
 

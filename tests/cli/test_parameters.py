@@ -29,7 +29,7 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     error = by_name["counts", "disparity_error", "absolute_px"]
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
-    assert by_name["verdicts", "fault_scale", "largest_r"]["value"] == '"0.01"'
+    assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
     assert {"recordings", "rigs", "frames", "counts", "warnings", "verdicts"} == {row["changes"] for row in rows}
 
 

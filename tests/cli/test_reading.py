@@ -31,14 +31,14 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clean drive, and beside it a store with its thresholds."""
     folder = tmp_path_factory.mktemp("reading")
     drive = write_drive(folder / "clean.mcap", COUNT, seed=1)
-    assert run(["calibrate", str(drive), "-r", "0", "--store", str(folder / "audit")]) == 0
+    assert run(["calibrate", str(drive), "--store", str(folder / "audit")]) == 0
     return drive
 
 
 def scan_of(path: Path, clean: Path) -> list[str]:
     """A scan by the thresholds of the clean drive into a store of its own: there it conflicts with no other drive."""
     [thresholds] = (clean.parent / "audit" / "calibrations").glob("*.parquet")
-    return ["scan", str(path), "-r", "0", "--store", str(path.parent / path.stem), "--calibration", str(thresholds)]
+    return ["scan", str(path), "--store", str(path.parent / path.stem), "--calibration", str(thresholds)]
 
 
 @pytest.fixture
@@ -296,7 +296,7 @@ def test_a_rig_smaller_than_the_vehicles_usual_one_is_told(tmp_path: Path, capfd
     without(rig, other, 3, "birch")
     run(["scan", str(usual), str(smaller), str(other), "--measure-only", "--store", store])
     capfd.readouterr()
-    run(["judge", store, "-r", "0"])
+    run(["judge", store])
     [line] = [line for line in capfd.readouterr().err.splitlines() if "usual one of" in line]
     assert line == "smaller.mcap: its rig has 4 sensors, and the usual one of vehicle alder has 5: without /camera_2"
 

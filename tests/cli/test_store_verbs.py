@@ -23,8 +23,8 @@ def night(tmp_path_factory):
     folder = tmp_path_factory.mktemp("night")
     clean = write_drive(folder / "clean.mcap", FRAMES, seed=1, positions_m=CAMERAS, start_ns=START_NS - MINUTE_NS)
     drive = write_drive(folder / "drive.mcap", FRAMES, seed=1, positions_m=CAMERAS, attacked=ATTACKED)
-    assert run(["calibrate", str(clean), "-r", "0", "--store", str(folder / "audit")]) == 0
-    assert run(["scan", str(drive), "-r", "0", "--store", str(folder / "audit"), "--jobs", "1"]) == 1
+    assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == 0
+    assert run(["scan", str(drive), "--store", str(folder / "audit"), "--jobs", "1"]) == 1
     return folder
 
 
@@ -35,7 +35,7 @@ def audit(night, tmp_path):
 
 
 def scan(store, *paths, how=()):
-    return run(["scan", *map(str, paths), "-r", "0", "--store", str(store), "--jobs", "1", *how])
+    return run(["scan", *map(str, paths), "--store", str(store), "--jobs", "1", *how])
 
 
 def rows(capfd, *words):
@@ -91,7 +91,7 @@ def test_a_cleaned_twin_is_a_conflict_that_is_told_and_never_ends_in_0(audit, tm
     known = listed(capfd, audit)
     assert known["twin.mcap"]["conflicts"] == [known["drive.mcap"]["recording_id"]]
     assert known["drive.mcap"]["conflicts"] == [known["twin.mcap"]["recording_id"]]
-    assert run(["judge", str(audit), "-r", "0"]) == 4
+    assert run(["judge", str(audit)]) == 4
     page = tmp_path / "page.html"
     assert run(["report", "--recording", "drive.mcap", "--store", str(audit), "--out", str(page)]) == 0
     assert "has other data at the same stamps" in page.read_text()
@@ -204,6 +204,6 @@ def test_a_superseded_recording_is_not_calibrated_on(audit, tmp_path, capfd):
     copy = write_drive(tmp_path / "copy.bag", FRAMES, seed=1, positions_m=CAMERAS, start_ns=START_NS - MINUTE_NS)
     assert scan(audit, copy) == 0
     capfd.readouterr()
-    assert run(["calibrate", str(audit), "-r", "0", "--store", str(tmp_path / "other")]) == 0
+    assert run(["calibrate", str(audit), "--store", str(tmp_path / "other")]) == 0
     left_out = [line for line in capfd.readouterr().err.splitlines() if "left out" in line]
     assert "clean.mcap: left out: copy.bag holds every frame of it" in left_out

@@ -55,13 +55,13 @@ def test_every_verb_shows_hostile_names_on_one_line(folder, tmp_path, capfdbinar
     drive, clean = str(folder / NAME), str(folder / "clean.mcap")
     of = ["--store", store, "--vehicle", EVIL, "--jobs", "1"]
     commands = [
-        (["calibrate", clean, "-r", "0", *of], 0),
+        (["calibrate", clean, *of], 0),
         (["inspect", drive], None),
         (["inspect", drive, "--format", "json"], None),
-        (["scan", drive, str(folder / f"none{EVIL.strip(chr(0))}"), "-r", "0", *of], None),
+        (["scan", drive, str(folder / f"none{EVIL.strip(chr(0))}"), *of], None),
         (["scan", drive, "-r", "0.01", *of], None),
-        (["scan", drive, "-r", "0", *of, "--format", "json"], None),
-        (["judge", "--store", store, "-r", "0"], None),
+        (["scan", drive, *of, "--format", "json"], None),
+        (["judge", "--store", store], None),
         (["label", NAME, "--sensor", "S_2", "--attack", EVIL, "--store", store], 0),
         (["label", NAME, "--topic", f"/x{EVIL}", "--attack", EVIL, "--store", store], 2),
         (["query", "summary", "--store", store], 0),
@@ -103,8 +103,8 @@ def test_a_file_name_that_is_no_utf_8_is_audited_stored_and_asked_for(ending, tm
     store = tmp_path / "audit"
     drive = write_drive(tmp_path / f"drive{ending}", count=8)
     odd = drive.rename(tmp_path / os.fsdecode(b"\xff" + ending.encode()))
-    assert run(["calibrate", str(odd), "-r", "0", "--store", str(store)]) == 0
-    assert run(["scan", str(odd), "-r", "0", "--store", str(store), "--jobs", "1"]) == 0
+    assert run(["calibrate", str(odd), "--store", str(store)]) == 0
+    assert run(["scan", str(odd), "--store", str(store), "--jobs", "1"]) == 0
     assert f"\\xff{ending}" in capfd.readouterr().out
     for name in (odd.name, f"\\xff{ending}"):
         assert run(["query", "summary", f"recording={name}", "--store", str(store), "--format", "json"]) == 0
@@ -113,7 +113,7 @@ def test_a_file_name_that_is_no_utf_8_is_audited_stored_and_asked_for(ending, tm
     assert run(["report", "--recording", odd.name, "--store", str(store)]) == 0
     assert f"\\xff{ending}" in (store / "reports" / "incident.html").read_text()
     before = {path: path.stat().st_mtime_ns for path in store.glob("recordings/*")}
-    assert run(["scan", str(odd), "-r", "0", "--store", str(store), "--jobs", "1"]) == 0
+    assert run(["scan", str(odd), "--store", str(store), "--jobs", "1"]) == 0
     assert {path: path.stat().st_mtime_ns for path in before} == before, "it is known again"
 
 

@@ -64,6 +64,7 @@ def scanned(frames, rig, number):
                 [measurement.fingerprints.get(s) for s in rig.sensors],
                 [one and one.level for one in coverage],
                 [one and one.saturated_share for one in coverage],
+                [coverage[LIDAR].returns],
                 list(chain.from_iterable(pairs)),
             )
     raise AssertionError
@@ -76,6 +77,7 @@ def kept(features):
         features.fingerprint,
         features.level,
         features.saturated_share,
+        [features.returns],
         [np.nan if x is None else x for x in taken],
     )
 

@@ -362,7 +362,7 @@ def test_the_command_measures_once_and_prints_the_summary(drive, tmp_path):
         ("robust", "recording", 0),
     }
     assert all(row["clean_frames"] == FRAMES and 0 <= row["not_clean"] <= 1 for row in rows)
-    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "innocents"))
+    assert all(0 <= row[name] <= 1 for row in rows for name in ("scenario_1", "scenario_2", "one_of_3", "misnamed"))
     second = CliRunner().invoke(auditor, arguments)
     assert "measured before" in second.stderr
     assert json.loads(second.stdout) == rows

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, faults_of
-from auditor.identification.marks import OPENCV, OPENCV_CPU, is_another_lidar, marks_of, without_lidar
+from auditor.identification.marks import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.scores import EITHER_WAY, thresholds_from
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.measurement import Procedure
+from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Cause
 from tests.making.scenes import plane_rig
@@ -38,7 +39,7 @@ def calibration(*recordings):
 
 
 def marks(of, returns=18_000.0, versions=MACHINE, recording_id="b", similarity=Similarity.SAME):
-    return marks_of(of, similarity, recording_id, np.full(5, returns), versions)
+    return marks_of(of, similarity, recording_id, halvings_of_points(of.clean, RIG, np.full(5, returns)), versions)
 
 
 def test_a_recording_of_the_same_vehicle_and_machine_has_no_mark():
@@ -64,35 +65,42 @@ def test_a_lidar_with_far_fewer_or_more_points_in_view_is_another_one(returns, a
 def test_drives_weigh_alike_however_many_frames_they_have_and_some_frames_without_points_do_not_matter():
     busy, bare = clean(returns=20_000.0), clean("open", returns=16_000.0)
     many = replace(bare, returns=np.full(500, 16_000.0))
-    seen = np.array([13_000.0] * 5 + [np.nan, 0.0])
-    assert is_another_lidar([busy, busy, bare], seen)
-    assert is_another_lidar([busy, busy, many], seen)
-    assert not is_another_lidar([bare], seen)
+    seen = np.array([10_000.0] * 5 + [np.nan, 0.0])
+    assert halvings_of_points([busy, busy, bare], RIG, seen) == pytest.approx(1)
+    assert halvings_of_points([busy, busy, many], RIG, seen) == pytest.approx(1)
+    assert halvings_of_points([busy, many], RIG, np.full(3, 36_000.0)) == pytest.approx(-1)
 
 
 def test_without_points_on_one_side_no_lidar_is_another_one():
     unknown = clean(returns=np.nan)
-    assert not is_another_lidar([replace(unknown, returns=np.zeros(0))], np.full(3, 9_000.0))
-    assert not is_another_lidar([unknown], np.full(3, 9_000.0))
-    assert not is_another_lidar([clean()], np.full(3, np.nan))
-    assert not is_another_lidar([], np.full(3, 9_000.0))
+    without = replace(unknown, returns=np.zeros(0))
+    assert np.isnan(halvings_of_points([without], RIG, np.full(3, 9_000.0)))
+    assert np.isnan(halvings_of_points([clean()], RIG, np.full(3, np.nan)))
+    assert np.isnan(halvings_of_points([], RIG, np.zeros(0)))
+    assert np.isnan(halvings_of_points([clean()], RIG, np.zeros(3)))
+    for few in (without, unknown):
+        assert not marks(calibration(few), returns=1_000).other_lidar
 
 
-def test_without_its_lidar_a_calibration_leaves_the_lidars_checks_and_faults_to_the_prior():
-    learnt = calibration(clean("a"), clean("b"))
-    prior = thresholds_from((), CHECKS, len(CHECKS), R)
-    whole = thresholds_from(learnt.clean, CHECKS, len(CHECKS), R)
-    part = thresholds_from(without_lidar(learnt).clean, CHECKS, len(CHECKS), R)
-    for check in CHECKS:
-        assert part.expected[check] == (prior if check.sensor == 0 else whole).expected[check]
-        assert whole.expected[check].drives == 2
-    for fault in faults_of(RIG.sensors):
-        assert part.causes[fault] == (prior if fault[1] == 0 else whole).causes[fault]
-    assert {check.check for check in CHECKS if part.expected[check].drives == 0} == {
-        Check.LIDAR_CONFLICT,
-        Check.POINT_DROPOUT,
-        Check.ISOLATED_POINTS,
-    }
+def test_of_the_prior_a_lidar_is_compared_by_its_points_a_radian_of_the_view():
+    kitti = Rig(None, (replace(RIG.cameras[0], width_px=1242, projection=np.diag([721.5, 721.5, 1, 1])[:3]),))
+    assert halvings_of_points([], kitti, np.full(3, 18_900.0)) == pytest.approx(0, abs=0.01)
+    assert halvings_of_points([], kitti, np.full(3, 18_900.0 / 4)) == pytest.approx(2, abs=0.01)
+
+
+@pytest.mark.parametrize("known", [(), (clean("a"), clean("b"))], ids=["prior", "learnt"])
+def test_of_a_sparser_lidar_more_isolated_points_are_expected_and_nothing_else_is(known):
+    usual = thresholds_from(known, CHECKS, len(CHECKS), R)
+    half, quarter, double = (for_sparser_lidar(usual, halvings) for halvings in (1.0, 2.0, -1.0))
+    assert double == usual
+    isolated = [check for check in CHECKS if check.check is Check.ISOLATED_POINTS]
+    assert isolated
+    for check in isolated:
+        means = [one.expected[check].mean for one in (usual, half, quarter)]
+        assert np.diff(means) == pytest.approx([1.35, 1.35])
+        assert half.expected[check].deviation == usual.expected[check].deviation
+    assert {check for check in CHECKS if half.expected[check] != usual.expected[check]} == set(isolated)
+    assert (half.causes, half.limit, half.drives) == (usual.causes, usual.limit, usual.drives)
 
 
 def test_the_prior_alone_expects_something_of_every_check_and_fault():
@@ -111,11 +119,6 @@ def test_the_faults_of_a_rig_are_those_that_scores_are_made_of(sensors):
     cameras = tuple(camera.number for camera in RIG.cameras)
     seen = ObservedFeatures(RIG.pairs, dict.fromkeys(SCORED, nothing), cameras, *(nothing[:, : RIG.n],) * 2)
     assert set(fault_scores(seen, np.arange(FRAMES), sensors)) == set(faults_of(sensors))
-
-
-def test_a_calibration_without_the_lidar_is_made_once():
-    learnt = calibration(clean())
-    assert without_lidar(learnt) is without_lidar(learnt)
 
 
 @pytest.mark.parametrize(

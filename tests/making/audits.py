@@ -40,7 +40,7 @@ class Audit:
         assert not any(word in shown for word in DEFECTS), shown
         return Answer(code, out, err.decode())
 
-    def scan(self, *recordings: Path, how: tuple[str, ...] = ("-r", "0")) -> Answer:
+    def scan(self, *recordings: Path, how: tuple[str, ...] = ()) -> Answer:
         return self("scan", *recordings, *how)
 
     def ask(self, sql: str) -> Any:

@@ -9,9 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from auditor.identification.algorithm2 import disagreements, identify
-from auditor.identification.faults import darkened, weigh
-from auditor.identification.naming import name_attacked
-from auditor.identification.scores import normalised_scores, thresholds_from
+from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import thresholds_from
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames
@@ -159,18 +158,19 @@ def system_of(sensors):
     return System(checks, triples, tuple(sensors), RIG.fallback if set(RIG.fallback) <= set(sensors) else None)
 
 
-def scores(statistics, system, thresholds):
-    """(F, M) z of a system's checks, from the statistics of all."""
+def judged_robustly(statistics, system, thresholds, runs):
+    """The verdicts by all its checks, where every sensor was there and no fault is known; `runs` follow each other."""
     inside = [place for place, check in enumerate(CHECKS) if check in system.sensor_checks]
     values = np.array(statistics, dtype=np.float64)[:, inside]
-    return normalised_scores(values, [thresholds.expected[check] for check in system.sensor_checks])
+    nowhere = np.zeros((len(values), len(system.sensors)), dtype=np.bool_)
+    stamps = np.arange(len(values), dtype=np.int64) * PERIOD_NS
+    series = FrameSeries(stamps, np.array(runs, dtype=np.int64), values, ~nowhere, nowhere)
+    return judge_frames(series, system, thresholds, without_causes=True)
 
 
-def named(z, system, thresholds):
-    """The verdicts where every sensor was there, and no cause was seen but missing light."""
-    limit = thresholds.limit
-    found = name_attacked(z, system, [frozenset()] * len(z), limit)
-    return [weigh(verdict, darkened(verdict), limit) for verdict in found]
+def judged_alone(statistics, system, thresholds):
+    """The verdicts on frames, each by itself."""
+    return judged_robustly(statistics, system, thresholds, range(len(statistics)))
 
 
 def case_of(rng, frame, attacked, attack=None, strength=None):

@@ -12,8 +12,13 @@ CAMERA_FROM_BASE = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 
 LIDAR_ABOVE_CAMERA_M = np.array([-0.3, -0.1, 0.25])  # ahead, left, up
 FAR_PX = 2
 """Disparity of the wall behind everything, in px a unit of the baseline."""
-SPOT_SHARE = 0.36
-"""Radius of a laser's spot as a share of the image's height."""
+SPOT_SHARE = 0.7
+"""Radius of a laser's spot as a share of the image's height: it is wider than the matcher's range.
+
+What a narrower one covers finds other matches beside it, as all of this scene is noise, and is compared with nothing.
+"""
+DRIFT_PX = 9
+"""How far all drifts from one moment to the next: farther than the matcher blurs edges, else the LiDAR looks late."""
 WALL_M = (-1.2, 1.25)
 """Lowest height and half width of a bogus wall."""
 
@@ -92,7 +97,7 @@ def see(vehicle: Vehicle, moment: int, seed: int = 0) -> Seen:
     """The scene at a moment: all drifts by some pixels from one moment to the next, noise is new in each."""
     rng = np.random.default_rng([seed, moment])
     width, height = vehicle.size_px
-    layers = _layers(width, height, seed, 3 * moment)
+    layers = _layers(width, height, seed, DRIFT_PX * moment)
     images = {}
     for camera, units in vehicle.cameras.items():
         drawn = _draw(layers, units, width, height)[0]

@@ -86,22 +86,20 @@ def test_a_lidar_of_half_the_rings_is_another_one_and_nobody_accuses_it(audit) -
     store, by_name = audit
     found = judged(audit, "half the rings")
     assert found.judgement.marks == Marks(other_lidar=True)
-    assert "another LiDAR than the calibration's, by its points in view: its checks are judged by the prior" in (
-        found.warnings
-    )
+    assert "another LiDAR than that of the thresholds, by its points in view" in found.warnings
     rows = verdicts(store, by_name["half the rings"])
     assert len(rows) == FRAMES
     assert not [row for row in rows if 0 in (row["named"] or ()) or row["finding"]]
-    [drives] = run_sql(
-        store,
-        "SELECT DISTINCT check_samples FROM judgements JOIN measurements USING (measurement_id) WHERE other_lidar",
-    ).to_pylist()
-    sql = (
-        "SELECT position FROM sensor_checks JOIN measurements USING (rig_id) WHERE measurement_id = '{}' AND sensor = 0"
-    )
-    of_lidar = {row["position"] for row in run_sql(store, sql.format(by_name["half the rings"])).to_pylist()}
-    for position, samples in enumerate(drives["check_samples"], start=1):
-        assert (samples == 0) is (position in of_lidar)
+    judged(audit, "same vehicle")
+    sql = """
+        SELECT other_lidar, check_mean[position] AS mean, check_samples[position] AS samples
+        FROM judgements JOIN measurements USING (measurement_id) JOIN sensor_checks USING (rig_id)
+        WHERE measurement_id IN ('{}', '{}') AND check_name = 'isolated_points' ORDER BY ALL
+    """.format(by_name["half the rings"], by_name["same vehicle"])
+    rows = run_sql(store, sql).to_pylist()
+    usual, sparser = ([row for row in rows if row["other_lidar"] is other] for other in (False, True))
+    assert {row["samples"] for row in (*usual, *sparser)} == {FRAMES}
+    assert all(1.1 < after["mean"] - before["mean"] < 1.6 for before, after in zip(usual, sparser, strict=True))
 
 
 def test_the_same_vehicle_has_no_mark_and_the_calibrated_recording_is_in_sample(audit) -> None:

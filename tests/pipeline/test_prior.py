@@ -18,6 +18,7 @@ from tests.making.small_drives import DAY_NS, START_NS, write_drive
 
 FRAMES = 12
 R = Decimal("0.01")
+BY_DEFAULT = Criteria(R)
 ALONE = "judged by the prior alone: no clean drive of its rig kind was seen; calibrate on some"
 
 
@@ -36,7 +37,7 @@ def measured(store: Path, recording: Path) -> str:
     return measure_recording(MeasureTask(recording, store), lambda *_: None).measurement_ids[0]
 
 
-def judged(store: Store, measurement: str, criteria: Criteria = Criteria(R), **settings: object) -> Judged:
+def judged(store: Store, measurement: str, criteria: Criteria = BY_DEFAULT, **settings: object) -> Judged:
     return Judge(store, JudgeSettings(criteria, **settings)).judge(measurement)
 
 

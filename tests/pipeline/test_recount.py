@@ -30,12 +30,12 @@ def test_statistics_from_stored_cells_are_those_that_the_scan_stored(scanned):
     sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
     assert stored.shape == (FRAMES, len(sensor_checks))
     # The rightmost camera is attacked in the last frames, and what it sees is like nothing any more.
-    unlike = [
+    inconsistent = [
         place
         for place, one in enumerate(sensor_checks)
         if one.check is Check.PHOTOMETRIC_INCONSISTENCY and one.sensor == 1
     ]
-    assert (stored[2:, unlike] > stored[:2, unlike].max()).all()
+    assert (stored[2:, inconsistent] > stored[:2, inconsistent].max()).all()
     np.testing.assert_array_equal(statistics_from_cells(store, measurement), stored)
 
 
@@ -98,3 +98,13 @@ def test_the_command_line_recounts_and_refuses_to_by_the_papers_method(scanned, 
     assert store.current_judgements()[measurement].recounted
     assert run(["judge", folder, "-r", "0", "--recount", "--method", "paper"]) == 2
     assert "--recount: the paper's method has no statistics that come from cells" in capfd.readouterr().err
+
+
+def test_what_is_the_same_without_the_lidar_is_so_recounted(scanned, monkeypatch):
+    store, measurement = scanned
+    stored = store.load_statistics(measurement)
+    sensor_checks = rig_sensor_checks(store.rig(store.measurement(measurement).rig_id))
+    in_windows(monkeypatch, statistics.Window(2, 2, 10, 10))
+    [clean] = calibrate([(store, measurement)], recount=True).clean
+    others = np.isfinite(stored.unmasked) & (stored.unmasked != stored.statistics)
+    assert clean.unmasked.keys() == {one for one, other in zip(sensor_checks, others.any(axis=0), strict=True) if other}

@@ -40,7 +40,7 @@ def audited(calibrated: Path, fleet: Path, tmp_path_factory: pytest.TempPathFact
     """The store in which the fleet was scanned."""
     store = tmp_path_factory.mktemp("audited") / "audit"
     shutil.copytree(calibrated, store)
-    assert run(["scan", str(fleet), "-r", "0", "--store", str(store)]) == Exit.FINDINGS
+    assert run(["scan", str(fleet), "--store", str(store)]) == Exit.FINDINGS
     return store
 
 
@@ -64,14 +64,14 @@ def rows_of(form: str, printed: bytes) -> list[dict[str, object]]:
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_scan_names_what_was_attacked_in_every_format(form: str, verbs: Audit, fleet: Path):
-    answer = verbs("scan", fleet / "wagon_spot.mcap", "-r", "0", "--format", form)
+    answer = verbs("scan", fleet / "wagon_spot.mcap", "--format", form)
     assert answer.code == Exit.FINDINGS
     assert all(text in answer.out for text in (b"wagon_spot.mcap", b"S_1"))
 
 
 @pytest.mark.parametrize(("method", "form"), [("paper", "table"), *(("robust", form) for form in FORMATS)])
 def test_judge_answers_in_every_format(method: str, form: str, verbs: Audit):
-    answer = verbs("judge", "-r", "0", "--method", method, "--format", form)
+    answer = verbs("judge", "--method", method, "--format", form)
     assert answer.code == Exit.FINDINGS
     assert b"wagon_spot.mcap" in answer.out
 

@@ -24,7 +24,7 @@ def calibrated(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     folder = tmp_path_factory.mktemp("real")
     for drive, moments in ((Drive(real_data), range(8)), (Drive(real_data, THREE), range(8, 16))):
         clean = write(folder / f"{len(drive.cameras)}.mcap", real_log(drive, moments))
-        assert run(["calibrate", str(clean), "-r", "0", "--store", str(folder / "audit")]) == Exit.CLEAN
+        assert run(["calibrate", str(clean), "--store", str(folder / "audit")]) == Exit.CLEAN
     return folder / "audit"
 
 

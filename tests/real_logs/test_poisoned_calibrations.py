@@ -20,7 +20,7 @@ def test_an_attack_is_found_by_a_calibration_on_its_like_or_calibrate_warned(
         for day in range(1, 1 + clean)
     ]
     poisoned = record(WAGON, range(MOMENTS), attack=attack, seed=14, start_ns=START_NS - 3 * DAY_NS)
-    answer = new_audit("calibrate", *offered, write(tmp_path / "poisoned.mcap", poisoned), "-r", "0")
+    answer = new_audit("calibrate", *offered, write(tmp_path / "poisoned.mcap", poisoned))
     warned = any("WARNING" in line and "poisoned.mcap" in line for line in answer.err.splitlines())
     assert warned == bool(clean), "the clean recording shows that the other one is none"
     log = record(WAGON, range(MOMENTS), attack=attack, seed=SEED)

@@ -105,7 +105,7 @@ def test_a_sub_rig_is_judged_as_if_it_had_been_calibrated_alone(
         )
         for day, seed in ((1, 11), (2, 14))
     ]
-    assert new_audit("calibrate", *clean, "-r", "0").code == Exit.CLEAN
+    assert new_audit("calibrate", *clean).code == Exit.CLEAN
     log = write(tmp_path / "log.mcap", reduced(a_log(vehicle, SPOT), vehicle, missing))
     assert new_audit.scan(log).code in FOUND
     assert audit.scan(log).code in FOUND
@@ -155,7 +155,7 @@ def test_cameras_and_lidar_in_two_files_of_one_drive(audit: Audit, tmp_path: Pat
     clouds = [sent for sent in log if isinstance(sent.body, Cloud)]
     cameras = write(tmp_path / "drive_cameras.mcap", [sent for sent in log if sent not in clouds])
     lidar = write(tmp_path / "drive_lidar.mcap", clouds)
-    assert audit.scan(cameras, lidar, how=("-r", "0", "--drive", "one")).code in FOUND
+    assert audit.scan(cameras, lidar, how=("--drive", "one")).code in FOUND
 
 
 # Odd stamps

@@ -22,7 +22,7 @@ def scanned(calibrated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scanned")
     shutil.copytree(calibrated, folder / "audit")
     log = write(folder / "log.mcap", ATTACKED)
-    assert run(["scan", str(log), "-r", "0", "--store", str(folder / "audit")]) == Exit.FINDINGS
+    assert run(["scan", str(log), "--store", str(folder / "audit")]) == Exit.FINDINGS
     return folder
 
 

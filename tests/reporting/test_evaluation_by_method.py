@@ -10,7 +10,7 @@ from auditor.evaluation import judge_cases
 from auditor.identification.scores import thresholds_from
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
-from tests.making.evaluation_cases import RIG, case_of, learnt, make_evaluation, named, part, scores, system_of, write
+from tests.making.evaluation_cases import RIG, case_of, judged_alone, learnt, make_evaluation, part, system_of, write
 from tests.making.stores import new_store
 
 R = Decimal("0.01")
@@ -44,8 +44,7 @@ def told(made):
                 system = system_of(sensors)
                 thresholds = learnt(cases, keeps, system, R)
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, sensors)]
-                z = scores([case.statistics for _, case in chosen], system, thresholds)
-                verdicts = named(z, system, thresholds)
+                verdicts = judged_alone([case.statistics for _, case in chosen], system, thresholds)
                 found += [(left_out, sensors, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
     return found
 
@@ -97,15 +96,15 @@ def test_identification_equals_python(made, told):
             key = left_out, system, case.strength, case.attacked
             expected[*key, "cases"] += 1
             expected[*key, "named"] += verdict.kind is VerdictKind.ATTACKED and verdict.attacked == case.attacked
-            expected[*key, "innocents"] += not set(verdict.attacked) <= set(case.attacked)
+            expected[*key, "misnamed"] += not set(verdict.attacked) <= set(case.attacked)
     rows = [row for row in answer(made, "evaluation_identification") if row["attacked"] is not None]
     assert len(rows) == 3 * 2 * (4 + 5 + 10)
     for row in rows:
         key = row["left_out"], tuple(row["system"]), row["strength"], tuple(row["attacked"])
         assert (row["cases"], row["named"]) == (expected[*key, "cases"], expected[*key, "named"])
         assert row["identified"] == row["named"]
-        assert row["innocents"] == expected[*key, "innocents"]
-        assert row["innocent_low"] <= row["innocent_rate"] == row["innocents"] / row["cases"] <= row["innocent_high"]
+        assert row["misnamed"] == expected[*key, "misnamed"]
+        assert row["misnaming_low"] <= row["misnaming_rate"] == row["misnamed"] / row["cases"] <= row["misnaming_high"]
     assert 0 < sum(row["named"] for row in rows) < sum(row["cases"] for row in rows)
 
 
@@ -176,7 +175,7 @@ def test_the_matrix_and_the_summary_agree_with_the_tables(made, told):
             for row in rows
             if (row["left_out"], row["strength"], len(row["system"]), row["attacked"]) == (left_out, strength, 5, None)
         ]
-        assert one["innocents"] == sum(row["innocents"] for row in of_all) / sum(row["cases"] for row in of_all)
+        assert one["misnamed"] == sum(row["misnamed"] for row in of_all) / sum(row["cases"] for row in of_all)
 
 
 def test_other_rates_and_blocks_were_not_judged(made):
@@ -211,7 +210,7 @@ def test_without_any_other_recording_the_thresholds_are_the_prior(tmp_path):
     rows = run_sql(store, sql).to_pylist()
     system = system_of(RIG.sensors)
     prior = thresholds_from([], system.sensor_checks, system.judged_together, R)
-    expected = named(scores([case.statistics for case in cases], system, prior), system, prior)
+    expected = judged_alone([case.statistics for case in cases], system, prior)
     for left_out in ("block", "recording"):  # all ten frames are one block
         of_it = [row for row in rows if row["left_out"] == left_out]
         assert [(row["verdict"], tuple(row["identified"]), row["drives"]) for row in of_it] == [

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.statistics import window_means
 from auditor.model.measurement import Statistic
-from auditor.model.verdict import FINDINGS
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 from auditor.store.queries import run_query, run_sql
 from tests.making.evaluation_cases import BLOCK as PAPER_BLOCK
@@ -23,10 +20,9 @@ from tests.making.evaluation_cases import (
     errors,
     folds,
     judged,
+    judged_robustly,
     learnt,
-    named,
     part,
-    scores,
     state,
     system_of,
     write,
@@ -89,11 +85,9 @@ def by_robust(cases, left_out, recording, line):
             "recording": lambda r, _: r != recording,
         }[left_out]
         thresholds = learnt(cases, kept, SYSTEM, ROBUST_R)
-        z = scores([drive[f].statistics for f in sorted(drive)], SYSTEM, thresholds)
-        around = window_means(z, np.arange(len(z)) * PERIOD_NS, TEMPORAL_WINDOW.seconds)
-        alone, moment = (named(x[[case.frame]], SYSTEM, thresholds)[0] for x in (z, around))
-        found = alone.kind in FINDINGS and moment.kind in FINDINGS
-        yield (moment.kind.value, moment.attacked) if found else ("clean", ())
+        statistics = [drive[frame].statistics for frame in sorted(drive)]
+        found = judged_robustly(statistics, SYSTEM, thresholds, [0] * len(statistics))[case.frame].finding
+        yield (found.kind.value, found.attacked) if found else ("clean", ())
 
 
 def incidents(line, told, gap_s):

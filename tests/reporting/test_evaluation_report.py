@@ -62,7 +62,7 @@ def test_both_methods_stand_side_by_side(store, page):
     assert attacks.columns == ("E", "robust") * 3
     shown = {row.label: row.cells for row in attacks.rows}
     named = shown["two of 5 sensors attacked, opaque: exactly named"]
-    innocents = shown["two of 5 sensors attacked, opaque: a sensor named that was not"]
+    misnamed = shown["two of 5 sensors attacked, opaque: a sensor named that was not"]
     alarms = shown["clean frames that are not clean, S_0, S_1, S_2, S_3, S_4"]
     rows = {
         (row["left_out"], row["method"]): row
@@ -77,8 +77,8 @@ def test_both_methods_stand_side_by_side(store, page):
     for at, key in enumerate(product(("nothing", "block", "recording"), ("paper", "robust"))):
         row, resolvable = rows[key], rows[key]["resolvable"]
         assert named[at] == Rate(row["named"], row["cases"], row["low"], row["high"], resolvable)
-        bounds = row["innocent_low"], row["innocent_high"]
-        assert innocents[at] == Rate(row["innocents"], row["cases"], *bounds, resolvable)
+        bounds = row["misnaming_low"], row["misnaming_high"]
+        assert misnamed[at] == Rate(row["misnamed"], row["cases"], *bounds, resolvable)
         of_clean = clean[key]
         bounds = of_clean["not_clean_low"], of_clean["not_clean_high"]
         assert alarms[at] == Rate(of_clean["not_clean"], of_clean["frames"], *bounds, resolvable)

@@ -53,10 +53,10 @@ def test_two_rigs_of_a_kind_on_one_recording_are_two_drives(tmp_path):
 
 
 def statistics_of(rig, frame, *, high=(), level=0.8):
-    """Statistics of which those of what S_1 sees are high in some frames."""
+    """Statistics of which those of light on S_1 are high in some frames."""
     quiet = drawn_statistics(np.random.default_rng(frame), rig, spread=0.5)
     checks = rig_sensor_checks(rig)
-    raised = [frame in high and c.check is Check.PHOTOMETRIC_INCONSISTENCY and 1 in c.nameable for c in checks]
+    raised = [frame in high and c.check is Check.ADDED_LIGHT and 1 in c.nameable for c in checks]
     return [level if high_here else value for high_here, value in zip(raised, quiet, strict=True)]
 
 
@@ -173,3 +173,23 @@ def test_rigs_without_triples_and_recordings_without_frames_end_no_page(tmp_path
     keep(store, alone, measured(alone, ()))
     judge_cases(store)
     assert len(load_evaluation(store).setups) == 2
+
+
+@pytest.mark.parametrize(("returns", "named"), [(10_000, True), (5_000, False)])
+def test_a_lidar_of_half_the_points_is_judged_by_the_prior_as_in_a_scan(tmp_path, returns, named):
+    store = new_store(tmp_path)
+    store.write_rig(RIG)
+    isolated = [check.check is Check.ISOLATED_POINTS for check in rig_sensor_checks(RIG)]
+
+    def drive_of(share, points):
+        for frame in range(20):
+            one = case(RIG, frame)
+            statistics = [share if here else value for here, value in zip(isolated, one.statistics, strict=True)]
+            yield replace(one, statistics=statistics, features=replace(one.features, returns=points))
+
+    for name, share, points in (("a", 0.0, 10_000), ("b", 0.0, 10_000), ("c", 0.0, 10_000), ("d", 0.3, returns)):
+        write(store, EvaluationPart(**part_columns(RIG, name, "clean")), drive_of(share, points))
+    judge_cases(store)
+    sql = "SELECT * FROM case_verdicts WHERE left_out = 'recording' AND len(system) = 4 AND recording_id LIKE 'd%'"
+    rows = run_sql(store, sql).to_pylist()
+    assert ([0] in [row["identified"] for row in rows]) == named

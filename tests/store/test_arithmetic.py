@@ -1,6 +1,8 @@
-"""Arithmetic in SQL gives what Python's gives."""
+"""Macros: arithmetic in SQL gives what Python's gives, and evidence is put into words."""
 
 import math
+
+import pytest
 
 from auditor.identification.cross_validation import wilson
 from auditor.store import run_sql
@@ -22,3 +24,23 @@ def test_wilsons_interval_in_sql_is_pythons_and_stays_within_0_and_1(tmp_path):
         assert 0 <= row["low"] < row["high"] <= 1, row
         for found, expected in zip((row["low"], row["high"]), wilson(row["k"], row["n"]), strict=True):
             assert math.isclose(found, expected, rel_tol=0, abs_tol=1e-12), row
+
+
+@pytest.mark.parametrize(
+    ("evidence", "words"),
+    [
+        (("lidar_conflict", 0, None), "the cameras disagree with the LiDAR"),
+        (("added_light", 2, None), "S_2 sees light that others do not"),
+        (("added_light", 2, 3), "S_2 or S_3 alone sees light"),
+        (("removed_light", 2, None), "S_2 lacks light that others see"),
+        (("photometric_inconsistency", 2, None), "S_2 does not see what others see"),
+        (("photometric_inconsistency", 2, 3), "S_2 and S_3 do not see the same"),
+        (("point_dropout", 0, None), "the LiDAR lacks points"),
+        (("isolated_points", 0, None), "the LiDAR has isolated points"),
+    ],
+)
+def test_evidence_is_told_of_a_sensor_or_of_two_cameras_alone(tmp_path, evidence, words):
+    name, i, k = evidence
+    piece = f"{{check_name: '{name}', i: {i}, j: NULL::TINYINT, k: {'NULL::TINYINT' if k is None else k}, score: 3.5}}"
+    [row] = run_sql(new_store(tmp_path), f"SELECT evidence_in_words([{piece}]) AS told").to_pylist()
+    assert row["told"] == f"{words} (+3.50)"

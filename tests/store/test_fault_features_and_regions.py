@@ -47,7 +47,9 @@ def test_fault_features_come_back_by_frame_and_pair_with_how_bright_the_cameras_
     assert np.isnan(values[1, 0]).all()
     assert seen.level.tolist() == [[10, 20, 30]] * 2
     assert seen.saturated.tolist() == [[0.25] * 3] * 2
-    [row] = run_sql(store, "SELECT k, row_aligned, before_only, rotated FROM fault_features WHERE frame = 3").to_pylist()
+    [row] = run_sql(
+        store, "SELECT k, row_aligned, before_only, rotated FROM fault_features WHERE frame = 3"
+    ).to_pylist()
     assert row == {"k": 3, "row_aligned": 0.9, "before_only": None, "rotated": 0.7}
 
 

@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.measurement.checks.count_grid import ImageGrid, PairCells, cells_of_pair, cells_of_points, opposite
+from auditor.measurement.checks.count_grid import (
+    ImageGrid,
+    PairCells,
+    PairPlaces,
+    cells_of_pair,
+    cells_of_points,
+    opposite,
+    places_of,
+)
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
@@ -113,36 +121,40 @@ def collect_checks(
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
+    places = {
+        pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
+    }
+
+    def counts(pair: Pair, mask: Mask | None = None) -> PairCounts:
+        return _counts(consistencies[pair], lights[pair], places[pair], mask)
+
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
-        counts={pair: _counts(seen, lights[pair], grid, near.get(pair)) for pair, seen in consistencies.items()},
+        counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
             k: isolated_shares(view, isolated_masks[k], rig.camera(k).width_px) for k, view in views.items()
         },
-        unmasked={pair: _counts(consistencies[pair], lights[pair], grid) for pair, mask in near.items() if mask.any()},
+        unmasked={pair: counts(pair) for pair, mask in near.items() if mask.any()},
         verified_conflicts=verified_conflicts,
         consistencies=consistencies,
         lights=lights,
     )
 
 
-def _counts(
-    seen: PairConsistency, light: LightDifference, grid: ImageGrid | None, near: Mask | None = None
-) -> PairCounts:
+def _counts(seen: PairConsistency, light: LightDifference, places: PairPlaces, near: Mask | None = None) -> PairCounts:
     """The counts of a pair, without the pixels of the range mask `near` (h, w).
 
     There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
     """
-    grid = grid or ImageGrid.of(*seen.ncc.shape)
     comparable, lit, residual = seen.comparable, light.comparable, light.residual
     inconsistent = seen.inconsistent
     if near is not None and near.any():
         comparable, lit = comparable & ~near, lit & ~near
         inconsistent, residual = inconsistent & ~near, np.where(near, np.float32(0), residual)
     return PairCounts(
-        cells_of_pair(seen.matches, comparable, inconsistent.astype(np.float32), 1, grid),
-        opposite(cells_of_pair(seen.matches, lit, residual, LIGHT_STEPS, grid)),
+        cells_of_pair(places, comparable, inconsistent),
+        opposite(cells_of_pair(places, lit, residual, LIGHT_STEPS)),
     )
 
 

@@ -14,7 +14,7 @@ from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import LidarView
 from auditor.measurement.parameters import COUNT_GRID
-from auditor.model.arrays import Floats32, Indices, Mask
+from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.measurement import Cells
 
 CELL_PX = COUNT_GRID.cell_px
@@ -53,6 +53,19 @@ class ImageGrid:
 
 
 @dataclass(frozen=True, eq=False)
+class PairPlaces:
+    """The cells in which a pair's half-resolution pixels are counted, row by row (M,).
+
+    `source` are those of their matches in the source's image, `reference` those in the reference's; None where the
+    pair's view is the camera's. The number after the last cell stands for what lies outside.
+    """
+
+    source: Indices
+    reference: Indices | None
+    grid: ImageGrid
+
+
+@dataclass(frozen=True, eq=False)
 class PairCells:
     """What a pair of cameras counts, in the image of its source and in that of its reference."""
 
@@ -78,19 +91,29 @@ def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
     return Cells(valid.astype(np.uint8), total)
 
 
-def cells_of_pair(matches: Matches, valid: Mask, amount: Floats32, steps: int, grid: ImageGrid) -> PairCells:
+def places_of(matches: Matches, grid: ImageGrid) -> PairPlaces:
+    """Where a pair's pixels are counted; both cameras' images have the same grid."""
+    height, width = matches.column.shape
+    there = np.clip(np.rint(matches.column).astype(np.intp), 0, width - 1)
+    row = np.arange(height, dtype=np.intp)[:, None]
+    if grid.place is None:
+        return PairPlaces((row // _HALF_SIDE * grid.columns + there // _HALF_SIDE).ravel(), None, grid)
+    inside = np.where(grid.place < 0, grid.rows * grid.columns, grid.place).ravel()
+    return PairPlaces(inside[(row * width + there).ravel()], inside, grid)
+
+
+def cells_of_pair(places: PairPlaces, valid: Mask, amount: Mask | Floats32, steps: int = 1) -> PairCells:
     """Count half-resolution pixels that are `valid` (h, w), and the sum of their `amount` (h, w), in `steps` a unit.
 
-    `amount` is zero where it is not valid; in the source its sign is the other one. Both cameras' images have the
-    same grid.
+    `amount` is zero where it is not valid.
     """
-    row, column = np.nonzero(valid)
-    there = np.clip(np.rint(matches.column[row, column]).astype(np.intp), 0, valid.shape[1] - 1)
-    weight = amount[row, column] * np.float32(steps)
-    source = _added_up(_place(grid, row, there), weight, grid)
-    if grid.place is not None:
-        return PairCells(source, _added_up(_place(grid, row, column), weight, grid))
-    counts, sums = (_block_sums(one) for one in (valid.astype(np.float32), amount * np.float32(steps)))
+    some = np.flatnonzero(amount)
+    weight = None if amount.dtype == np.bool_ else amount.ravel()[some] * np.float32(steps)
+    source = _counted(places.source, places.grid, valid, some, weight)
+    if places.reference is not None:
+        return PairCells(source, _counted(places.reference, places.grid, valid, some, weight))
+    summed = amount.view(np.uint8) if weight is None else np.asarray(amount * np.float32(steps), np.float32)
+    counts, sums = _block_sums(valid.view(np.uint8)), _block_sums(summed)
     return PairCells(source, Cells(counts.astype(np.uint8), _rounded(sums)))
 
 
@@ -99,17 +122,11 @@ def opposite(cells: PairCells) -> PairCells:
     return PairCells(Cells(cells.source.valid, -cells.source.total), cells.reference)
 
 
-def _place(grid: ImageGrid, row: Indices, column: Indices) -> Indices:
-    if grid.place is None:
-        return np.asarray(row // _HALF_SIDE * grid.columns + column // _HALF_SIDE)
-    return np.asarray(grid.place[row, column])
-
-
-def _added_up(place: Indices, weight: Floats32, grid: ImageGrid) -> Cells:
-    if grid.place is not None:
-        place, weight = place[place >= 0], weight[place >= 0]
-    size = grid.rows * grid.columns
-    counts, sums = np.bincount(place, minlength=size), np.bincount(place, weights=weight, minlength=size)
+def _counted(place: Indices, grid: ImageGrid, valid: Mask, some: Indices, weight: Floats32 | None) -> Cells:
+    """Counts of what is valid, and sums of the weights of `some` (M,) pixels, ones where there are none."""
+    outside = grid.rows * grid.columns
+    counts = np.bincount(np.where(valid.ravel(), place, outside), minlength=outside + 1)[:outside]
+    sums = np.bincount(place[some], weights=weight, minlength=outside + 1)[:outside]
     shape = grid.rows, grid.columns
     return Cells(_bytes(counts, *shape).astype(np.uint8), _rounded(sums.reshape(shape).astype(np.float32)))
 
@@ -122,7 +139,7 @@ def _rounded(sums: NDArray[np.floating]) -> NDArray[np.int8]:
     return np.asarray(np.clip(np.rint(sums), -_MOST, _MOST).astype(np.int8))
 
 
-def _block_sums(values: Floats32) -> Floats32:
+def _block_sums(values: Image | Floats32) -> Floats32:
     """The sums of each 4 x 4 values; beyond the right and lower edge all are zero."""
     height, width = values.shape
     below, beside = -height % _HALF_SIDE, -width % _HALF_SIDE

@@ -57,7 +57,7 @@ def matches_of(stereo: StereoMap) -> Matches:
     step = HALF // stereo.step
     disparity, valid = stereo.disparity_px[::step, ::step] / np.float32(HALF), stereo.valid[::step, ::step]
     column = np.arange(disparity.shape[1], dtype=np.float32) - disparity
-    return Matches(np.nan_to_num(column, nan=-1), _inside(valid) & ~_occluded(column))
+    return Matches(np.where(np.isnan(column), np.float32(-1), column), _inside(valid) & ~_occluded(column))
 
 
 def photometric_consistency(
@@ -95,7 +95,10 @@ def _inside(valid: Mask) -> Mask:
 
 def _occluded(column: Floats32) -> Mask:
     """The pixels that a nearer surface to their right occludes from the source: its match lies left of theirs."""
-    leftmost = np.minimum.accumulate(np.nan_to_num(column, nan=np.inf)[:, ::-1], axis=1)[:, ::-1]
+    leftmost, reach = np.where(np.isnan(column), np.float32(np.inf), column), 1
+    while reach < column.shape[1]:  # the least of the next 2, 4, 8 ... pixels
+        leftmost[:, :-reach] = np.minimum(leftmost[:, :-reach], leftmost[:, reach:])
+        reach *= 2
     occluded = (column - leftmost > PHOTOMETRIC_CONSISTENCY.lands_left_px).astype(np.uint8)
     return np.asarray(cv2.dilate(occluded, _AROUND_OCCLUDED), dtype=np.bool_)
 

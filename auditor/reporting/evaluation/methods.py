@@ -19,7 +19,7 @@ def by_method(rows: Mapping[str, Rows], method: str) -> dict[str, Rows]:
 
 _INTERVAL_OF = {
     ("false_alarms", "not_clean"): "not_clean_",
-    ("identification", "innocents"): "innocent_",
+    ("identification", "misnamed"): "misnaming_",
     ("further", "named"): "naming_",
 }
 """What the ends of a count's interval begin with, where it is not the query's first count."""
@@ -30,7 +30,7 @@ def method_grids(paper: Answers, robust: Answers) -> dict[str, list[Grid]]:
     if not robust.modes:
         return {"methods": []}
     parts = {
-        "Attacks of the paper": [*_not_clean(paper), *_detection(paper), *_identification(paper), *_innocents(paper)],
+        "Attacks of the paper": [*_not_clean(paper), *_detection(paper), *_identification(paper), *_misnamed(paper)],
         "How small an attack is detected": list(_sensitivity(paper)),
         "Attacks and faults beyond those of the paper": list(_further(paper)),
     }
@@ -67,9 +67,9 @@ def _identification(answers: Answers) -> Iterator[tuple[str, Lookup]]:
         yield f"{label}: exactly named", _looking("identification", "named", **where)
 
 
-def _innocents(answers: Answers) -> Iterator[tuple[str, Lookup]]:
+def _misnamed(answers: Answers) -> Iterator[tuple[str, Lookup]]:
     for label, where in _attacked(answers):
-        yield f"{label}: a sensor named that was not", _looking("identification", "innocents", **where)
+        yield f"{label}: a sensor named that was not", _looking("identification", "misnamed", **where)
 
 
 def _attacked(answers: Answers) -> Iterator[tuple[str, dict[str, object]]]:

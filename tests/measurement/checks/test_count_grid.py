@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auditor.measurement.checks.count_grid import ImageGrid, cells_of_pair, cells_of_points, opposite
+from auditor.measurement.checks import count_grid
+from auditor.measurement.checks.count_grid import ImageGrid, cells_of_points, opposite, places_of
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.checks.photometric_consistency import Matches
 from auditor.measurement.disparity.lidar import lidar_view
@@ -22,6 +23,10 @@ def matches(height, width, shift=0.0):
     return Matches(column, np.ones((height, width), dtype=np.bool_))
 
 
+def cells_of_pair(found, valid, amount, steps, grid):
+    return count_grid.cells_of_pair(places_of(found, grid), valid, amount, steps)
+
+
 def by_hand(values, rows, columns):
     """The sums of each 4 x 4 half-resolution pixels."""
     return [[values[4 * r : 4 * r + 4, 4 * c : 4 * c + 4].sum() for c in range(columns)] for r in range(rows)]
@@ -34,7 +39,9 @@ def test_each_valid_pixel_is_counted_once_in_each_image(height, width, shift, se
     valid = (rng.random((height, width)) < 0.6) & (np.arange(width) >= shift)
     wrong = valid & (rng.random((height, width)) < 0.3)
     grid = ImageGrid.of(height, width)
-    cells = cells_of_pair(matches(height, width, shift), valid, wrong.astype(np.float32), 1, grid)
+    cells = cells_of_pair(
+        matches(height, width, shift), valid, wrong if seed % 2 else wrong.astype(np.float32), 1, grid
+    )
     shape = -(-height // 4), -(-width // 4)
     for image in (cells.source, cells.reference):
         assert image.valid.shape == image.total.shape == shape
