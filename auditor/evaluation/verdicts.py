@@ -8,7 +8,7 @@ import numpy as np
 
 from auditor.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.evaluation.experiments import scenario_1
-from auditor.identification.marks import clean_without_lidar, is_another_lidar
+from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.identification.systems import System
@@ -54,7 +54,7 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
             blocks[one.block].append(place)
     for sensors in systems(cases.rig) if blocks else ():
         system = _system(cases.rig, sensors)
-        thresholds = _thresholds(window.clean(system), system)
+        thresholds = _thresholds(window.clean(system), system, cases.rig)
         for block, inside in blocks.items():
             chosen = [place for place in inside if _is_judged(cases.known[place], sensors, cases.rig)]
             if not chosen:
@@ -85,10 +85,12 @@ def _system(rig: Rig, sensors: Sequence[int]) -> System:
     return System(sensor_checks, tuple(t for t in rig.triples if set(t) <= chosen), tuple(sensors), fallback)
 
 
-def _thresholds(drives: Sequence[CleanSeries], system: System) -> Callable[[Block], dict[str, RobustThresholds]]:
+def _thresholds(
+    drives: Sequence[CleanSeries], system: System, rig: Rig
+) -> Callable[[Block], dict[str, RobustThresholds]]:
     """For the cases of a block: thresholds by what was left out. Where no clean frame remains they are the prior.
 
-    As in a scan nothing is learnt of the LiDAR where that of the recording is another one.
+    As in a scan more isolated points are expected where the LiDAR of the recording is sparser than theirs.
     """
     family_of = {one.frames.recording_id: one.family for one in drives}
     shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
@@ -99,9 +101,9 @@ def _thresholds(drives: Sequence[CleanSeries], system: System) -> Callable[[Bloc
 
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
-        if is_another_lidar(clean, returns[recording]):
-            clean = list(map(clean_without_lidar, clean))
-        return thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
+        found = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
+        halvings = halvings_of_points(clean, rig, returns[recording])
+        return for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
 
     @cache
     def of_recording(recording: str) -> dict[str, RobustThresholds]:

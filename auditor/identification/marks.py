@@ -31,7 +31,7 @@ def marks_of(
     return Marks(
         similarity=similarity,
         in_sample=recording_id in calibration.recordings,
-        other_lidar=abs(halvings) > log2(OTHER_LIDAR.factor),
+        other_lidar=is_another_lidar(halvings),
         measured_otherwise=_measured_otherwise(calibration.clean, versions),
     )
 
@@ -44,6 +44,11 @@ def halvings_of_points(clean: Sequence[CleanFrames], rig: Rig, returns: Floats) 
     """
     usual, own = _median([_median(one.returns) for one in clean]) if clean else _of_prior(rig), _median(returns)
     return log2(usual / own) if usual > 0 and own > 0 else nan
+
+
+def is_another_lidar(halvings: float) -> bool:
+    """Whether so many halvings of the points in view make another LiDAR of it; NaN does not."""
+    return abs(halvings) > log2(OTHER_LIDAR.factor)
 
 
 def for_sparser_lidar(thresholds: RobustThresholds, halvings: float) -> RobustThresholds:

@@ -195,7 +195,7 @@ class LightOfCauses:
     """What dirt and exposures do to the scores of a camera's checks, and an attack by light does not."""
 
     least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
-    added_share: float = parameter(0.7, unit="of removed light's z, added light less: dirt", source=_BENIGN)
+    darker: float = parameter(1.35, unit="times added light, removed light: dirt", source=_BENIGN)
     least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
     blind: float = parameter(
         6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN
@@ -220,7 +220,7 @@ class Frozen:
 
 @dataclass(frozen=True)
 class OtherLidar:
-    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings give half the points."""
+    """When a LiDAR is not the one that was calibrated, and what is expected of it: half the rings, half the points."""
 
     factor: float = parameter(
         1.4,
