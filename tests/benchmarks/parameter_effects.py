@@ -1,7 +1,7 @@
 """The effect of every number that measures or judges, 20 % lower and 20 % higher (docs/parameters.md).
 
 Judging parameters: the scenes that `python -m tests.benchmarks.clean_statistics` measured are judged again. Measuring
-parameters: seven frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
+parameters: four frames of three real drives, clean and attacked, are measured anew and judged by the prior alone.
 What was found is kept in a file of JSON lines, and a run that was stopped goes on where it was:
 
     python -m tests.benchmarks.parameter_effects judging --scenes FOLDER --streets FOLDER --kept judging.jsonl
@@ -38,7 +38,7 @@ R = Decimal("0.01")
 RIGS = ((1, 2, 3, 4), (1, 2, 3), (1, 3))
 """The cameras that kept scenes are judged by: priors differ by how many take part."""
 
-FRAMES = {"0009": 3, "0001": 2, "04": 2}
+FRAMES = {"0009": 2, "0001": 1, "04": 1}
 """By drive how many of its frames the measuring parameters are tried on."""
 
 COUNTED_WHEN_MEASURED = {"windowed_mean", "disparity_error_samples", "pair_depth", "stored_residuals"}
@@ -146,8 +146,8 @@ def judged(drives: Path, streets: Path) -> Columns:
     With two cameras nothing can be named, and an attacked frame counts where it is found.
     """
     from auditor.model.verdict import VerdictKind  # noqa: PLC0415 - its module reads parameters
-    from tests.benchmarks.clean_statistics import load  # noqa: PLC0415
     from tests.benchmarks.rates import judge_all  # noqa: PLC0415
+    from tests.benchmarks.scenes import load  # noqa: PLC0415
 
     found: Columns = dict.fromkeys(JUDGED_COLUMNS, 0)
     scenes = load(drives)
@@ -217,8 +217,9 @@ def measured(frames: Path, maps: dict) -> Columns:
     from auditor.identification.scores import normalised_scores, thresholds_from  # noqa: PLC0415
     from auditor.measurement import measure, use_one_thread  # noqa: PLC0415
     from auditor.model.rig import LIDAR  # noqa: PLC0415
-    from tests.benchmarks.clean_statistics import MATCHER, Scene, case_of  # noqa: PLC0415
+    from tests.benchmarks.clean_statistics import MATCHER, case_of  # noqa: PLC0415
     from tests.benchmarks.rates import system_of  # noqa: PLC0415
+    from tests.benchmarks.scenes import Scene  # noqa: PLC0415
 
     use_one_thread()
     matcher = RememberedMatcher(MATCHER, maps)
@@ -270,6 +271,7 @@ def keep_all(kept: Path, work: Callable[[Variant | None], Columns], groups: Mapp
         value = None if variant is None else getattr(groups[variant.group], variant.name)
         line = {"variant": as_kept, "value": value, "found": in_child(of_variant)}
         if variant is None:
+            assert FAILED not in line["found"], line
             line |= {"commit": commit(), "date": f"{datetime.now(UTC):%Y-%m-%d}"}
         with kept.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
