@@ -333,8 +333,14 @@ def table(kept: Path) -> Iterator[str]:
     for key in sorted((key for key in effects if effects[key]), key=lambda one: -effects[one]):
         cells = [difference(found[key], columns, name) for name in columns]
         yield f"| {shown(key)} | {values[key]:.4g} | {' | '.join(cells)} |"
-    nothing = [shown(key) for key in effects if not effects[key]]
-    for text, names in (("Without any effect here", nothing), ("Refused by the program", [*map(shown, failed)])):
+    same = {key for key, tried in found.items() if all(one == columns for one in tried.values())}
+    lists = {
+        "Below 0.005 in every column": {key for key in effects if not effects[key]} - same,
+        "Without any effect here": same,
+        "Refused by the program": failed,
+    }
+    for text, keys in lists.items():
+        names = map(shown, keys)
         yield from ("", *wrap(f"{text}: {', '.join(sorted(names)) or 'none'}.", 115, break_on_hyphens=False))
 
 
