@@ -15,6 +15,7 @@ from auditor.identification.parameters import (
     FAULT_SCALE,
     FAULT_SCORES,
     FROZEN,
+    HIERARCHY,
     LIGHT_OF_CAUSES,
     TEMPORAL_WINDOW,
 )
@@ -118,22 +119,30 @@ def fault_hypotheses(
 
 
 class Seen(NamedTuple):
-    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured."""
+    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
+
+    `darker` is how many times as large as added light removed light is, of the statistics themselves.
+    """
 
     added: float
     removed: float
     inconsistent: float
+    darker: float
 
 
-def seen_of(verdict: Verdict, z: Floats, system: System) -> dict[int, Seen]:
-    """What the cameras of a finding's evidence show, from the scores (M,) of its frame."""
+def seen_of(verdict: Verdict, z: Floats, statistics: Floats, system: System) -> dict[int, Seen]:
+    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame."""
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
     found = {}
     for sensor in sorted(named):
         columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
-        own = ((system.sensor_checks[column], float(z[column])) for column in columns.tolist())
-        scores = {check.check: score for check, score in own if check.sensor == sensor}
-        found[sensor] = Seen(*(scores.get(check, np.nan) for check in CAMERA_CHECKS))
+        own = {
+            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
+        }
+        added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
+        if added is not None and removed is not None and inconsistent is not None:
+            darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
+            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker)
     return found
 
 
@@ -145,7 +154,7 @@ def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     """
     found = []
     for sensor, one in seen.items():
-        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.added < LIGHT_OF_CAUSES.added_share * one.removed:
+        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))

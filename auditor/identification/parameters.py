@@ -144,9 +144,6 @@ class TemporalWindow:
 class Naming:
     """How sensors are named."""
 
-    another: float = parameter(
-        1.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
-    )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
@@ -195,7 +192,7 @@ class LightOfCauses:
     """What dirt and exposures do to the scores of a camera's checks, and an attack by light does not."""
 
     least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
-    added_share: float = parameter(0.7, unit="of removed light's z, added light less: dirt", source=_BENIGN)
+    darker: float = parameter(1.35, unit="times added light, removed light: dirt", source=_BENIGN)
     least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
     blind: float = parameter(
         6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN

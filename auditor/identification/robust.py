@@ -89,14 +89,15 @@ def judge_frames(
     still = sensors_where(system.sensors, series.frozen[judged])
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
 
-    def weighed(verdicts: Sequence[Verdict], scores: Floats, limit: float) -> list[Verdict]:
+    def weighed(verdicts: Sequence[Verdict], scores: Floats, statistics: Floats, limit: float) -> list[Verdict]:
         return [
-            weigh(verdict, causes, limit, seen_of(verdict, row, system))
-            for verdict, row, causes in zip(verdicts, scores[judged], hypotheses, strict=True)
+            weigh(verdict, causes, limit, seen_of(verdict, z_of, T, system) if verdict.evidence else {})
+            for verdict, causes, z_of, T in zip(verdicts, hypotheses, scores[judged], statistics[judged], strict=True)
         ]
 
-    of_frames = weighed(frames, z, thresholds.limit)
-    of_windows = weighed(windows, z_window, of_window)
+    means = window_means(series.statistics, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
+    of_frames = weighed(frames, z, series.statistics, thresholds.limit)
+    of_windows = weighed(windows, z_window, means, of_window)
     return list(map(_with_finding, of_frames, of_windows))
 
 

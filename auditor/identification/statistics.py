@@ -1,20 +1,23 @@
 """The statistics of the sensor checks, from counts on grids; and means of scores over the temporal window."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
-from auditor.model.arrays import Floats, Floats32, Indices, Integers
+from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
 from auditor.model.checks import FEWEST_VOTERS, LIDAR_CHECKS, Check, CountedPair, SensorCheck
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
-"""Counts of pixels or points a cell: (rows, columns)."""
+"""Counts of pixels or points a cell: (..., rows, columns)."""
 
 NANOSECONDS = 1_000_000_000
+
+_HIGHEST = np.float32(1)
+"""No mean is larger."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +35,19 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class WindowMeans:
-    """(rows, columns) the mean of each window of a grid, NaN where it has too few pixels."""
+    """The means of all windows of V grids, (V, rows, columns), and which of them have enough pixels to be known."""
 
     means: Floats32
+    known: Mask
+
+    def of(self, places: Sequence[int]) -> "WindowMeans":
+        """Those of some of the grids."""
+        return WindowMeans(self.means[places], self.known[places])
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Rows and columns."""
-        return self.means.shape
+    def opposite(self) -> "WindowMeans":
+        """The same with the other sign."""
+        return WindowMeans(-self.means, self.known)
 
 
 CONFLICT_WINDOW = Window(
@@ -60,40 +68,53 @@ def sensor_statistics(
 
     `cells` holds the counts of the checks that are counted on grids, `shares` the statistics of the others.
     """
-    windows = {counted: window_means_of(counted, grid) for counted, grid in cells.items()}
-    conflicts = {(c.i, c.k): means for c, means in windows.items() if c.check is Check.LIDAR_CONFLICT}
-    others = {
-        check: {(c.sensor, c.other): means for c, means in windows.items() if c.check is check}
-        for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
-    }
-    darker = {place: WindowMeans(-means.means) for place, means in others[Check.ADDED_LIGHT].items()}
-    by_check = others | {Check.REMOVED_LIGHT: darker}
+    conflicts = [counted for counted in cells if counted.check is Check.LIDAR_CONFLICT]
+    of_conflicts = window_means_of(conflicts, cells) if conflicts else None
+    of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
 
     def statistic(one: SensorCheck) -> float | None:
         if one.check in LIDAR_CHECKS:
             return shares.get(one)
         if one.check is Check.LIDAR_CONFLICT:
-            pairs = [means for pair, means in conflicts.items() if set(pair) <= set(one.others)]
-            return _conflict(pairs) if pairs else None
-        voters = [by_check[one.check].get((one.sensor, other)) for other in one.others]
-        known = [means for means in voters if means is not None]
-        return vote(one.check, known) if len(known) == len(voters) else None
+            pairs = [place for place, pair in enumerate(conflicts) if {pair.i, pair.k} <= set(one.others)]
+            return _mean_vote(of_conflicts.of(pairs)) if of_conflicts is not None and pairs else None
+        counted = Check.ADDED_LIGHT if one.check is Check.REMOVED_LIGHT else one.check
+        others, windows = of_cameras.get((counted, one.sensor), ([], None))
+        if windows is None or not set(one.others) <= set(others):
+            return None
+        voters = windows.of([others.index(other) for other in one.others])
+        return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters)
 
     return tuple(statistic(one) for one in sensor_checks)
 
 
-def window_means_of(counted: CountedPair, cells: Cells) -> WindowMeans:
-    """The mean residual, or the share of inconsistent pixels or points, of each window of a grid."""
-    lidar = counted.check is Check.LIDAR_CONFLICT
-    window = fitted(CONFLICT_WINDOW, cells.valid) if lidar else IMAGE_WINDOW
-    N, B = window_sums(cells.valid, window), window_sums(cells.total, window)
-    steps = LIGHT_STEPS if counted.check is Check.ADDED_LIGHT else 1
-    means = B / ((N + window.pseudo_count) * np.float32(steps))
-    means[window.fewest > N] = np.nan
-    return WindowMeans(means.astype(np.float32))
+def _by_subject(
+    cells: Mapping[CountedPair, Cells],
+) -> Iterator[tuple[tuple[Check, int], list[int], list[CountedPair]]]:
+    """By check and camera: the cameras that it was compared with, and the grids of its own image."""
+    found: dict[tuple[Check, int], list[CountedPair]] = {}
+    for counted in cells:
+        if counted.check is not Check.LIDAR_CONFLICT:
+            found.setdefault((counted.check, counted.sensor), []).append(counted)
+    for subject, grids in found.items():
+        yield subject, [counted.other for counted in grids], grids
 
 
-def vote(check: Check, voters: Sequence[WindowMeans]) -> float | None:
+def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Cells]) -> WindowMeans:
+    """The mean residual, or the share of inconsistent pixels or points, of each window of some grids of one check."""
+    [check] = {counted.check for counted in grids}
+    valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
+    window = CONFLICT_WINDOW if check is Check.LIDAR_CONFLICT else IMAGE_WINDOW
+    steps = np.float32(LIGHT_STEPS if check is Check.ADDED_LIGHT else 1)
+    N, B = window_sums(valid, window), window_sums(total, window)
+    windows = [fitted(window, one) for one in N] if check is Check.LIDAR_CONFLICT else [window] * len(N)
+    pseudo_count, fewest = (
+        np.array([getattr(one, name) for one in windows])[:, None, None] for name in ("pseudo_count", "fewest")
+    )
+    return WindowMeans((B / ((N + pseudo_count) * steps)).astype(np.float32), fewest <= N)
+
+
+def vote(check: Check, voters: WindowMeans) -> float | None:
     """The largest over all windows of what a camera's voters say of it there; None where no window has enough voters.
 
     Two at least must have compared the window, where there are two. Light only adds, and a voter that is attacked
@@ -101,48 +122,42 @@ def vote(check: Check, voters: Sequence[WindowMeans]) -> float | None:
     their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, it is
     the smallest.
     """
-    values = np.stack([one.means for one in voters])
-    known = ~np.isnan(values)
-    count = known.sum(axis=0)
-    enough = count >= min(FEWEST_VOTERS, len(voters))
-    if not enough.any():
-        return None
-    values = values[:, enough]
-    smallest = np.fmin.reduce(values)
+    if check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS:
+        return _mean_vote(voters)
+    smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:
-        mean = np.nansum(values, axis=0) / count[enough]
-        found = mean if len(voters) <= FEWEST_VOTERS else np.sqrt(np.maximum(mean, 0) * np.maximum(smallest, 0))
-    else:
-        found = smallest
-    return max(float(found.max()), 0.0)
+        smallest = np.sqrt(np.maximum(_mean(voters), 0) * np.maximum(smallest, 0))
+    return _largest(smallest, voters)
 
 
-def _conflict(pairs: Sequence[WindowMeans]) -> float | None:
-    """The largest mean of the pairs that compared enough points in a direction, two of them where there are two."""
-    values = np.stack([one.means for one in pairs])
-    count = (~np.isnan(values)).sum(axis=0)
-    enough = count >= min(FEWEST_VOTERS, len(pairs))
-    if not enough.any():
-        return None
-    return float((np.nansum(values[:, enough], axis=0) / count[enough]).max())
+def _mean_vote(voters: WindowMeans) -> float | None:
+    """The largest mean of what the voters say."""
+    return _largest(_mean(voters), voters)
 
 
-def strongest_window(means: WindowMeans) -> tuple[float, int, int] | None:
-    """The largest mean, and the first cell (row, column) of its window; None where no window has enough pixels."""
-    if np.isnan(means.means).all():
-        return None
-    row, column = np.unravel_index(int(np.nanargmax(means.means)), means.shape)
-    return float(means.means[row, column]), int(row), int(column)
+def _mean(voters: WindowMeans) -> Floats:
+    """(rows, columns) the mean of what is known, 0 where nothing is."""
+    total = np.add.reduce(np.where(voters.known, voters.means, np.float32(0)))
+    return np.asarray(total / np.maximum(_count(voters), 1))
 
 
-def fitted(window: Window, valid: Grid) -> Window:
+def _largest(said: NDArray[np.floating], voters: WindowMeans) -> float | None:
+    """The largest of (rows, columns) where two voters, or the only one, compared a window; 0 at least."""
+    enough = _count(voters) >= min(FEWEST_VOTERS, len(voters.means))
+    return max(float(said[enough].max()), 0.0) if enough.any() else None
+
+
+def _count(voters: WindowMeans) -> Integers:
+    return np.asarray(np.add.reduce(voters.known, dtype=np.int64))
+
+
+def fitted(window: Window, sums: Integers) -> Window:
     """The window for LiDARs of fewer beams: its pseudo-count is half of a dense window's count, 15 points at least.
 
-    `valid` are the frame's own (rows, columns) counts; dense is the 90th percentile of the windows that hold any:
-    neither the sky nor an attacked part of the view moves it much. It is never larger than that of `window`, and the
-    fewest points shrink with it.
+    `sums` are the valid points of the frame's own windows; dense is the 90th percentile of those that hold any: neither
+    the sky nor an attacked part of the view moves it much. It is never larger than that of `window`, and the fewest
+    points shrink with it.
     """
-    sums = window_sums(valid, window)
     held = sums[sums > 0]
     dense = float(np.quantile(held, WINDOWED_MEAN.dense_quantile)) if held.size else 0.0
     pseudo_count = max(round(WINDOWED_MEAN.share_of_dense * dense), WINDOWED_MEAN.smallest_pseudo_count)
@@ -150,12 +165,13 @@ def fitted(window: Window, valid: Grid) -> Window:
     return replace(window, pseudo_count=pseudo_count, fewest=window.fewest * pseudo_count // window.pseudo_count)
 
 
-def window_sums(grid: Grid, window: Window) -> Integers:
-    """The sum of every whole window, from a summed-area table; none where the grid is smaller than a window."""
-    table = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), dtype=np.int32)
-    table[1:, 1:] = grid.cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
+def window_sums(grids: Grid, window: Window) -> Integers:
+    """The sums of every whole window of (..., rows, columns) counts; none where a grid is smaller than a window."""
+    *many, rows, columns = grids.shape
+    table = np.zeros((*many, rows + 1, columns + 1), dtype=np.int32)
+    np.cumsum(np.cumsum(grids, axis=-2, dtype=np.int32), axis=-1, out=table[..., 1:, 1:])
     r, c = window.rows, window.columns
-    return np.asarray(table[r:, c:] - table[:-r, c:] - table[r:, :-c] + table[:-r, :-c])
+    return np.asarray(table[..., r:, c:] - table[..., :-r, c:] - table[..., r:, :-c] + table[..., :-r, :-c])
 
 
 def runs_of(stamp_ns: Integers) -> Integers:

@@ -59,9 +59,9 @@ class Cause(StrEnum):
     """What other than an attack may cause a finding.
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
-    SOILED: dirt on a lens, or whatever else takes light away. EXPOSURE: a camera's exposure, gain or tone is not what
-    it usually is beside the others. DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees
-    drops all around.
+    SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. EXPOSURE: a camera's
+    exposure, gain or tone is not what it usually is beside the others. DARK, GLARE: too little or too much light in all
+    cameras. RAIN: the LiDAR sees drops all around.
     """
 
     FROZEN = "frozen"

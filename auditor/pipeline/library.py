@@ -184,10 +184,10 @@ def scan(
 ) -> Iterator[Scanned]:
     """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
 
-    `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits. `jobs`
-    recordings (None: as many as cores) are measured at a time, each in a process of its own that may take
-    `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured again, unless
-    `measure_again`; then the earlier measurement goes, with its judgements.
+    `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits, or the
+    prior where none does. `jobs` recordings (None: as many as cores) are measured at a time, each in a process of its
+    own that may take `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured
+    again, unless `measure_again`; then the earlier measurement goes, with its judgements.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.

@@ -4,11 +4,20 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.faults import ObservedFeatures, fault_hypotheses, fault_scores, faults_of, unlit, weigh
+from auditor.identification.faults import (
+    ObservedFeatures,
+    Seen,
+    dirt,
+    fault_hypotheses,
+    fault_scores,
+    faults_of,
+    seen_of,
+    weigh,
+)
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
-from auditor.model.checks import COLUMNS, Check, sensor_checks_of
+from auditor.model.checks import CAMERA_CHECKS, COLUMNS, sensor_checks_of
 from auditor.model.rig import triples_of
 from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind
 
@@ -209,7 +218,7 @@ def test_theta_of_a_fault_is_just_enough_or_what_clean_frames_seldom_exceed():
     assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
 
 
-def test_an_exposure_is_unusual_above_and_below_what_is_usual():
+def test_an_exposure_is_unusual_above_and_below_what_is_usual_until_it_dazzles():
     usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 2, 20), 4.0)
     assert usual == Scale(2.0, 0.5, 2, usual=1.5)
     scores = {(Cause.EXPOSURE, 1): np.array([1.5, 3.49, 3.51, -0.51, -0.49])}
@@ -217,6 +226,8 @@ def test_an_exposure_is_unusual_above_and_below_what_is_usual():
         any(one.score >= 0.5 for one in frame) for frame in fault_hypotheses(scores, dict.fromkeys(scores, usual))
     ]
     assert listed == [False, False, True, True, False]
+    far = {(Cause.EXPOSURE, 1): np.array([4.0, 4.01, -9.0])}
+    assert [bool(frame) for frame in fault_hypotheses(far, dict.fromkeys(far, usual))] == [True, False, True]
 
 
 def test_the_usual_exposure_is_that_of_the_rigs_own_drives_and_no_prior():
@@ -231,7 +242,7 @@ def test_the_usual_exposure_is_that_of_the_rigs_own_drives_and_no_prior():
 
 
 def test_of_two_certain_causes_the_more_unusual_is_first():
-    scores = {(Cause.EXPOSURE, 1): np.array([3.0]), (Cause.EXPOSURE, 2): np.array([-5.0])}
+    scores = {(Cause.EXPOSURE, 1): np.array([2.4]), (Cause.EXPOSURE, 2): np.array([-5.0])}
     [found] = fault_hypotheses(scores, dict.fromkeys(scores, Scale(1.0, 0.25, 3, usual=0.0)))
     assert found == ((Cause.EXPOSURE, 2, 1.0), (Cause.EXPOSURE, 1, 1.0))
 
@@ -280,81 +291,89 @@ def test_less_likely_causes_are_only_listed():
     assert weigh(CLEAN, faint, LIMIT) == CLEAN
 
 
-def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():
-    dirt = (FaultHypothesis(Cause.SOILED, 2, 0.5),)
-    assert weigh(verdict(), dirt, LIMIT).kind is VerdictKind.ATTACKED
-    assert weigh(verdict(attacked=(2,), i=2, lead=9.0), dirt, LIMIT).kind is VerdictKind.SUSPECT
-    assert weigh(CLEAN, dirt, LIMIT) == CLEAN
-
-
-def evidence(**scores):
-    """An attack on S_1 by some checks of it, each so far above the limit."""
-    found = tuple(Evidence(check, 1, None, None, LIMIT + lead) for check, lead in scores.items())
-    return replace(CLEAN, kind=VerdictKind.ATTACKED, attacked=(1,), evidence=found)
+NOTHING = Seen(added=0.0, removed=0.0, inconsistent=4.0, darker=1.0)
+DIRT = Seen(added=3.5, removed=4.0, inconsistent=4.0, darker=2.0)
 
 
 @pytest.mark.parametrize(
-    ("found", "kind"),
+    ("seen", "score"),
     [
-        (evidence(photometric_inconsistency=9.0), VerdictKind.SUSPECT),  # it saturates, and sees nothing there
-        (evidence(added_light=2.0), VerdictKind.SUSPECT),
-        (evidence(added_light=2.01), VerdictKind.ATTACKED),
-        (evidence(added_light=0.5, photometric_inconsistency=0.5), VerdictKind.ATTACKED),
-        (CLEAN, VerdictKind.CLEAN),
+        (DIRT, 1.0),
+        (DIRT._replace(removed=2.0, darker=1.35), 1.0),
+        (DIRT._replace(removed=1.99), None),
+        (DIRT._replace(darker=1.34), None),
+        (NOTHING, 0.5),
+        (NOTHING._replace(added=1.49, inconsistent=5.99), 0.5),
+        (NOTHING._replace(added=1.5), None),
+        (NOTHING._replace(inconsistent=6.0), None),
+        (Seen(NAN, NAN, NAN, NAN), None),
     ],
 )
-def test_an_exposure_explains_levels_or_what_is_seen_and_not_both_and_is_no_finding(found, kind):
+def test_a_camera_that_lacks_light_or_has_none_too_much_is_soiled(seen, score):
+    assert dirt({2: seen}) == (() if score is None else ((Cause.SOILED, 2, score),))
+
+
+def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():
+    assert weigh(verdict(lead=9.0), (), LIMIT, {2: DIRT}) == verdict(lead=9.0)
+    weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: NOTHING})
+    assert (weighed.kind, weighed.causes) == (VerdictKind.SUSPECT, ((Cause.SOILED, 1, 0.5),))
+    assert weigh(CLEAN, (FaultHypothesis(Cause.SOILED, 1),), LIMIT) == CLEAN
+
+
+def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_less_likely():
+    late, glare = FaultHypothesis(Cause.LATE, 1, 0.6), FaultHypothesis(Cause.GLARE, None, 0.9)
+    weighed = weigh(verdict(), (glare, late), LIMIT, {1: DIRT})
+    assert weighed.causes == (late, (Cause.SOILED, 1, 1.0), glare)
+
+
+SATURATED = Seen(added=1.99, removed=0.0, inconsistent=9.0, darker=0.5)
+BRIGHTER = Seen(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
+
+
+@pytest.mark.parametrize(
+    ("seen", "kind"),
+    [
+        (SATURATED, VerdictKind.SUSPECT),
+        (SATURATED._replace(added=2.0), VerdictKind.ATTACKED),
+        (BRIGHTER, VerdictKind.SUSPECT),
+        (BRIGHTER._replace(added=LIMIT + 2.01), VerdictKind.ATTACKED),
+        (BRIGHTER._replace(inconsistent=1.0), VerdictKind.ATTACKED),
+    ],
+)
+def test_an_exposure_explains_what_saturates_or_what_is_a_little_brighter_and_looks_the_same(seen, kind):
     exposure = (FaultHypothesis(Cause.EXPOSURE, 1, 0.5),)
-    weighed = weigh(found, exposure, LIMIT)
+    weighed = weigh(verdict(), exposure, LIMIT, {1: seen})
     assert (weighed.kind, weighed.causes) == (kind, exposure)
-    assert weigh(found, (FaultHypothesis(Cause.EXPOSURE, 2, 0.9),), LIMIT).kind is found.kind
+    assert weigh(verdict(), exposure, LIMIT).kind is VerdictKind.ATTACKED, "nothing is known of what it shows"
+
+
+def test_an_exposure_is_listed_where_no_check_fired_and_is_no_finding():
+    exposure = (FaultHypothesis(Cause.EXPOSURE, 1, 0.9),)
+    assert weigh(CLEAN, exposure, LIMIT) == replace(CLEAN, causes=exposure)
 
 
 SYSTEM = System(sensor_checks_of(((1, 2), (1, 3), (2, 3)), ((1, 3),), ()), triples_of(3, lidar=True), SENSORS)
 
 
-def scores_z(**of_camera_1):
-    """(M,) scores 0 but for those of S_1 by both other cameras."""
-    z = np.zeros(len(SYSTEM.sensor_checks))
-    for column, one in enumerate(SYSTEM.sensor_checks):
-        if one.sensor == 1 and one.others == (2, 3):
-            z[column] = of_camera_1.get(one.check.value, 0.0)
-    return z
-
-
-@pytest.mark.parametrize(
-    ("fired", "z", "score"),
-    [
-        (("removed_light",), {"removed_light": 5.0, "added_light": 2.9}, 1.0),
-        (("removed_light", "added_light"), {"removed_light": 6.0, "added_light": 5.0}, 1.0),
-        (("removed_light", "added_light"), {"removed_light": 6.0, "added_light": 5.1}, None),
-        (("photometric_inconsistency",), {"removed_light": 2.0, "added_light": 1.9}, 1.0),
-        (("photometric_inconsistency",), {"removed_light": 1.9, "added_light": 1.6}, None),
-        (("photometric_inconsistency",), {"removed_light": 1.9, "added_light": 1.4}, 0.5),
-        (("photometric_inconsistency",), {"removed_light": 1.9, "added_light": np.nan}, None),
-        (("added_light",), {"removed_light": 1.0, "added_light": 4.0}, None),
-    ],
-)
-def test_a_camera_that_lacks_light_or_has_none_too_much_is_soiled(fired, z, score):
-    found = unlit(evidence(**dict.fromkeys(fired, 1.0)), scores_z(**z), SYSTEM)
-    assert found == (() if score is None else ((Cause.SOILED, 1, score),))
-
-
-def test_dirt_is_judged_without_the_votes_of_other_named_cameras_and_not_of_the_lidar():
-    both = replace(
-        evidence(removed_light=1.0),
-        attacked=(0, 1, 2),
-        evidence=(
-            *evidence(removed_light=1.0).evidence,
-            Evidence(Check.ADDED_LIGHT.value, 2, None, None, 5.0),
-            Evidence(Check.LIDAR_CONFLICT.value, 0, None, None, 5.0),
-        ),
+def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
+    columns = {(one.check, one.sensor, one.others): n for n, one in enumerate(SYSTEM.sensor_checks)}
+    z, statistics = np.zeros((2, len(columns)))
+    for others, scores in (((2, 3), (3.0, 4.0, 5.0)), ((3,), (6.0, 7.0, 8.0))):
+        for check, score in zip(CAMERA_CHECKS, scores, strict=True):
+            z[columns[check, 1, others]], statistics[columns[check, 1, others]] = score, score / 10
+    alone, both = (
+        replace(CLEAN, kind=VerdictKind.ATTACKED, evidence=tuple(Evidence(*one, None, None, 5.0) for one in found))
+        for found in (
+            [("removed_light", 1), ("lidar_conflict", 0)],
+            [("removed_light", 1), ("added_light", 2), ("lidar_conflict", 0)],
+        )
     )
-    z = np.full(len(SYSTEM.sensor_checks), 4.0)
-    for column, one in enumerate(SYSTEM.sensor_checks):
-        if (one.check, one.sensor, one.others) == (Check.ADDED_LIGHT, 1, (3,)):
-            z[column] = 1.0
-    assert unlit(both, z, SYSTEM) == ((Cause.SOILED, 1, 1.0),)
+    assert seen_of(alone, z, statistics, SYSTEM) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32))}
+    assert seen_of(both, z, statistics, SYSTEM)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62))
+    without_3 = replace(alone, out_of_system=(3,))
+    assert seen_of(without_3, z, statistics, SYSTEM)[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"
+    unclear = replace(CLEAN, evidence=(Evidence("added_light", 1, None, 2, 5.0),))
+    assert seen_of(unclear, z, statistics, SYSTEM) == {}, "of two cameras neither is named"
 
 
 def test_darkness_is_listed_where_no_check_fired_and_explains_no_light():

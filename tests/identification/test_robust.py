@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 
 from auditor.identification.prior import statistic_at
-from auditor.identification.robust import FrameSeries, judge_frames, window_scores
+from auditor.identification.robust import FrameSeries, judge_frames, window_limit, window_scores
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, sensor_checks_of
@@ -42,13 +42,11 @@ def judge(*hit, score=0.0, **what):
     return judge_frames(series_of(*hit, **what), SYSTEM, replace(THRESHOLDS, score=score))
 
 
-def test_an_attack_that_lasts_is_an_incident_and_a_weak_one_begins_and_ends_within_it():
+def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
     verdicts = judge(range(5, 12))
     assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == list(range(5, 12))
     assert [f for f, v in enumerate(verdicts) if v.finding] == list(range(5, 12))
     assert verdicts[8].finding == Finding(VerdictKind.ATTACKED, (1,))
-    weaker = judge(range(5, 12), z=4.0)
-    assert [f for f, v in enumerate(weaker) if v.finding] == list(range(6, 11))
 
 
 def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
@@ -57,11 +55,17 @@ def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
     assert not [v for v in verdicts if v.finding]
 
 
-def test_the_score_is_what_windows_must_exceed_the_limit_by_and_no_matter_to_the_frames():
-    assert judge(range(5, 12), score=2.9)[8].finding
-    weak = judge(range(5, 12), score=3.1)
+def test_a_window_must_exceed_half_of_a_frame_s_limit_and_the_score():
+    assert window_limit(THRESHOLDS) == LIMIT / 2
+    assert judge(range(5, 12), score=4.4)[8].finding
+    weak = judge(range(5, 12), score=4.6)
     assert weak[8].kind is VerdictKind.ATTACKED
     assert weak[8].finding is None
+
+
+def test_every_other_frame_attacked_is_an_incident_of_these_frames():
+    verdicts = judge(range(4, 14, 2), z=4.0)
+    assert [f for f, v in enumerate(verdicts) if v.finding] == [4, 6, 8, 10, 12]
 
 
 def test_a_window_may_name_another_sensor_than_its_frame():

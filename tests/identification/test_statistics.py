@@ -9,7 +9,6 @@ from auditor.identification.statistics import (
     Window,
     fitted,
     sensor_statistics,
-    strongest_window,
     window_means_of,
     window_sums,
 )
@@ -24,11 +23,11 @@ FULL = 16
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(1, 10), st.integers(1, 10), st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_the_sums_of_windows_are_those_of_trying_all_of_them(height, width, rows, columns, seed):
-    grid = np.random.default_rng(seed).integers(-127, 128, (height, width)).astype(np.int8)
-    found = window_sums(grid, Window(rows, columns, 0, 0))
-    assert found.shape == (max(height - rows + 1, 0), max(width - columns + 1, 0))
-    for (r, c), total in np.ndenumerate(found):
-        assert total == grid[r : r + rows, c : c + columns].astype(int).sum()
+    grids = np.random.default_rng(seed).integers(-127, 128, (2, height, width)).astype(np.int8)
+    found = window_sums(grids, Window(rows, columns, 0, 0))
+    assert found.shape == (2, max(height - rows + 1, 0), max(width - columns + 1, 0))
+    for (grid, r, c), total in np.ndenumerate(found):
+        assert total == grids[grid, r : r + rows, c : c + columns].astype(int).sum()
 
 
 def cells(valid, total):
@@ -50,63 +49,64 @@ def of(check, i, k, sensor):
     return CountedPair(check, i, k, sensor)
 
 
+def means_of(counted, grid):
+    """The means of the windows of one grid, NaN where they are not known."""
+    found = window_means_of([counted], {counted: grid})
+    return np.where(found.known[0], found.means[0], np.nan)
+
+
 INCONSISTENT = of(Check.PHOTOMETRIC_INCONSISTENCY, 1, 2, 1)
 LIT = of(Check.ADDED_LIGHT, 1, 2, 1)
 CONFLICT = of(Check.LIDAR_CONFLICT, 1, 2, 0)
 
 
 def test_inconsistencies_are_counted_in_windows_of_six_by_eight_cells_with_a_pseudo_count_of_two_hundred():
-    means = window_means_of(INCONSISTENT, cells(5, patch(5))).means
+    means = means_of(INCONSISTENT, cells(5, patch(5)))
     assert means.shape == (ROWS - 5, COLUMNS - 7)
     assert means.max() == means[2, 4] == pytest.approx(240 / (240 + 200))
 
 
 def test_conflicts_are_counted_in_windows_of_six_by_six_cells_with_a_pseudo_count_of_forty():
-    means = window_means_of(CONFLICT, cells(4, patch(4, columns=slice(5, 11)))).means
+    means = means_of(CONFLICT, cells(4, patch(4, columns=slice(5, 11))))
     assert means.shape == (ROWS - 5, COLUMNS - 5)
     assert means.max() == pytest.approx(144 / (144 + 40))
 
 
 def test_light_is_the_sum_of_residuals_and_darkness_is_below_zero():
-    means = window_means_of(LIT, cells(FULL, patch(LIGHT_STEPS * 8))).means
+    means = means_of(LIT, cells(FULL, patch(LIGHT_STEPS * 8)))
     assert means.max() == pytest.approx(48 * 8 / (48 * 16 + 200))
-    assert window_means_of(LIT, cells(FULL, patch(-LIGHT_STEPS * 8))).means.min() == -means.max()
+    assert means_of(LIT, cells(FULL, patch(-LIGHT_STEPS * 8))).min() == -means.max()
 
 
 def test_a_window_of_fewer_pixels_than_needed_has_no_mean():
     few = patch(5, elsewhere=0)
-    assert window_means_of(INCONSISTENT, cells(few, few)).means[2, 4] == pytest.approx(240 / 440)
+    assert means_of(INCONSISTENT, cells(few, few))[2, 4] == pytest.approx(240 / 440)
     few[2, 4:12] = 0
-    assert window_means_of(INCONSISTENT, cells(few, few)).means[2, 4] == pytest.approx(200 / 400)
+    assert means_of(INCONSISTENT, cells(few, few))[2, 4] == pytest.approx(200 / 400)
     few[3, 4] = 4
-    means = window_means_of(INCONSISTENT, cells(few, few)).means
+    means = means_of(INCONSISTENT, cells(few, few))
     assert np.isnan(means[2, 4])
-    assert np.isnan(window_means_of(INCONSISTENT, cells(0, 0)).means).all()
+    assert np.isnan(means_of(INCONSISTENT, cells(0, 0))).all()
 
 
 def test_a_grid_smaller_than_a_window_has_no_means():
     small = Cells(np.full((5, 40), FULL, np.uint8), np.zeros((5, 40), np.int8))
-    assert window_means_of(INCONSISTENT, small).means.size == 0
+    assert means_of(INCONSISTENT, small).size == 0
     assert sensor_statistics([SensorCheck(INCONSISTENT.check, 1, (2,))], {INCONSISTENT: small}, {}) == (None,)
-
-
-def test_the_strongest_window_is_the_largest_mean_and_the_first_cell_of_it():
-    found = strongest_window(window_means_of(INCONSISTENT, cells(5, patch(5))))
-    assert found == (pytest.approx(240 / 440), 2, 4)
-    assert strongest_window(window_means_of(INCONSISTENT, cells(0, 0))) is None
 
 
 @pytest.mark.parametrize(("points", "pseudo_count", "fewest"), [(5, 40, 20), (2, 36, 18), (1, 18, 9), (0, 15, 7)])
 def test_fewer_beams_have_a_smaller_pseudo_count_but_never_a_larger_one_than_sixty_four(points, pseudo_count, fewest):
     grid = np.full((12, 12), points, dtype=np.uint8)
-    assert fitted(CONFLICT_WINDOW, grid) == Window(6, 6, pseudo_count, fewest)
+    assert fitted(CONFLICT_WINDOW, window_sums(grid, CONFLICT_WINDOW)) == Window(6, 6, pseudo_count, fewest)
 
 
 def test_windows_that_hold_no_points_do_not_make_it_easier():
     grid = np.zeros((30, 10), dtype=np.uint8)
     grid[:10] = 2
     # Windows of 200, 180, ... 20 points: the 90th percentile is 182.
-    assert fitted(Window(10, 10, 120, 60), grid).pseudo_count == 91
+    window = Window(10, 10, 120, 60)
+    assert fitted(window, window_sums(grid, window)).pseudo_count == 91
 
 
 def voted(check, *means, fewest=FULL):

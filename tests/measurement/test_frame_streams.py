@@ -36,8 +36,7 @@ class Batching:
 def flat(measurement):
     """Everything that was measured, as plain values."""
     cells = {
-        pair_check: {name: grid.tolist() for name, grid in vars(c).items()}
-        for pair_check, c in measurement.cells.items()
+        counted: {name: grid.tolist() for name, grid in vars(c).items()} for counted, c in measurement.cells.items()
     }
     return vars(measurement) | {"cells": cells}
 

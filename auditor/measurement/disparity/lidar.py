@@ -50,15 +50,16 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     P = _projection(rig, camera)
     points = cloud.xyz_m
     depth = points @ P[2, :3] + P[2, 3]
-    points = points[depth > LIDAR_PROJECTION.nearest_m]
+    points = points.take(np.flatnonzero(depth > LIDAR_PROJECTION.nearest_m), axis=0)
     u, v, depth = _project(P, points)
     column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
     in_view = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
     inside = np.flatnonzero(in_view)
     inside = inside[np.argsort(-depth[inside])]  # far to near: of several points in a pixel the last, nearest stays
-    owner = np.full((camera.height_px, camera.width_px), -1, dtype=np.int32)
-    owner[row[inside], column[inside]] = inside
-    kept = owner[owner >= 0]
+    pixel = row[inside] * camera.width_px + column[inside]
+    owner = np.full(camera.height_px * camera.width_px, -1, dtype=np.int32)
+    owner[pixel] = inside
+    kept = owner[np.flatnonzero(owner >= 0)]
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
     return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig)
 
@@ -66,10 +67,11 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
 def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32) -> Mask:
     """(M,) mask of the points with no much nearer neighbour: the LiDAR sits above and looks over near edges."""
     disparity = np.float32(camera.focal_px * LIDAR_PROJECTION.baseline_m) / depth
+    pixel = row * camera.width_px + column
     dense = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
-    dense[row, column] = disparity
-    nearest = cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8))
-    return np.asarray(nearest[row, column] - disparity <= LIDAR_PROJECTION.nearer_by_px)
+    dense.ravel()[pixel] = disparity
+    nearest = np.asarray(cv2.dilate(dense, np.ones(LIDAR_PROJECTION.reference_window_px, dtype=np.uint8)))
+    return np.asarray(nearest.ravel()[pixel] - disparity <= LIDAR_PROJECTION.nearer_by_px)
 
 
 def _projection(rig: Rig, camera: Camera) -> Floats32:

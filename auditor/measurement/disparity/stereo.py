@@ -95,8 +95,9 @@ def _stereo_map(matcher: Matcher, disparity: Floats32, reference_texture: Mask, 
     u = np.arange(width, dtype=np.float32)
     match = u - disparity / np.float32(step)
     valid = match >= 0  # False where the disparity is NaN
-    column = np.where(valid, match, 0).astype(np.intp)
-    texture = np.take_along_axis(_on_grid(source_texture, step, height, width), column, axis=1)
+    column = np.where(valid, match, np.float32(0)).astype(np.intp)
+    column += np.arange(height, dtype=np.intp)[:, None] * width
+    texture = _on_grid(source_texture, step, height, width).ravel()[column]
     texture |= _on_grid(reference_texture, step, height, width)
     return StereoMap(disparity, valid, texture, step, matcher.range_px)
 

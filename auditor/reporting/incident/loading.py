@@ -21,16 +21,14 @@ from auditor.model.verdict import Method, VerdictKind
 from auditor.reporting.incident.images import incident_views
 from auditor.reporting.incident.page import (
     EDGE,
-    CheckLine,
     Clock,
     IncidentPage,
     IncidentPart,
-    Provenance,
     RecordingPart,
     SensorLine,
-    ThresholdLine,
     Truth,
 )
+from auditor.reporting.incident.provenance import CheckLine, Provenance, ThresholdLine
 from auditor.reporting.incident.scores import sensor_scores
 from auditor.reporting.incident.timeline import Curve, Measured, Timeline
 from auditor.store.export import rows_of
