@@ -2,8 +2,8 @@
 
 Each fault lasts through the frames of a drive, each attack is drawn anew for every frame: on each sensor in turn, of
 streets on the LiDAR and one camera. `judged_drives` says how they are judged and counted. Of faults `right cause`
-should be all and `accused` none, of attacks `accused` all, `others` and `suspect` none. Faults and attacks need folders
-of their own.
+should be all and `attacked` none, of attacks `attacked` all, `others` and `suspect` none. Each needs a folder of its
+own.
 """
 
 import sys

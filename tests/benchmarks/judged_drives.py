@@ -1,14 +1,15 @@
 """Drives under faults and attacks, measured once, and their verdicts counted: what `benign` and `causes` share.
 
     python -m tests.benchmarks.benign --into FOLDER --drives DATA --streets 12
-    python -m tests.benchmarks.causes --into FOLDER --drives DATA --streets 6 --frames 8 [--attacks]
+    python -m tests.benchmarks.causes --into FOLDER --drives DATA --streets 5 --first 4101 [--attacks]
 
 Thresholds come from clean frames of other drives: of real drives from those of the other two, of streets from three
 drives of their vehicle elsewhere; with --learn, from folders of `clean_statistics` without the drive's own family. With
 --prior nothing is learnt. --without CAMERA judges without it. What is in the folder is not measured again.
 
-Counted are frames: accused, `attacked`; others, of these the wrong sensors; not clean; suspect; right cause, the
-likeliest cause is the fault in its sensor; another, it is another one. The list ends with the checks that accused.
+Counted are frames: `attacked` by their verdicts; others, where the sensors named are the wrong ones; not clean;
+suspect; right cause, the likeliest cause is the fault in its sensor. The strongest checks of attacked frames and other
+likeliest causes end a line.
 """
 
 import argparse
@@ -123,19 +124,19 @@ def outcome(verdict: Verdict, cause: Cause | None, sensor: int | None) -> Counte
     """What one verdict counts for."""
     first = verdict.causes[0] if verdict.causes and verdict.causes[0].score >= LISTED else None
     right = first is not None and (first.cause, first.sensor) == (cause, sensor)
-    accused = verdict.kind is VerdictKind.ATTACKED
+    attacked = verdict.kind is VerdictKind.ATTACKED
     found = Counter(
         {
             "frames": 1,
-            "accused": accused,
-            "others": accused and verdict.attacked != (sensor,),
+            "attacked": attacked,
+            "others": attacked and verdict.attacked != (sensor,),
             "not clean": verdict.kind is not VerdictKind.CLEAN,
             "suspect": verdict.kind is VerdictKind.SUSPECT,
             "right cause": right,
             "another": first is not None and not right,
         }
     )
-    found.update([f"by {verdict.evidence[0].check_name}"] if accused else [])
+    found.update([f"by {verdict.evidence[0].check_name}"] if attacked else [])
     found.update([f"as {first.cause.value}"] if first is not None and not right else [])
     return found
 
@@ -143,6 +144,8 @@ def outcome(verdict: Verdict, cause: Cause | None, sensor: int | None) -> Counte
 def report(rows: Rows) -> Iterator[str]:
     """A line for each fault or attack, real drives and streets apart."""
     for (synthetic, name), n in sorted(rows.items(), key=lambda row: row[0][0]):
-        counted = ", ".join(f"{key} {n[key]:3}" for key in ("accused", "others", "not clean", "suspect", "right cause"))
+        counted = ", ".join(
+            f"{key} {n[key]:3}" for key in ("attacked", "others", "not clean", "suspect", "right cause")
+        )
         why = ", ".join(f"{key} {value}" for key, value in sorted(n.items()) if key[:3] in {"by ", "as "})
         yield f"{'street' if synthetic else 'real':6} {name:34} {n['frames']:4} frames: {counted}; {why}"
