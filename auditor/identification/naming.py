@@ -108,11 +108,7 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
 
 
 def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Named:
-    """Name the sensors of one frame in turn, until no check exceeds the limit.
-
-    What an attack on one sensor does to the checks of others is seldom nothing: each sensor after the first must exceed
-    the limit clearly.
-    """
+    """Name the sensors of one frame in turn, until no check exceeds the limit."""
     named: list[int] = []
     evidence: list[tuple[float, SensorCheck]] = []
     first: dict[int, float] = {}
@@ -122,8 +118,7 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _N
         scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
         of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
         first = first or _largest(of_one)
-        least = limit + NAMING.another if named else limit
-        if not of_one or (strongest := max(of_one))[0] <= least:
+        if not of_one or (strongest := max(of_one))[0] <= limit:
             unclear = tuple(check for value, check in scored if value > limit and len(check.nameable) > 1)
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)

@@ -144,9 +144,6 @@ class TemporalWindow:
 class Naming:
     """How sensors are named."""
 
-    another: float = parameter(
-        1.0, unit="standard deviations above the limit, for each sensor after the first", source=_PRIOR
-    )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
