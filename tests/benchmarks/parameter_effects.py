@@ -319,13 +319,16 @@ def table(kept: Path) -> Iterator[str]:
     ships, *others = read(kept)
     found: dict[Place, dict[float, Columns]] = defaultdict(dict)
     values: dict[Place, float] = {}
+    refused: list[str] = []
     for line in others:
         group, name, place, factor = line["variant"].values()
-        found[group, name, place][factor] = line["found"]
+        if FAILED in line["found"]:
+            refused.append(f"{shown((group, name, place))} times {factor}")
+        else:
+            found[group, name, place][factor] = line["found"]
         values[group, name, place] = line["value"] if place is None else line["value"][place]
     columns: Columns = ships["found"]
-    failed = {key for key, tried in found.items() if any(FAILED in one for one in tried.values())}
-    effects = {key: effect(tried.values(), columns) for key, tried in found.items() if key not in failed}
+    effects = {key: effect(tried.values(), columns) for key, tried in found.items()}
     yield from (f"Measured {ships['date']}, commit {ships['commit']}.", "")
     yield f"| Parameter | Ships | {' | '.join(columns)} |"
     yield "|:---|---:|" + "---:|" * len(columns)
@@ -333,9 +336,15 @@ def table(kept: Path) -> Iterator[str]:
     for key in sorted((key for key in effects if effects[key]), key=lambda one: -effects[one]):
         cells = [difference(found[key], columns, name) for name in columns]
         yield f"| {shown(key)} | {values[key]:.4g} | {' | '.join(cells)} |"
-    nothing = [shown(key) for key in effects if not effects[key]]
-    for text, names in (("Without any effect here", nothing), ("Refused by the program", [*map(shown, failed)])):
-        yield from ("", *wrap(f"{text}: {', '.join(sorted(names)) or 'none'}.", 115, break_on_hyphens=False))
+    same = {key for key, tried in found.items() if all(one == columns for one in tried.values())}
+    lists = {
+        "Below 0.005 in every column": [shown(key) for key in effects if not effects[key] and key not in same],
+        "Without any effect here": [shown(key) for key in same],
+        "Refused by the program": refused,
+    }
+    for text, names in lists.items():
+        if names:
+            yield from ("", *wrap(f"{text}: {', '.join(sorted(names))}.", 115, break_on_hyphens=False))
 
 
 def effect(tried: Iterable[Columns], ships: Columns) -> float:
