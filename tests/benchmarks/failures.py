@@ -76,7 +76,7 @@ PICTURES = (
     Picture("facula-in-the-sky", 2000, 0, 1, "R 75 mild", (1,), THREE),
     Picture("facula-on-the-road", 2002, 0, 1, "R 75 mild", (1,), THREE),
     Picture("wall-at-20-m", 2000, 5, 0, "wall 2.5 m at 20 m", (0,)),
-    Picture("two-faculas", 2008, 0, 4, "two faculas", (3, 4)),
+    Picture("two-faculas", 2017, 0, 4, "two faculas", (2, 4)),
     Picture("plants-at-the-edge", 5011, 2, 1, frames=8, every=4),
     Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
 )
