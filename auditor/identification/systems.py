@@ -30,8 +30,10 @@ class System:
 
     @property
     def judged_together(self) -> int:
-        """How many checks a frame is judged by that lacks no sensor."""
-        return len(self.detecting(frozenset()))
+        """How many checks a frame is judged by that lacks no sensor; all of two cameras alone are one, being alike."""
+        checks = [self.sensor_checks[column] for column in self.detecting(frozenset()).tolist()]
+        pairs = {frozenset(one.nameable) for one in checks if len(one.nameable) > 1}
+        return sum(len(one.nameable) == 1 for one in checks) + len(pairs)
 
     def detecting(self, absent: frozenset[int]) -> Indices:
         """The checks one of which must exceed the limit in a finding: those that count, and those of two cameras alone.
