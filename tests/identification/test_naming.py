@@ -83,7 +83,7 @@ def test_a_check_at_the_limit_is_no_finding():
 
 
 def test_the_gap_is_to_the_strongest_sensor_that_is_not_named_or_to_the_limit():
-    verdict = one({of(2): 5.0, of(3, DARK): 3.2})
+    verdict = one({of(2): 5.0, of(3, DARK): 3.2, by(3, 1, 4, check=DARK): -1.0})
     assert (verdict.attacked, verdict.gap) == ((2,), pytest.approx(1.8))
     assert verdict.alternatives[0] == ((3,), pytest.approx(1.8))
     assert len(verdict.alternatives) == 2
@@ -108,9 +108,9 @@ def test_two_attacked_of_five_are_named_in_turn():
     assert one({of(2): 8.0, of(0, CONFLICT): 6.0}).attacked == (0, 2)
 
 
-def test_a_second_sensor_must_exceed_the_limit_by_one_more():
-    assert one({of(2): 8.0, of(3): 4.0}).attacked == (2,)
-    assert one({of(2): 8.0, of(3): 4.1}).attacked == (2, 3)
+def test_a_second_sensor_must_exceed_the_limit_by_the_voters_that_are_left():
+    assert one({of(2): 9.0, of(3): LIMIT}).attacked == (2,)
+    assert one({of(2): 9.0, of(3): LIMIT + 0.01}).attacked == (2, 3)
 
 
 def test_as_many_as_the_rig_can_tell_apart_are_named_and_no_more():
