@@ -368,7 +368,11 @@ def shown(key: Place) -> str:
 def write_page(kept: Sequence[Path], page: Path) -> None:
     """Write the tables below the mark of a page; what stands above it stays."""
     head = page.read_text(encoding="utf-8").split(MARK)[0]
-    lines = [line for one in kept for line in ("", f"## {one.stem.capitalize()} parameters", "", *table(one))]
+    lines = [
+        line
+        for one in kept
+        for line in ("", f"## {one.stem.replace('_', ' ').capitalize()} parameters", "", *table(one))
+    ]
     page.write_text(head + "\n".join([MARK, *lines]) + "\n", encoding="utf-8")
 
 
