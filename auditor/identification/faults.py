@@ -26,7 +26,16 @@ from auditor.model.calibration import Scale
 from auditor.model.checks import CAMERA_CHECKS, COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import FINDINGS, Alternative, Cause, CauseIn, FaultHypothesis, Verdict, VerdictKind
+from auditor.model.verdict import (
+    FINDINGS,
+    Alternative,
+    Cause,
+    CauseIn,
+    Evidence,
+    FaultHypothesis,
+    Verdict,
+    VerdictKind,
+)
 
 LONGEST_WINDOW_S = TEMPORAL_WINDOW.seconds
 """No fault score depends on frames further away than half of this."""
@@ -348,10 +357,19 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
         return True
-    return _covers_most(hypothesis.sensor, verdict)
+    return _covers_most(hypothesis, verdict)
 
 
-def _covers_most(sensor: int | None, verdict: Verdict) -> bool:
-    """Whether a fault of a sensor can have made checks fire that have at least half of the sum of z."""
-    fired = [(one.score, sensor in (one.i, one.k)) for one in verdict.evidence]
-    return sum(z for z, own in fired if own) >= FAULT_HYPOTHESES.least_covered * sum(z for z, _ in fired)
+def _covers_most(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
+    """Whether a fault of a sensor can have made checks fire that have at least half of the sum of z.
+
+    A camera that lags or has turned disagrees with the LiDAR too.
+    """
+    disagrees = hypothesis.cause in FAULTS and hypothesis.sensor != LIDAR
+
+    def is_of_it(one: Evidence) -> bool:
+        conflict = one.check_name == Check.LIDAR_CONFLICT.value
+        return hypothesis.sensor in (one.i, one.k) or (conflict and disagrees)
+
+    covered = sum(one.score for one in verdict.evidence if is_of_it(one))
+    return covered >= FAULT_HYPOTHESES.least_covered * sum(one.score for one in verdict.evidence)

@@ -62,7 +62,7 @@ def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
     """(F,) the largest z of the checks that count in each frame: `name_attacked` compares it with its limit."""
     scores = np.full(len(z), -np.inf)
     for absent, frames in _frames_by_missing(missing).items():
-        columns = system.counting(absent)
+        columns = system.detecting(absent)
         scores[frames] = np.nanmax(z[frames][:, columns], axis=1, initial=-np.inf)
     return scores
 
@@ -79,9 +79,8 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
     columns = system.counting(absent)
-    counting = z[:, columns]
-    measured: Flags = ~np.isnan(counting)
-    score = np.nanmax(counting, axis=1, initial=-np.inf)
+    measured: Flags = ~np.isnan(z[:, columns])
+    score = np.nanmax(z[:, system.detecting(absent)], axis=1, initial=-np.inf)
     why_not = _why_not_compared(system, present, outside)
     states = cache(lambda which, fired: _states(system, columns, which, fired, absent))
     algorithm_2 = cache(lambda e: _algorithm_2(e, system, present))
@@ -114,7 +113,7 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _N
     first: dict[int, float] = {}
     while True:
         gone = absent.union(named)
-        columns = system.counting(gone)
+        columns = system.counting(gone) if named else system.detecting(gone)
         scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
         of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
         first = first or _largest(of_one)

@@ -103,7 +103,7 @@ def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
     No drive moves the mean further than what the prior holds possible, and none widens the deviation without end: a
     calibration with attacked frames in it must not switch a check off.
     """
-    known = [_drive(values[~np.isnan(values)]) for values in drives]
+    known = [_drive(_bounded(values[~np.isnan(values)], prior)) for values in drives]
     seen = [one for one in known if one.frames]
     freedom = sum(one.worth for one in seen)
     within = (HIERARCHY.prior_frames * prior.within**2 + sum(one.worth * one.squares / one.frames for one in seen)) / (
@@ -132,6 +132,14 @@ def joint_limit(r: float, checks: int) -> float:
     r = max(r, JOINT_TAIL.smallest_r)
     alike = max(checks * JOINT_TAIL.independent_share, 1.0)
     return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / alike))
+
+
+def _bounded(values: Floats, prior: Prior) -> Floats:
+    """The values, none further from their median than frames of one drive are: a few attacked ones count as those."""
+    if not values.size:
+        return values
+    middle, reach = float(np.median(values)), HIERARCHY.farthest * prior.within
+    return np.clip(values, middle - reach, middle + reach)
 
 
 def _drive(values: Floats) -> _Drive:

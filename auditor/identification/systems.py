@@ -31,7 +31,19 @@ class System:
     @property
     def judged_together(self) -> int:
         """How many checks a frame is judged by that lacks no sensor."""
-        return len(self.counting(frozenset()))
+        return len(self.detecting(frozenset()))
+
+    def detecting(self, absent: frozenset[int]) -> Indices:
+        """The checks one of which must exceed the limit in a finding: those that count, and those of two cameras alone.
+
+        Where only two cameras see a place nobody else votes; that something is wrong there shows all the same.
+        """
+        alone = (
+            column
+            for column, one in enumerate(self.sensor_checks)
+            if len(one.nameable) > 1 and one.check is not Check.REMOVED_LIGHT and absent.isdisjoint(one.needed)
+        )
+        return np.array(sorted({*self.counting(absent).tolist(), *alone}), dtype=np.intp)
 
     def counting(self, absent: frozenset[int]) -> Indices:
         """The checks that count in a frame without these sensors: each of the most voters that are there."""

@@ -76,7 +76,7 @@ PICTURES = (
     Picture("facula-in-the-sky", 2000, 0, 1, "R 75 mild", (1,), THREE),
     Picture("facula-on-the-road", 2002, 0, 1, "R 75 mild", (1,), THREE),
     Picture("wall-at-20-m", 2000, 5, 0, "wall 2.5 m at 20 m", (0,)),
-    Picture("two-faculas", 2008, 0, 4, "two faculas", (3, 4)),
+    Picture("two-faculas", 2017, 0, 4, "two faculas", (2, 4)),
     Picture("plants-at-the-edge", 5011, 2, 1, frames=8, every=4),
     Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
 )
@@ -243,18 +243,14 @@ def _spread(cells: Floats32, image: Image) -> Floats32:
 
 def _window(shown: Shown, strongest: SensorCheck) -> tuple[tuple[int, int], tuple[int, int]] | None:
     """The corners, in a panel, of the window in which the voters together say most."""
-    sign = -1 if strongest.check is Check.REMOVED_LIGHT else 1
     grid = Check.PHOTOMETRIC_INCONSISTENCY if strongest.check is Check.PHOTOMETRIC_INCONSISTENCY else Check.ADDED_LIGHT
     pairs = [(*sorted((strongest.sensor, other)), strongest.sensor) for other in strongest.others]
-    counted = [CountedPair(grid, *pair) for pair in pairs]
-    means = [sign * window_means_of(one, shown.measurement.cells[one]).means for one in counted]
+    voters = window_means_of([CountedPair(grid, *pair) for pair in pairs], shown.measurement.cells)
+    voters = voters.opposite if strongest.check is Check.REMOVED_LIGHT else voters
     said = np.array(
         [
-            [
-                vote(strongest.check, [WindowMeans(one[row : row + 1, column : column + 1]) for one in means]) or nan
-                for column in range(means[0].shape[1])
-            ]
-            for row in range(means[0].shape[0])
+            [vote(strongest.check, _at(voters, row, column)) or nan for column in range(voters.means.shape[2])]
+            for row in range(voters.means.shape[1])
         ]
     )
     if np.isnan(said).all():
@@ -264,6 +260,12 @@ def _window(shown: Shown, strongest: SensorCheck) -> tuple[tuple[int, int], tupl
     x, y = CELL_PX * WIDTH / camera.width_px, CELL_PX * HEIGHT / camera.height_px
     end = column + IMAGE_WINDOW.columns, row + IMAGE_WINDOW.rows
     return (round(column * x), round(row * y)), (round(end[0] * x), round(end[1] * y))
+
+
+def _at(voters: WindowMeans, row: int, column: int) -> WindowMeans:
+    """What the voters say of one window."""
+    one = np.s_[:, row : row + 1, column : column + 1]
+    return WindowMeans(voters.means[one], voters.known[one])
 
 
 def _points(shown: Shown) -> list[Image]:

@@ -88,11 +88,11 @@ def faults(kept: Sequence[Frame], rig: Rig) -> Iterator[Happening]:
         name = f"displaced by {degrees:g} degrees"
         for right, down in ((1, 0), (0, -1)):
             turned = on(LIDAR, TurnedLidar(right * degrees, down * degrees), rig)
-            yield Happening(name, Cause.DISPLACED, LIDAR, map(turned, kept))
+            yield Happening(f"LiDAR {name}", Cause.DISPLACED, LIDAR, map(turned, kept))
             for camera in rig.cameras:
                 rows, columns = (round(way * degrees * DEGREE_PX) for way in (down, right))
                 shifted = on(camera.number, ShiftedCamera(rows, columns), rig)
-                yield Happening(name, Cause.DISPLACED, camera.number, map(shifted, kept))
+                yield Happening(f"camera {name}", Cause.DISPLACED, camera.number, map(shifted, kept))
     yield Happening("all dark, a fifth of the light", Cause.DARK, None, (dimmed(frame, rig) for frame in kept))
 
 

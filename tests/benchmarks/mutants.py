@@ -63,8 +63,23 @@ SUBJECTS = (
     ),
     Subject(
         "NCC",
-        ("measurement/checks/photometric_consistency.py", "measurement/checks/brightness.py"),
-        ("measurement/checks/test_photometric_consistency.py", "measurement/checks/test_brightness.py", *CHECKS),
+        ("measurement/checks/photometric_consistency.py",),
+        ("measurement/checks/test_photometric_consistency.py", *CHECKS),
+    ),
+    Subject(
+        "light",
+        ("measurement/checks/tone_curve.py", "measurement/checks/light.py", "measurement/disparity/equalising.py"),
+        (
+            "measurement/checks/test_tone_curve.py",
+            "measurement/checks/test_light.py",
+            "measurement/disparity/test_equalising.py",
+            *CHECKS,
+        ),
+    ),
+    Subject(
+        "count grids",
+        ("measurement/checks/count_grid.py",),
+        ("measurement/checks/test_count_grid.py", *CHECKS),
     ),
     Subject(
         "LiDAR conflict",
@@ -79,13 +94,14 @@ SUBJECTS = (
     Subject(
         "windows",
         ("identification/statistics.py",),
-        ("identification/test_temporal_windows.py", "identification/test_windowed_ratio.py", *IDENTIFICATION),
+        ("identification/test_temporal_windows.py", "identification/test_statistics.py", *IDENTIFICATION),
     ),
     Subject(
         "parameters",
         ("measurement/parameters.py", "identification/parameters.py", "model/parameters.py"),
         ("model", *IDENTIFICATION, *CHECKS, "measurement"),
     ),
+    Subject("prior", ("identification/prior.py",), ("identification/test_prior.py", *IDENTIFICATION)),
     Subject("identification", ("identification/*.py",), IDENTIFICATION),
 )
 

@@ -398,6 +398,11 @@ def test_a_sensor_with_a_fault_explains_only_checks_that_it_can_make_fire():
     assert weigh(camera, rotated, LIMIT) == camera
     lidar = verdict(attacked=(0,), check="lidar_conflict", i=0)
     assert weigh(lidar, rotated, LIMIT).kind is VerdictKind.SUSPECT
+    for cause, kind in ((Cause.LATE, VerdictKind.SUSPECT), (Cause.EXPOSURE, VerdictKind.ATTACKED)):
+        of_camera = (FaultHypothesis(cause, 2, 1.0),)
+        assert weigh(lidar, of_camera, LIMIT).kind is kind, "a camera that lags disagrees with the LiDAR"
+    dropout = verdict(attacked=(0,), check="point_dropout", i=0)
+    assert weigh(dropout, (FaultHypothesis(Cause.LATE, 2, 1.0),), LIMIT) == dropout
     assert weigh(CLEAN, rotated, LIMIT).kind is VerdictKind.SUSPECT
 
 

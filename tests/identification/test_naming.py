@@ -83,9 +83,9 @@ def test_a_check_at_the_limit_is_no_finding():
 
 
 def test_the_gap_is_to_the_strongest_sensor_that_is_not_named_or_to_the_limit():
-    verdict = one({of(2): 5.0, of(3, DARK): 3.2})
-    assert (verdict.attacked, verdict.gap) == ((2,), pytest.approx(1.8))
-    assert verdict.alternatives[0] == ((3,), pytest.approx(1.8))
+    verdict = one({of(2): 5.0, of(3, DARK): 2.9})
+    assert (verdict.attacked, verdict.gap) == ((2,), pytest.approx(2.0))
+    assert verdict.alternatives[0] == ((3,), pytest.approx(2.1))
     assert len(verdict.alternatives) == 2
     assert one({of(2): 5.0}).gap == pytest.approx(2.0)
 
@@ -108,9 +108,17 @@ def test_two_attacked_of_five_are_named_in_turn():
     assert one({of(2): 8.0, of(0, CONFLICT): 6.0}).attacked == (0, 2)
 
 
-def test_a_second_sensor_must_exceed_the_limit_by_one_more():
-    assert one({of(2): 8.0, of(3): 4.0}).attacked == (2,)
-    assert one({of(2): 8.0, of(3): 4.1}).attacked == (2, 3)
+def test_a_second_sensor_must_exceed_the_limit_as_the_first():
+    assert one({of(2): 8.0, of(3): 3.0}).attacked == (2,)
+    assert one({of(2): 8.0, of(3): 3.1}).attacked == (2, 3)
+
+
+def test_two_cameras_alone_that_differ_are_a_finding_where_no_vote_is():
+    """Where only two cameras see a place nobody else votes."""
+    found = one({by(2, 3): 5.0})
+    assert (found.kind, found.attacked) == (VerdictKind.UNIDENTIFIED, ())
+    assert "S_2 and S_3 do not see the same" in found.reason
+    assert one({by(2, 3): 5.0, of(1): 4.0}).attacked == (1,), "a sensor that is named explains the frame"
 
 
 def test_as_many_as_the_rig_can_tell_apart_are_named_and_no_more():

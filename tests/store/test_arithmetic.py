@@ -5,6 +5,7 @@ import math
 import pytest
 
 from auditor.identification.cross_validation import wilson
+from auditor.model.verdict import Cause
 from auditor.store import run_sql
 from tests.making.stores import new_store
 
@@ -44,3 +45,10 @@ def test_evidence_is_told_of_a_sensor_or_of_two_cameras_alone(tmp_path, evidence
     piece = f"{{check_name: '{name}', i: {i}, j: NULL::TINYINT, k: {'NULL::TINYINT' if k is None else k}, score: 3.5}}"
     [row] = run_sql(new_store(tmp_path), f"SELECT evidence_in_words([{piece}]) AS told").to_pylist()
     assert row["told"] == f"{words} (+3.50)"
+
+
+def test_every_cause_has_words_of_its_own(tmp_path):
+    causes = ", ".join(f"('{cause}')" for cause in Cause)
+    sql = f"SELECT DISTINCT cause_in_words(cause, 2) AS told FROM (VALUES {causes}) AS known(cause)"
+    told = {row["told"] for row in run_sql(new_store(tmp_path), sql).to_pylist()}
+    assert len(told - {None}) == len(Cause)

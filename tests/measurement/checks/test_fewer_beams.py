@@ -35,7 +35,7 @@ def test_a_wall_is_in_conflict_and_a_clean_street_is_not(street, beams):
     )
     conflict = attacked_frame.sensor_checks[0]
     assert conflict.check is Check.LIDAR_CONFLICT
-    thresholds = thresholds_from([], [conflict], 20, Decimal("0.001"))
+    thresholds = thresholds_from([], [conflict], 20, Decimal("0.01"))
 
     def z_of(attacks):
         statistics = np.array([attacked_frame.statistics(attacks)[:1]], dtype=np.float64)
