@@ -55,7 +55,7 @@ ATTACKS = {"R 75 mild": "R 75", "paper's facula": "facula", "wall 1 m": "wall"}
 """Attacks that are counted, and what their columns are called."""
 
 JUDGED_COLUMNS = (
-    *("not clean", "R 75", "facula", "wall", "innocent"),
+    *("not clean", "R 75", "facula", "wall", "wrongly named"),
     *("prior: not clean", "prior: R 75", "prior: wall"),
 )
 MARK = "<!-- from here on written by tests/benchmarks/parameter_effects.py -->"
@@ -159,8 +159,8 @@ def judged(drives: Path, streets: Path) -> Columns:
                 attack, verdict = one.case.attack, one.robust
                 reported = verdict.kind is not VerdictKind.CLEAN
                 named = verdict.attacked == one.case.attacked if attack and len(cameras) > 2 else reported
-                innocent = bool(set(verdict.attacked) - set(one.case.attacked))
-                for column, so in ((ATTACKS.get(attack, attack) or "not clean", named), ("innocent", innocent)):
+                wrong = bool(set(verdict.attacked) - set(one.case.attacked))
+                for column, so in ((ATTACKS.get(attack, attack) or "not clean", named), ("wrongly named", wrong)):
                     if prefix + column in found:
                         found[prefix + column] += so
     return found
