@@ -55,7 +55,7 @@ ATTACKS = {"R 75 mild": "R 75", "paper's facula": "facula", "wall 1 m": "wall"}
 """Attacks that are counted, and what their columns are called."""
 
 JUDGED_COLUMNS = (
-    *("not clean", "R 75", "facula", "wall", "innocent"),
+    *("not clean", "R 75", "facula", "wall", "wrongly named"),
     *("prior: not clean", "prior: R 75", "prior: wall"),
 )
 MARK = "<!-- from here on written by tests/benchmarks/parameter_effects.py -->"
@@ -159,8 +159,8 @@ def judged(drives: Path, streets: Path) -> Columns:
                 attack, verdict = one.case.attack, one.robust
                 reported = verdict.kind is not VerdictKind.CLEAN
                 named = verdict.attacked == one.case.attacked if attack and len(cameras) > 2 else reported
-                innocent = bool(set(verdict.attacked) - set(one.case.attacked))
-                for column, so in ((ATTACKS.get(attack, attack) or "not clean", named), ("innocent", innocent)):
+                wrong = bool(set(verdict.attacked) - set(one.case.attacked))
+                for column, so in ((ATTACKS.get(attack, attack) or "not clean", named), ("wrongly named", wrong)):
                     if prefix + column in found:
                         found[prefix + column] += so
     return found
@@ -368,7 +368,11 @@ def shown(key: Place) -> str:
 def write_page(kept: Sequence[Path], page: Path) -> None:
     """Write the tables below the mark of a page; what stands above it stays."""
     head = page.read_text(encoding="utf-8").split(MARK)[0]
-    lines = [line for one in kept for line in ("", f"## {one.stem.capitalize()} parameters", "", *table(one))]
+    lines = [
+        line
+        for one in kept
+        for line in ("", f"## {one.stem.replace('_', ' ').capitalize()} parameters", "", *table(one))
+    ]
     page.write_text(head + "\n".join([MARK, *lines]) + "\n", encoding="utf-8")
 
 
