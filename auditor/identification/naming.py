@@ -42,10 +42,13 @@ class _Named:
     first: Mapping[int, float]
 
 
-def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
+def name_attacked(
+    z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float, others: float | None = None
+) -> list[Verdict]:
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
-    A frame is a finding where a check that counts exceeds the `limit`. The verdict's `gap` is by how much the strongest
+    A frame is a finding where a check that counts exceeds the `limit`; each sensor after the first is named where one of
+    its checks exceeds the limit of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
     sensor exceeds the next, or the limit; `evidence` are the checks above it, the strongest first; `named` is Algorithm
     2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
     frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors
@@ -53,7 +56,9 @@ def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], 
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
-        for frame, verdict in zip(frames, _of_group(z[frames], system, absent, limit), strict=True):
+        for frame, verdict in zip(
+            frames, _of_group(z[frames], system, absent, limit, limit if others is None else others), strict=True
+        ):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
 
@@ -74,7 +79,7 @@ def _frames_by_missing(missing: Sequence[frozenset[int]]) -> dict[frozenset[int]
     return groups
 
 
-def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[Verdict]:
+def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float, others: float) -> list[Verdict]:
     """The verdicts on frames that all lack the same sensors."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
@@ -88,7 +93,7 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     verdicts = []
     for f, seen in enumerate(measured):
         which = seen.tobytes()
-        found = _name(z[f], system, absent, limit) if score[f] > limit else None
+        found = _name(z[f], system, absent, limit, others) if score[f] > limit else None
         fired = frozenset() if found is None else _fired(found)
         e, audited = states(which, fired)
         if found is None and not audited:
@@ -106,8 +111,8 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -
     return verdicts
 
 
-def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Named:
-    """Name the sensors of one frame in turn, until no check exceeds the limit."""
+def _name(z: Floats, system: System, absent: frozenset[int], limit: float, others: float) -> _Named:
+    """Name the sensors of one frame in turn, until no check exceeds the limit, that of `others` after the first."""
     named: list[int] = []
     evidence: list[tuple[float, SensorCheck]] = []
     first: dict[int, float] = {}
@@ -117,8 +122,9 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float) -> _N
         scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
         of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
         first = first or _largest(of_one)
-        if not of_one or (strongest := max(of_one))[0] <= limit:
-            unclear = tuple(check for value, check in scored if value > limit and len(check.nameable) > 1)
+        least = others if named else limit
+        if not of_one or (strongest := max(of_one))[0] <= least:
+            unclear = tuple(check for value, check in scored if value > least and len(check.nameable) > 1)
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
         sensor = strongest[1].sensor

@@ -113,6 +113,12 @@ def test_a_second_sensor_must_exceed_the_limit_as_the_first():
     assert one({of(2): 8.0, of(3): 3.1}).attacked == (2, 3)
 
 
+def test_sensors_after_the_first_may_have_a_limit_of_their_own():
+    fired = scores(FOUR, {of(2): 8.0, of(3): 4.0}, -1.0)
+    [same], [other] = (name_attacked(fired, FOUR, [NONE], LIMIT, others) for others in (None, 5.0))
+    assert (same.attacked, other.attacked) == ((2, 3), (2,))
+
+
 def test_two_cameras_alone_that_differ_are_a_finding_where_no_vote_is():
     """Where only two cameras see a place nobody else votes."""
     found = one({by(2, 3): 5.0})
