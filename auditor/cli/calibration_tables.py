@@ -69,14 +69,11 @@ def show_left_out(
     from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
-    frames = sum(one.frames for one in calibration.clean)
-    if len(calibration.recordings) < 2:
-        say(
-            f"one clean recording of {frames} frames: no other can judge it, so how often others would be findings is "
-            "unknown"
-        )
-        return
     robust = leave_one_out_robust(calibration, system, r)
+    if len(calibration.recordings) < 2:
+        say(f"one clean recording: no other can judge it; by the prior alone {_share(robust)} at r = {r}")
+        _warn_of_incidents(robust, names, "the prior")
+        return
     paper = leave_one_out_paper(calibration, Statistic.GATED, r)
     if form == "table":
         _table(robust, paper, names)
@@ -85,7 +82,7 @@ def show_left_out(
         f"leave-one-recording-out, each of {len(calibration.recordings)} recordings judged by the others at r = {r}: "
         f"{_share(robust)} and {_incidents(robust, hours)} by the robust method, {_share(paper)} by the paper's"
     )
-    _warn_of_incidents(robust, names)
+    _warn_of_incidents(robust, names, "the others")
 
 
 def _head(calibration: "Calibration") -> None:
@@ -142,8 +139,8 @@ def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mappi
     print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
 
 
-def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -> None:
-    """A recording in which the others find incidents may not be clean, or not like them."""
+def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str], judge: str) -> None:
+    """A recording in which others, or the prior, find incidents may not be clean, or not like them."""
     suspects = [
         f"{names.get(one.recording, one.recording)} ({one.incidents})"
         for one in sorted(results, key=lambda one: -one.incidents)
@@ -152,7 +149,7 @@ def _warn_of_incidents(results: "Sequence[LeftOut]", names: Mapping[str, str]) -
     if suspects:
         more = f" and {len(suspects) - _MOST_NAMED} more" if len(suspects) > _MOST_NAMED else ""
         say(
-            f"WARNING: judged by the others there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
+            f"WARNING: judged by {judge} there are incidents in {', '.join(suspects[:_MOST_NAMED])}{more}: check "
             "them before you use these thresholds, and leave out what is not clean: it hides attacks like its own"
         )
 

@@ -61,14 +61,14 @@ def robust_thresholds(
 
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
-    """Judge each clean recording by the others as a scan would. Empty with fewer than two recordings."""
+    """Judge each clean recording by the others as a scan would; a single one by the prior."""
 
     def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
         verdicts = judge_frames(FrameSeries.of_clean(left_out, system), system, _thresholds(others, system, r))
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
 
-    return _leave_one_out(calibration, judge)
+    return list(_results(calibration.clean, judge))
 
 
 def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decimal) -> list[LeftOut]:
@@ -88,7 +88,7 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
                 measured |= known
         return int(np.count_nonzero(above)), _count_runs(above)
 
-    return _leave_one_out(calibration, judge)
+    return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
 
 
 def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
@@ -154,12 +154,8 @@ def wilson(k: int, n: int) -> tuple[float, float]:
     return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
 
 
-def _leave_one_out(calibration: Calibration, judge: Judge) -> list[LeftOut]:
-    """One result a recording and rig: several rigs of one kind may have measured it."""
-    return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
-
-
 def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
+    """One result a recording and rig: several rigs of one kind may have measured it."""
     for left_out in clean:
         others = [other for other in clean if other.recording_id != left_out.recording_id]
         findings, incidents = judge(others, left_out)

@@ -47,8 +47,8 @@ def name_attacked(
 ) -> list[Verdict]:
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
-    A frame is a finding where a check that counts exceeds the `limit`; each sensor after the first is named where one of
-    its checks exceeds the limit of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
+    A frame is a finding where a check that counts exceeds the `limit`; sensors after the first are named where a check
+    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
     sensor exceeds the next, or the limit; `evidence` are the checks above it, the strongest first; `named` is Algorithm
     2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
     frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors

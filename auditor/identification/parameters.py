@@ -17,7 +17,7 @@ from auditor.model.parameters import (
 
 _CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
 _PRIOR = "fitted by benchmark prior to real drives and streets (docs/method.md)"
-_METHOD = "docs/method.md, few drives"
+_POISONED = "docs/decisions.md, no drive moves a threshold without end"
 _THREE_DRIVES = "62 frames of KITTI drives 0009, 0001 and odometry 04: chosen on them"
 _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/causes.md)"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/causes.md)"
@@ -86,7 +86,13 @@ class Hierarchy:
     prior_frames: float = parameter(
         20.0, unit="independent frames that the prior's deviation within weighs", source=BY_HAND
     )
-    farthest: float = parameter(3.0, unit="deviations from the prior's mean that a drive counts with", source=_METHOD)
+    farthest: float = parameter(
+        1.5, unit="deviations from the prior's mean that one drive counts with at most", source=_POISONED
+    )
+    farther: float = parameter(0.5, unit="deviations more for each further drive", source=_POISONED)
+    widest_values: float = parameter(
+        3.0, unit="deviations within drives from its median that a frame counts with at most", source=_POISONED
+    )
     widest: float = parameter(2.0, unit="times the prior's deviation within drives", source=BY_HAND)
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
 

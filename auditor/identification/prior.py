@@ -100,8 +100,8 @@ def statistic_at(odds: float) -> float:
 def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
-    No drive moves the mean further than what the prior holds possible, and none widens the deviation without end: a
-    calibration with attacked frames in it must not switch a check off.
+    One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
+    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end.
     """
     known = [_drive(_bounded(values[~np.isnan(values)], prior)) for values in drives]
     seen = [one for one in known if one.frames]
@@ -110,7 +110,8 @@ def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
         HIERARCHY.prior_frames + freedom
     )
     within = min(within, (HIERARCHY.widest * prior.within) ** 2)
-    reach = HIERARCHY.farthest * sqrt(within + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
+    far = HIERARCHY.farthest + HIERARCHY.farther * (len(seen) - 1)
+    reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
     means = np.clip([one.mean for one in seen], prior.mean - reach, prior.mean + reach)
     weights = np.array([1 / (prior.between**2 + within / one.worth) for one in seen])
     of_prior = HIERARCHY.rig_kind / prior.between**2
@@ -138,7 +139,7 @@ def _bounded(values: Floats, prior: Prior) -> Floats:
     """The values, none further from their median than frames of one drive are: a few attacked ones count as those."""
     if not values.size:
         return values
-    middle, reach = float(np.median(values)), HIERARCHY.farthest * prior.within
+    middle, reach = float(np.median(values)), HIERARCHY.widest_values * prior.within
     return np.clip(values, middle - reach, middle + reach)
 
 

@@ -168,15 +168,15 @@ def judge_all(scenes: Sequence[Scene], cameras: Sequence[int], r: Decimal, *, pr
 
 
 def report(judged: Sequence[Judged]) -> Iterator[str]:
-    """Clean frames first: not clean, accused; then by attack: named exactly, found, an innocent named."""
+    """Clean frames first: not clean, a sensor named; then by attack: named exactly, found, another sensor named."""
     clean = [one for one in judged if not one.case.attack]
-    yield f"clean: {share(clean, _not_clean)} not clean, {share(clean, _accused)} accused; " + (
+    yield f"clean: {share(clean, _not_clean)} not clean, {share(clean, _some_named)} name a sensor; " + (
         f"paper {share(clean, _not_clean, paper=True)} not clean"
     )
     for attack in dict.fromkeys(one.case.attack for one in judged if one.case.attack):
         cases = [one for one in judged if one.case.attack == attack]
         yield f"{attack}: named {share(cases, _named)}, found {share(cases, _not_clean)}, " + (
-            f"an innocent {share(cases, _innocent)}; paper named {share(cases, _named, paper=True)}"
+            f"misnamed {share(cases, _misnamed)}; paper named {share(cases, _named, paper=True)}"
         )
 
 
@@ -236,7 +236,7 @@ def _not_clean(verdict: Verdict, case: Case) -> bool:
     return verdict.kind is not VerdictKind.CLEAN
 
 
-def _accused(verdict: Verdict, case: Case) -> bool:
+def _some_named(verdict: Verdict, case: Case) -> bool:
     return verdict.kind is VerdictKind.ATTACKED
 
 
@@ -244,7 +244,7 @@ def _named(verdict: Verdict, case: Case) -> bool:
     return verdict.attacked == case.attacked
 
 
-def _innocent(verdict: Verdict, case: Case) -> bool:
+def _misnamed(verdict: Verdict, case: Case) -> bool:
     return bool(set(verdict.attacked) - set(case.attacked))
 
 

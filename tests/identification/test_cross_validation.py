@@ -107,8 +107,8 @@ def test_three_sensors_have_false_alarms_too():
     assert [one.findings for one in leave_one_out_robust(both, THREE, R)] == [0, 6]
 
 
-def test_one_recording_alone_cannot_be_left_out():
-    assert leave_one_out_robust(calibration(recording("only")), SYSTEM, R) == []
+def test_one_recording_alone_is_judged_by_the_prior():
+    assert counts(leave_one_out_robust(calibration(recording("only")), SYSTEM, R)) == [("only", 20, 0, 0)]
     twice = calibration(recording("only"), recording("only"))
     assert leave_one_out_paper(twice, Statistic.GATED, R) == []
 

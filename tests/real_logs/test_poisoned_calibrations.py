@@ -22,6 +22,5 @@ def test_an_attack_is_found_by_a_calibration_on_its_like_or_calibrate_warned(
     poisoned = record(WAGON, range(MOMENTS), attack=attack, seed=14, start_ns=START_NS - 3 * DAY_NS)
     answer = new_audit("calibrate", *offered, write(tmp_path / "poisoned.mcap", poisoned))
     warned = any("WARNING" in line and "poisoned.mcap" in line for line in answer.err.splitlines())
-    assert warned == bool(clean), "the clean recording shows that the other one is none"
     log = record(WAGON, range(MOMENTS), attack=attack, seed=SEED)
     assert warned or new_audit.scan(write(tmp_path / "log.mcap", log)).code != Exit.CLEAN
