@@ -128,9 +128,7 @@ def test_measuring_again_replaces_the_measurement_and_its_judgements(audit, nigh
     assert scan(audit, night / "drive.mcap", how=["--measure-again"]) == 1
     assert store.path("measurements", known.measurement_id).read_bytes() != before
     assert store.path("frames", known.measurement_id).read_bytes() == frames
-    assert [one.r for one in store.judgements() if one.measurement_id == known.measurement_id] == [
-        Decimal("0.01")
-    ]
+    assert [one.r for one in store.judgements() if one.measurement_id == known.measurement_id] == [Decimal("0.01")]
     assert store.pictured_frames(known.measurement_id)
     assert run(["store", "check", str(audit)]) == 0
 
