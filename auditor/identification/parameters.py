@@ -130,6 +130,12 @@ class FaultScale:
     """How what is expected of a fault's score becomes theta and the scale of z."""
 
     least_theta: float = parameter(1.0, unit="fault score: just enough", source="the unit of fault scores")
+    shown_quantile: float = parameter(
+        0.99, unit="quantile of the clean scores that theta lies above", source="docs/decisions.md, a flaw of the rig"
+    )
+    added_share: float = parameter(
+        0.25, unit="share of that quantile, added to it", source="docs/decisions.md, a flaw of the rig"
+    )
     scale: float = parameter(0.25, unit="share of theta", source=BY_HAND)
     highest: float = parameter(3.0, unit="scales above theta at which a fault is certain", source=BY_HAND)
 

@@ -97,20 +97,22 @@ def statistic_at(odds: float) -> float:
     return min(max(share * (1 + 2 * OFFSET) - OFFSET, 0.0), 1.0)
 
 
-def expected(prior: Prior, drives: Sequence[Floats]) -> Expected:
+def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) -> Expected:
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end.
+    drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end. Where
+    drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
-    known = [_drive(_bounded(values[~np.isnan(values)], prior)) for values in drives]
+    measured = [values[~np.isnan(values)] for values in drives]
+    known = [_drive(values if believed else _bounded(values, prior)) for values in measured]
     seen = [one for one in known if one.frames]
     freedom = sum(one.worth for one in seen)
     within = (HIERARCHY.prior_frames * prior.within**2 + sum(one.worth * one.squares / one.frames for one in seen)) / (
         HIERARCHY.prior_frames + freedom
     )
-    within = min(within, (HIERARCHY.widest * prior.within) ** 2)
-    far = HIERARCHY.farthest + HIERARCHY.farther * (len(seen) - 1)
+    within = within if believed else min(within, (HIERARCHY.widest * prior.within) ** 2)
+    far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (len(seen) - 1)
     reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
     means = np.clip([one.mean for one in seen], prior.mean - reach, prior.mean + reach)
     weights = np.array([1 / (prior.between**2 + within / one.worth) for one in seen])

@@ -51,7 +51,7 @@ def thresholds_from(
     }
     drives = len({one.recording_id for one in clean})
     known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in EITHER_WAY}
-    scales = {cause: fault_scale(cause[0], found, limit) for cause, found in known.items()}
+    scales = {cause: fault_scale(cause[0], found, limit, _shown(cause, clean)) for cause, found in known.items()}
     return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
 
 
@@ -61,14 +61,27 @@ def _expected_of(cause: CauseIn, drives: Sequence[Floats]) -> Expected:
     means = [float(np.nanmean(scores)) for scores in drives if not np.isnan(scores).all()]
     if cause[0] in EITHER_WAY and means:
         prior = prior._replace(mean=float(np.median(means)))
-    return expected(prior, drives)
+    return expected(prior, drives, believed=True)
 
 
-def fault_scale(cause: Cause, found: Expected, limit: float) -> Scale:
-    """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it."""
+def _shown(cause: CauseIn, clean: Sequence[CleanFrames]) -> float:
+    """What nearly all clean frames stay below; 0 where nothing is known, and of faults that are unusual either way."""
+    scores = [one.strengths[cause] for one in clean if cause in one.strengths]
+    measured = np.concatenate(scores) if scores else np.zeros(0)
+    measured = measured[~np.isnan(measured)]
+    if not measured.size or cause[0] in EITHER_WAY:
+        return 0.0
+    return max(float(np.quantile(measured, FAULT_SCALE.shown_quantile)), 0.0)
+
+
+def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0) -> Scale:
+    """Theta of a fault and the scale of its z: theta is at least 1, just enough, and the scale is a quarter of it.
+
+    It lies above what clean drives have `shown`: a flaw that a rig has always had is no fault.
+    """
     usual = found.mean if cause in EITHER_WAY else None
     beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
-    theta = max(beyond, FAULT_SCALE.least_theta)
+    theta = max(beyond, (1 + FAULT_SCALE.added_share) * shown, FAULT_SCALE.least_theta)
     return Scale(theta, FAULT_SCALE.scale * theta, found.drives, usual)
 
 
