@@ -223,7 +223,7 @@ def test_the_settings_are_canonical_json_of_all_values() -> None:
     assert values["row_alignment.blocks"] == [6, 20]
     assert len(values) == len(list_parameters(*MEASURING))
     assert measuring_settings() == json.dumps(values, sort_keys=True, separators=(",", ":"))
-    assert json.loads(judging_settings())["hierarchy.farthest"] == 3.0
+    assert json.loads(judging_settings())["hierarchy.farthest"] == 1.5
 
 
 def test_a_parameter_without_a_unit_or_a_source_cannot_be_made() -> None:

@@ -18,7 +18,7 @@ from tests.making.forms import CONTAINERS
 from tests.making.message_forms import FORMS, FOXGLOVE_FORMS, MessageForm, drive, through_container
 from tests.making.scenes import plane_rig
 
-MOST_OFF = 0.02
+MOST_OFF = 0.04  # equalising before matching moves a level by one where its share changes a little
 RIG = plane_rig((0.6, 0.3, 0.0))
 FRAMES = drive(RIG, 2)
 MATCHER = find_matcher("sgbm", MatcherOptions())
