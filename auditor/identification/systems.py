@@ -1,12 +1,11 @@
 """What a rig's frames are judged by: its sensor checks, triples and sensors, and which of the checks count when."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from auditor.model.arrays import Indices
-from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check, SensorCheck, counting_checks
+from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.rig import LIDAR, Triple
 
 
@@ -21,12 +20,6 @@ class System:
     triples: tuple[Triple, ...]
     sensors: tuple[int, ...]
     fallback: Triple | None = None
-
-    @cached_property
-    def in_several_pairs(self) -> frozenset[int]:
-        """The cameras matched with more than one other: a fault in one of them shows in all its pairs."""
-        several = [one for one in self.sensor_checks if one.check in CAMERA_CHECKS and len(one.others) >= FEWEST_VOTERS]
-        return frozenset(one.sensor for one in several)
 
     @property
     def judged_together(self) -> int:

@@ -97,13 +97,6 @@ def test_no_check_counts_that_needs_an_absent_sensor_and_all_of_a_subject_have_a
     assert there == {check[:2] for check in found}
 
 
-def test_a_camera_of_several_pairs_is_one_that_two_others_judge():
-    assert system(3).in_several_pairs == {1, 2, 3}
-    assert system(2).in_several_pairs == frozenset()
-    only_3 = System(sensor_checks_of(((1, 3), (2, 3)), (), (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
-    assert only_3.in_several_pairs == {3}
-
-
 def triples(one, measured, *absent):
     return set(measured_triples(one, frozenset(measured), frozenset(absent)))
 
