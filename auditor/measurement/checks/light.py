@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
+from auditor.measurement.disparity.half_resolution import row_grid
 from auditor.measurement.parameters import LIGHT
 from auditor.model.arrays import Floats32, Image, Mask
 
@@ -73,8 +74,7 @@ class LightDifference:
 
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
-    row = np.ascontiguousarray(np.broadcast_to(np.arange(len(column), dtype=np.float32)[:, None], column.shape))
-    warp = _Warp(np.where(seen, column, np.float32(-1)), row)
+    warp = _Warp(np.where(seen, column, np.float32(-1)))
     levels = warp.of(source.levels)
     if reference.channels and source.channels:
         residual = _of_colours(reference, source, warp, seen)
@@ -96,10 +96,10 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
 @dataclass(frozen=True, eq=False)
 class _Warp:
     column: Floats32
-    row: Floats32
 
     def of(self, image: Image, how: int = cv2.INTER_LINEAR) -> Image:
-        return np.asarray(cv2.remap(image, self.column, self.row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+        row = row_grid(*self.column.shape)
+        return np.asarray(cv2.remap(image, self.column, row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _of_colours(reference: View, source: View, warp: _Warp, seen: Mask) -> Floats32:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.measurement.disparity.half_resolution import row_grid
 from auditor.measurement.disparity.lidar import RangeMask
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF, MATCHER_RANGE, PATCH_CORRELATION, PHOTOMETRIC_CONSISTENCY
@@ -69,10 +70,10 @@ def photometric_consistency(
     brighter than the sky in the infrared, and darker in colours.
     """
     matches = matches_of(stereo)
-    row = np.broadcast_to(np.arange(len(reference), dtype=np.float32)[:, None], reference.shape)
-    warped = cv2.remap(
-        source, matches.column, np.ascontiguousarray(row), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    ).astype(np.float32)
+    row = row_grid(*reference.shape)
+    warped = cv2.remap(source, matches.column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(
+        np.float32
+    )
     still = reference.astype(np.float32)
     mean_r, mean_w = _mean(still), _mean(warped)
     norm_r = cv2.sqrt(np.maximum(_mean(still * still) - mean_r * mean_r, 0) * _AREA)
