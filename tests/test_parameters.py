@@ -79,6 +79,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/light.py": ((255,), "white"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
+    "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),
     "measurement/checks/point_distribution.py": ((3,), "a cell and its neighbours, in three dimensions"),
     "measurement/disparity/matchers/model_description.py": (
         (
