@@ -19,6 +19,7 @@ from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import for_drive
 from auditor.identification.statistics import sensor_statistics
 from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System
@@ -277,11 +278,11 @@ def judge_measurement(
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
-        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        robust = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         if marks.other_lidar:
-            thresholds = for_sparser_lidar(thresholds, halvings)
-        thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics)
-        rows = _judge_robust(store, measurement, rig, thresholds, frames)
+            robust = for_sparser_lidar(robust, halvings)
+        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics)
+        rows = _judge_robust(store, measurement, rig, robust, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)
