@@ -48,11 +48,11 @@ def name_attacked(
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
     A frame is a finding where a check that counts exceeds the `limit`; sensors after the first are named where a check
-    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
-    sensor exceeds the next, or the limit; `evidence` are the checks above it, and those that confirm what two cameras
-    alone show, the strongest first; `named` is Algorithm 2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
-    frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors
-    were compared is not auditable.
+    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest sensor
+    exceeds the next, or the limit; `evidence` are the checks above it, and those that confirm what two cameras alone
+    show, the strongest first; `named` is Algorithm 2's answer on the states of the triples. `reason` says why no sensor
+    of a finding is named, without which sensors a frame was judged, and where no camera pair can check the LiDAR. A
+    frame without a finding in which no three sensors were compared is not auditable.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
