@@ -21,6 +21,7 @@ from auditor.store.records import (
     measurement_id,
 )
 from auditor.store.store import Store
+from auditor.store.views.script import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
@@ -50,5 +51,6 @@ __all__ = [
     "run_query",
     "run_sql",
     "table_of",
+    "views_script",
     "write_calibration",
 ]
