@@ -1,8 +1,8 @@
 """A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
 
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import ExitStack
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -43,14 +43,14 @@ def constants() -> list[str]:
     return [f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()]
 
 
-@contextmanager
-def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyConnection]:
-    """A connection with the views that a SQL text names (all, where it names none), then locked.
+def connected(store: Store | None, text: str = "") -> duckdb.DuckDBPyConnection:
+    """A connection with the views that a SQL text names (all, where it names none), then locked; for a `with`.
 
     Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
-    with duckdb.connect(config=_SHUT) as connection:
+    with ExitStack() as on_error:
+        connection = on_error.enter_context(duckdb.connect(config=_SHUT))
         for macro in (*constants(), *macros()):
             connection.execute(macro)
         readable: list[str] = []
@@ -70,7 +70,8 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         connection.execute("SET allowed_paths = ?", [readable])
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
-        yield connection
+        on_error.pop_all()
+        return connection
 
 
 def in_one_line(error: Exception) -> str:
@@ -129,9 +130,7 @@ def _needed(text: str) -> set[str]:
         return names
     while True:
         behind = {word for name in found & views().keys() for word in _WORD.findall(views()[name].sql)} & names
-        behind |= {
-            f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found
-        }
+        behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
         if behind <= found:
             return found
         found |= behind

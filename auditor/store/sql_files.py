@@ -76,7 +76,8 @@ def _name(file: SqlFile) -> str:
 
 def _with_defaults(view: SqlFile) -> str:
     """The SQL of a view, where a view can have no parameters."""
-    defaults = {one.name: f"CAST({'NULL' if one.default is None else one.default} AS {one.type})" for one in view.parameters}
+    values = {one.name: "NULL" if one.default is None else one.default for one in view.parameters}
+    defaults = {one.name: f"CAST({values[one.name]} AS {one.type})" for one in view.parameters}
     return re.sub(r"\$(\w+)", lambda found: defaults[found[1]], view.sql)
 
 

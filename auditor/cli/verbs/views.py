@@ -13,7 +13,7 @@ def command(store: Path) -> None:
     """Write SQL text that gives plain DuckDB the views of a store, with the answers of auditor query.
 
     The text runs in any folder, and looks up what is finished whenever it is run: it stays right after new recordings
-    and judgements. Unlike auditor query, DuckDB alone is no sandbox: what can be read and written there is yours to say.
+    and judgements. Unlike auditor query, plain DuckDB is no sandbox.
 
     \b
     auditor views > views.sql

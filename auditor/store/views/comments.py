@@ -7,17 +7,28 @@ from auditor.store.sql_files import SqlFile, views
 
 
 def comments(connection: duckdb.DuckDBPyConnection) -> str:
-    """The statements that comment on the views of a connection and on their columns."""
-    columns = connection.execute(
-        "SELECT table_name, column_name, data_type FROM duckdb_columns() WHERE NOT internal ORDER BY ALL"
+    """The statements that comment on the views of a connection, the stored tables behind them, and their columns."""
+    found = connection.execute(
+        "SELECT table_name, table_name IN (SELECT view_name FROM duckdb_views()), column_name, data_type"
+        " FROM duckdb_columns() WHERE NOT internal ORDER BY table_name, column_index"
     ).fetchall()
-    described = [(views()[view], name, kind) for view, name, kind in columns if view in views()]
-    of_views = {f"COMMENT ON VIEW {view.name} IS {literal(view.text)};" for view, _, _ in described}
-    of_columns = [
-        f'COMMENT ON COLUMN {view.name}."{name}" IS {literal(described_column(view, name, kind).in_words)};'
-        for view, name, kind in described
-    ]
-    return "\n".join([*sorted(of_views), *of_columns])
+    statements = {}
+    for table, is_view, name, kind in found:
+        if described := _described(table, name, kind):
+            statements[f"{'VIEW' if is_view else 'TABLE'} {table}"] = described[0]
+            statements[f'COLUMN {table}."{name}"'] = described[1]
+    return "\n".join(f"COMMENT ON {what} IS {literal(words)};" for what, words in statements.items())
+
+
+def _described(table: str, name: str, kind: str) -> tuple[str, str] | None:
+    """The sentences of a view or stored table and of a column of it; None of what is neither."""
+    if table in views():
+        return views()[table].text, described_column(views()[table], name, kind).in_words
+    schema = table.removeprefix("stored_")
+    if schema != table and schema in TABLES:
+        sentences = {column.name: column.in_words for column in _stored(schema)}
+        return table_schema(schema).sentence, sentences[name]
+    return None
 
 
 def described_column(file: SqlFile, name: str, kind: str) -> Column:

@@ -36,18 +36,18 @@ def views_script(folder: Path) -> str:
 
 
 def _store(folder: Path) -> str:
-    return f"""\
-SET VARIABLE auditor_store = {literal(str(folder))};
-
--- The same as a pattern that matches nothing else; an error where no store of this version is there.
-SET VARIABLE auditor_pattern = (
-    SELECT CASE regexp_extract(content, '"schema_version": *([0-9]+)', 1)
-        WHEN '{SCHEMA_VERSION}' THEN regexp_replace(getvariable('auditor_store'), '([*?\\[])', '[\\1]', 'g')
-        ELSE error('the store has another schema version: write this text again with auditor views')
-    END
-    FROM read_text(regexp_replace(getvariable('auditor_store'), '([*?\\[])', '[\\1]', 'g') || '/{MARKER}')
-);
-"""
+    pattern = r"regexp_replace(getvariable('auditor_store'), '([*?\[])', '[\1]', 'g')"
+    lines = [
+        f"SET VARIABLE auditor_store = {literal(str(folder))};\n",
+        "-- The same as a pattern that matches nothing else; an error where no store of this version is there.",
+        "SET VARIABLE auditor_pattern = (",
+        """    SELECT CASE regexp_extract(content, '"schema_version": *([0-9]+)', 1)""",
+        f"        WHEN '{SCHEMA_VERSION}' THEN {pattern}",
+        "        ELSE error('the store has another schema version: write this text again with auditor views')",
+        f"    END FROM read_text({pattern} || '/{MARKER}')",
+        ");",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _stored(schema: TableSchema) -> str:
@@ -62,11 +62,12 @@ def _stored(schema: TableSchema) -> str:
     )
     columns = ", ".join(f"{one.name}::{one.type} AS {one.name}" for one in schema.columns)
     what = "VIEW" if schema.name in LARGE else "TABLE"
+    query = f"SELECT {columns} FROM query({source})"  # noqa: S608 - our own names
     lines = [
         f"-- {schema.sentence}",
         f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
         *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
-        f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS SELECT {columns} FROM query({source});",
+        f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
     ]
     return "\n".join(lines) + "\n"
 
@@ -96,7 +97,8 @@ def _differ(manifest: str) -> str:
 
 _PICTURES = """\
 CREATE OR REPLACE TEMP TABLE stored_pictures AS
-SELECT regexp_extract(file, 'pictures/[^/]+/[^/]+$') AS file FROM glob(getvariable('auditor_pattern') || '/pictures/*/*');
+SELECT regexp_extract(file, 'pictures/[^/]+/[^/]+$') AS file
+FROM glob(getvariable('auditor_pattern') || '/pictures/*/*');
 """
 
 
