@@ -37,12 +37,14 @@ def views_script(folder: Path) -> str:
 
 def _store(folder: Path) -> str:
     pattern = r"regexp_replace(getvariable('auditor_store'), '([*?\[])', '[\1]', 'g')"
+    version = rf'"schema_version": *{SCHEMA_VERSION}\b'
     lines = [
         f"SET VARIABLE auditor_store = {literal(str(folder))};\n",
         "-- The same as a pattern that matches nothing else; an error where no store of this version is there.",
         "SET VARIABLE auditor_pattern = (",
-        """    SELECT CASE regexp_extract(content, '"schema_version": *([0-9]+)', 1)""",
-        f"        WHEN '{SCHEMA_VERSION}' THEN {pattern}",
+        "    SELECT CASE",
+        "        WHEN count(*) = 0 THEN error('there is no store in this folder')",
+        f"        WHEN regexp_matches(any_value(content), {literal(version)}) THEN {pattern}",
         "        ELSE error('the store has another schema version: write this text again with auditor views')",
         f"    END FROM read_text({pattern} || '/{MARKER}')",
         ");",
