@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isnan
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +54,8 @@ class FramePoses:
 
 def read_poses(recording: Recording, frames: FrameTimes) -> FramePoses:
     """Read a recording's poses; it is read through where it has topics of them. Raises what its reader does."""
-    wanted = sorted((rank, topic) for topic in recording.topics() if (rank := pose_rank(topic)) is not None)
+    ranked = [(rank, topic) for topic in recording.topics() if (rank := pose_rank(topic)) is not None]
+    wanted = sorted(ranked, key=itemgetter(0))  # those of one rank stay by name
     if not wanted or not frames.numbers:
         return FramePoses()
     reading = _Reading(recording, frames, [topic for _, topic in wanted])
