@@ -1,7 +1,6 @@
 """A measurement keeps where the vehicle was, and nothing of that changes what is counted."""
 
 from math import nan
-from pathlib import Path
 
 import pytest
 
