@@ -51,6 +51,11 @@ class Column:
     unit: str = ""
     dictionary: bool = False
 
+    @property
+    def in_words(self) -> str:
+        """Its meaning, with its unit where it has one."""
+        return f"{self.sentence} ({self.unit})" if self.unit else self.sentence
+
 
 @dataclass(frozen=True)
 class TableSchema:

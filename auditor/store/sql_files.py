@@ -9,7 +9,7 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from pathlib import Path
@@ -54,14 +54,31 @@ def sql_files(folder: Path) -> tuple[SqlFile, ...]:
 
 @cache
 def queries() -> dict[str, SqlFile]:
-    """The queries by name: one question each."""
-    return {query.name: query for query in sql_files(resource_folder("queries"))}
+    """The queries by name: one question each. A view that has parameters is a query as well."""
+    asked = [view for view in _view_files() if view.parameters]
+    return {query.name: query for query in sorted([*sql_files(resource_folder("queries")), *asked], key=_name)}
 
 
 @cache
 def views() -> dict[str, SqlFile]:
-    """The views by name."""
-    return {view.name: view for view in sql_files(resource_folder("queries") / "views")}
+    """The views by name; in the place of its parameters a view has their defaults."""
+    return {view.name: replace(view, sql=_with_defaults(view), parameters=()) for view in _view_files()}
+
+
+@cache
+def _view_files() -> tuple[SqlFile, ...]:
+    return sql_files(resource_folder("queries") / "views")
+
+
+def _name(file: SqlFile) -> str:
+    return file.name
+
+
+def _with_defaults(view: SqlFile) -> str:
+    """The SQL of a view, where a view can have no parameters."""
+    values = {one.name: "NULL" if one.default is None else one.default for one in view.parameters}
+    defaults = {one.name: f"CAST({values[one.name]} AS {one.type})" for one in view.parameters}
+    return re.sub(r"\$(\w+)", lambda found: defaults[found[1]], view.sql)
 
 
 @cache
