@@ -4,10 +4,12 @@
 -- param recording VARCHAR = NULL: Only pairs with an incident of the recording of this name, or whose id begins so.
 --
 -- column overlap: What the two boxes have in common, 1 for the same box.
+-- column incident_id: The incident, as in `incidents`.
 -- column name: The recording of the earlier incident; text from outside, to be escaped wherever it is shown.
 -- column vehicle: Its vehicle.
 -- column first_frame: Number of its first frame.
 -- column sensor: Its attacked sensor: 0 the LiDAR, else a camera.
+-- column other_incident_id: The later incident, as in `incidents`.
 -- column other_name: The recording of the later incident; text from outside, to be escaped wherever it is shown.
 -- column other_vehicle: Its vehicle.
 -- column other_first_frame: Number of its first frame.

@@ -4,6 +4,7 @@
 -- param gap_s DOUBLE = 0.5: A longer time than this between two measured frames is a gap.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
+-- column incident_id: The incident, as in `incidents`.
 -- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The recording's vehicle.
 -- column found: What was found: the attacked sensors by their names, or the kind of the incident.

@@ -15,15 +15,12 @@
 -- column from_ns: Stamp of its first frame.
 -- column to_ns: Stamp of its last frame, included.
 -- column seconds: Time from the first frame to the last.
--- column frames: Its frames; measured by several rigs they count once.
--- column first_frame: Number of the first frame.
--- column last_frame: Number of the last frame.
+-- column frames: Its frames, of all rigs together; frames of one stamp count once.
 -- column path: Where the recording lay when it was last read.
 WITH frame AS (
     SELECT
         measurement.recording_id,
         frame.stamp_ns,
-        frame.frame,
         frame.skipped IS NULL
             AND verdict.kind = 'clean'
             AND verdict.finding IS NULL
@@ -37,9 +34,9 @@ WITH frame AS (
         AND ($recording IS NULL OR measurement.name = $recording OR starts_with(measurement.recording_id, $recording))
         AND ($vehicle IS NULL OR measurement.vehicle = $vehicle)
 ),
--- the frames of all rigs of a recording, each stamp once: numbers of frames go by one rig each
+-- the frames of all rigs of a recording, each stamp once
 moment AS (
-    SELECT recording_id, stamp_ns, min(frame) AS frame, bool_and(coalesce(clean, false)) AS clean
+    SELECT recording_id, stamp_ns, bool_and(coalesce(clean, false)) AS clean
     FROM frame
     GROUP BY recording_id, stamp_ns
 ),
@@ -73,8 +70,6 @@ SELECT
     max(stamp_ns) AS to_ns,
     (max(stamp_ns) - min(stamp_ns)) / 1e9 AS seconds,
     count(*) AS frames,
-    min(frame) AS first_frame,
-    max(frame) AS last_frame,
     recording.recording_id,
     recording.path
 FROM numbered

@@ -7,6 +7,7 @@
 -- param seconds DOUBLE = 600: How long before or after the incident others may pass, in seconds.
 -- param recording VARCHAR = NULL: Only incidents of the recording of this name, or whose id begins so.
 --
+-- column incident_id: The incident, as in `incidents`.
 -- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
 -- column vehicle: The vehicle.
 -- column found: What was found: the attacked sensors by their names, or the kind of the incident.
