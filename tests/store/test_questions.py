@@ -1,11 +1,15 @@
 """The questions by name: each answer is what was counted by hand in a store that was made row by row."""
 
+import re
+import shlex
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from auditor.cli import run
 from auditor.errors import QueryError
 from auditor.model.coverage import TopicCoverage, TopicState
 from auditor.model.frames import Presence, SensorState
@@ -359,3 +363,33 @@ def test_the_frames_worth_looking_at_come_by_what_they_name_and_how_sure_it_is(s
     ]
     assert ask(store, "look_first", "place", most=2) == [(1,), (2,)]
     assert ask(store, "look_first", "name", vehicle="birch") == [("b.mcap",)]
+
+
+# The page
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "questions.md"
+COMMANDS = re.findall(r"^    auditor (query .*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    store = new_store(tmp_path_factory.mktemp("small"))
+    drive(store, "a", "c" * 70 + "11 ", north_m=0, regions={(70, 1): (0, 0, 9, 9)})
+    drive(store, "b", "cc11", vehicle="birch", start_s=20, north_m=10, regions={(2, 1): (0, 0, 9, 9)})
+    store.write_given_labels("a" * 64, [GivenLabel(given_at=NOON)])
+    return store
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_of_the_page_answers(small, command, capsys):
+    assert run([*shlex.split(command), "--store", str(small.folder)]) == 0
+    assert "(no rows)" not in capsys.readouterr().out
+
+
+def test_the_page_asks_every_question():
+    asked = {command.split()[1] for command in COMMANDS}
+    assert asked == {
+        "look_first", "vehicle", "seen_by_others", "alike", "circumstances", "not_audited", "clean_seconds",
+        "false_alarms",
+    }  # fmt: skip
