@@ -25,6 +25,7 @@ TABLES = (
     "cells",
     "fault_features",
     "regions",
+    "poses",
     "calibrations",
     "judgements",
     "verdicts",
