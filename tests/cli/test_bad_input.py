@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,13 +21,19 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_drive(tmp_path_factory.mktemp("drives") / "clean.mcap", count=12)
 
 
+@pytest.fixture(scope="module")
+def calibrated(clean: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with thresholds."""
+    store = tmp_path_factory.mktemp("calibrated") / "audit"
+    assert run(["calibrate", str(clean), "--store", str(store)]) == 0
+    return store
+
+
 @pytest.fixture
-def store(clean: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Path:
-    """A store with thresholds, and nothing printed yet."""
-    folder = tmp_path / "audit"
-    assert run(["calibrate", str(clean), "--store", str(folder)]) == 0
+def store(calibrated: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Path:
+    """A store of the test's own with thresholds, and nothing printed yet."""
     capfd.readouterr()
-    return folder
+    return shutil.copytree(calibrated, tmp_path / "audit")
 
 
 def remarks(capfd: pytest.CaptureFixture[str]) -> list[str]:
