@@ -21,7 +21,7 @@ from auditor.measurement.disparity.rectification import PairView, Rectification,
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
 from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
-from auditor.measurement.frame import level, saturated_share
+from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, Mask, matched
 from auditor.model.checks import Pair, PairFaultFeatures, rig_sensor_checks
@@ -99,8 +99,8 @@ class AttackedFrame:
         """The brightness of a camera's image under these attacks."""
 
         def take() -> Coverage:
-            pixels = grey(self.rectified(camera, attacks))
-            return Coverage(saturated_share=saturated_share(pixels), level=level(pixels))
+            image = self.rectified(camera, attacks)
+            return brightness(image, grey(image))
 
         return self.memoise("coverage", camera, attacks, (camera,), take)
 

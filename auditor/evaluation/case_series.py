@@ -160,9 +160,11 @@ class CaseSeries:
         chosen = [at for at, pair in enumerate(pairs) if set(pair) <= set(system.sensors)]
         cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
         columns = {name: features[:, chosen, at] for at, name in enumerate(COLUMNS)}
-        level = self._of_sensors(self._cases.level, places, system)[:, -len(cameras) :]
-        saturated = self._of_sensors(self._cases.saturated, places, system)[:, -len(cameras) :]
-        seen = ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
+        brightness = {
+            name: self._of_sensors(values, places, system)[:, -len(cameras) :]
+            for name, values in self._cases.brightness.items()
+        }
+        seen = ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, brightness)
         return fault_scores(seen, stamps_ns, system.sensors, runs)
 
     def _statistics(self, places: Places, system: System) -> Floats:

@@ -192,11 +192,10 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
     own = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()}
     maps: Maps = own or arrays.maps
     coverage = {
-        number: Coverage(
-            saturated_share=saturated_share(pixels),
+        number: replace(
+            brightness(prepared.frame.images[number].pixels, pixels),
             textureless_share=1.0 - _share(prepared.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
-            level=level(pixels),
         )
         for number, pixels in prepared.greys.items()
     }
@@ -206,14 +205,11 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
     return coverage
 
 
-def saturated_share(pixels: NDArray[np.uint8]) -> float:
-    """The share of an image's (H, W) grey pixels that are saturated."""
-    return _share(pixels >= COVERAGE.saturated)
-
-
-def level(pixels: NDArray[np.uint8]) -> float:
-    """The mean of an image's (H, W) grey pixels."""
-    return cv2.sumElems(pixels)[0] / pixels.size
+def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
+    """How bright an image (H, W), or (H, W, 3) BGR, is, and its channels where it has them; `greys` is it in grey."""
+    blue, green, red, _ = (total / greys.size for total in cv2.sumElems(image))
+    known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
+    return known if image.ndim < 3 else replace(known, blue_level=blue, green_level=green, red_level=red)
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

@@ -24,7 +24,7 @@ from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames, RobustThresholds, Thresholds
 from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
-from auditor.model.measurement import Statistic
+from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.clustered import clustered_interval
@@ -93,11 +93,11 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
     columns = {name: values[:, :, at] for at, name in enumerate(COLUMNS)}
     if LIDAR not in system.sensors:
         columns |= {name: np.full_like(columns[name], np.nan) for name in OF_LIDAR}
-    level, saturated = (
-        np.array([[getattr(case, name).get(camera) for camera in cameras] for case in cases], dtype=np.float64)
-        for name in ("level", "saturated")
-    )
-    return fault_scores(ObservedFeatures(pairs, columns, cameras, level, saturated), stamps, system.sensors)
+    brightness = {
+        name: np.array([[case.brightness(name).get(camera) for camera in cameras] for case in cases], dtype=np.float64)
+        for name in BRIGHTNESS
+    }
+    return fault_scores(ObservedFeatures(pairs, columns, cameras, brightness), stamps, system.sensors)
 
 
 def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
