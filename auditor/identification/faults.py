@@ -6,24 +6,21 @@ on another row, or where it lay a frame ago; every LiDAR point agrees with stere
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.light_causes import Seen, by_tone, dirt
 from auditor.identification.parameters import (
     FAULT_HYPOTHESES,
     FAULT_SCALE,
     FAULT_SCORES,
     FROZEN,
-    HIERARCHY,
-    LIGHT_OF_CAUSES,
     TEMPORAL_WINDOW,
 )
 from auditor.identification.statistics import window_means
-from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import CAMERA_CHECKS, COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
@@ -131,49 +128,6 @@ def fault_hypotheses(
     return hypotheses
 
 
-class Seen(NamedTuple):
-    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
-
-    `darker` is how many times as large as added light removed light is, of the statistics themselves.
-    """
-
-    added: float
-    removed: float
-    inconsistent: float
-    darker: float
-
-
-def seen_of(verdict: Verdict, z: Floats, statistics: Floats, system: System) -> dict[int, Seen]:
-    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame."""
-    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
-    found = {}
-    for sensor in sorted(named):
-        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
-        own = {
-            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
-        }
-        added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        if added is not None and removed is not None and inconsistent is not None:
-            darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker)
-    return found
-
-
-def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
-    """The cameras that changed without light being added.
-
-    An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
-    it only does not see what the others see, that is just enough for dirt.
-    """
-    found = []
-    for sensor, one in seen.items():
-        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
-            found.append(FaultHypothesis(Cause.SOILED, sensor))
-        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
-            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
-    return tuple(found)
-
-
 def weigh(
     verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float, seen: Mapping[int, Seen] | None = None
 ) -> Verdict:
@@ -209,20 +163,10 @@ def _explaining(
             yield False
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and _by_exposure(own, limit)
+            yield own is not None and by_tone(own, limit)
         else:  # dirt has been weighed against light already
             least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
             yield one.cause is Cause.SOILED or _z_of(one) >= least
-
-
-def _by_exposure(seen: Seen, limit: float) -> bool:
-    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
-
-    Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted.
-    """
-    unchanged = seen.inconsistent < LIGHT_OF_CAUSES.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
-    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, seen_of, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, weigh
+from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores

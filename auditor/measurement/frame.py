@@ -209,7 +209,7 @@ def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
     """How bright an image (H, W), or (H, W, 3) BGR, is, and its channels where it has them; `greys` is it in grey."""
     blue, green, red, _ = (total / greys.size for total in cv2.sumElems(image))
     known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
-    return known if image.ndim < 3 else replace(known, blue_level=blue, green_level=green, red_level=red)
+    return known if image.shape == greys.shape else replace(known, blue_level=blue, green_level=green, red_level=red)
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

@@ -6,14 +6,12 @@ import pytest
 
 from auditor.identification.faults import (
     ObservedFeatures,
-    Seen,
-    dirt,
     fault_hypotheses,
     fault_scores,
     faults_of,
-    seen_of,
     weigh,
 )
+from auditor.identification.light_causes import Seen, dirt, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
