@@ -1,7 +1,7 @@
 """The features of a case of an evaluation that show faults and frozen sensors: the judge needs them too."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
@@ -39,7 +39,11 @@ class FeaturesOfCases:
         fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
         later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
         features_after = {pair: attacked_frame.fault_features_after(pair, attacks, after) for pair in later if after}
-        coverage = [_coverage(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors]
+        saturating = attacked_frame.added_saturation(attacks, experiment.triples(attacked_frame.rig))
+        coverage = [
+            replace(_coverage(attacked_frame, sensor, attacks), added_saturation=saturating.get(sensor))
+            for sensor in attacked_frame.rig.sensors
+        ]
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.identification.light_causes import Seen, by_tone, dirt
+from auditor.identification.light_causes import Seen, by_tone, of_lens
 from auditor.identification.parameters import (
     FAULT_HYPOTHESES,
     FAULT_SCALE,
@@ -21,7 +21,7 @@ from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
-from auditor.model.measurement import NO_FINGERPRINT
+from auditor.model.measurement import NO_FINGERPRINT, SATURATION
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
     FINDINGS,
@@ -63,6 +63,11 @@ class ObservedFeatures:
     columns: Mapping[str, Floats]
     cameras: tuple[int, ...]
     brightness: Mapping[str, Floats]
+
+    @property
+    def added_saturation(self) -> dict[int, Floats]:
+        """(F,) the added saturation by camera."""
+        return dict(zip(self.cameras, self.brightness[SATURATION].T, strict=True))
 
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
@@ -139,7 +144,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    ranked = sorted((*causes, *dirt(seen or {})), key=lambda one: (not is_finding(one), -one.score))
+    ranked = sorted((*causes, *of_lens(seen or {})), key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):
@@ -164,9 +169,10 @@ def _explaining(
         elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
             yield own is not None and by_tone(own, limit)
-        else:  # dirt has been weighed against light already
-            least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
-            yield one.cause is Cause.SOILED or _z_of(one) >= least
+        elif _of_a_lens(one):  # it has been weighed against light already
+            yield True
+        else:
+            yield _z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -311,6 +317,11 @@ def _z_of(hypothesis: FaultHypothesis) -> float:
     """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
     z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
     return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
+
+
+def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
+    """Whether it is dirt, drops or glare of one camera's lens; glare of all cameras is another cause."""
+    return hypothesis.cause is Cause.SOILED or (hypothesis.cause is Cause.GLARE and hypothesis.sensor is not None)
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:

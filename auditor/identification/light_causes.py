@@ -1,6 +1,7 @@
 """What the light checks of a camera say of causes: dirt, exposures and white balance do not change it as light does."""
 
 from collections.abc import Mapping
+from math import nan
 from typing import NamedTuple
 
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
@@ -14,17 +15,24 @@ from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
-    `darker` is how many times as large as added light removed light is, of the statistics themselves.
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturation` are
+    the half px that saturate where light was added.
     """
 
     added: float
     removed: float
     inconsistent: float
     darker: float
+    saturation: float = nan
 
 
-def seen_of(verdict: Verdict, z: Floats, statistics: Floats, system: System) -> dict[int, Seen]:
-    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame."""
+def seen_of(
+    verdict: Verdict, z: Floats, statistics: Floats, system: System, saturation: Mapping[int, float] | None = None
+) -> dict[int, Seen]:
+    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
+
+    `saturation` is the added saturation by camera, where it is known.
+    """
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
     found = {}
     for sensor in sorted(named):
@@ -35,15 +43,17 @@ def seen_of(verdict: Verdict, z: Floats, statistics: Floats, system: System) -> 
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker)
+            saturated = (saturation or {}).get(sensor, nan)
+            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, saturated)
     return found
 
 
-def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
-    """The cameras that changed without light being added.
+def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
+    """The cameras that changed without light being thrown into them.
 
     An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
-    it only does not see what the others see, that is just enough for dirt.
+    it only does not see what the others see, that is just enough for dirt. Light that saturates nothing is none that
+    outshines the scene: glare where what is seen is the same, and else what a drop on the lens shows.
     """
     found = []
     for sensor, one in seen.items():
@@ -51,6 +61,9 @@ def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+        elif one.added >= LIGHT_OF_CAUSES.least_added and one.saturation < LIGHT_OF_CAUSES.least_saturation:
+            veiled = one.inconsistent < LIGHT_OF_CAUSES.unchanged
+            found.append(FaultHypothesis(Cause.GLARE if veiled else Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
     return tuple(found)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
+    ADDED_SATURATION,
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
     POINT_EXCESS,
@@ -24,6 +25,7 @@ _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/causes.md)"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/causes.md)"
 _LEVELS = "three real drives, and streets of one vehicle: 0.03 within and 0.04 between drives, over 0.2"
 _WARMTH = "three real drives: within drives 0.03, between them 0.065, between the two cameras of one 0.02"
+_LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one has a tilt that its drives must teach"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
@@ -224,6 +226,9 @@ class LightOfCauses:
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
+    least_saturation: float = parameter(
+        20.0, unit="half px that saturate in the light, below which it is none that was thrown in", source=_LIT
+    )
     unchanged_gap: float = parameter(
         2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
     )
@@ -287,6 +292,7 @@ JUDGING = (
     TEMPORAL_WINDOW,
     FROZEN,
     POINT_EXCESS,
+    ADDED_SATURATION,
     FAULT_SCORES,
     FAULT_SCALE,
     FAULT_HYPOTHESES,

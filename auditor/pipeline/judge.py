@@ -330,7 +330,9 @@ def _judge_robust(
 ) -> Rows:
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
-    series = FrameSeries.of_recording(frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores)
+    series = FrameSeries.of_recording(
+        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.added_saturation
+    )
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 

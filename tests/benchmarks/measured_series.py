@@ -22,7 +22,7 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import COLUMNS, Pair, rig_sensor_checks
 from auditor.model.frames import Frame
-from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Measurement
+from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, SATURATION, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
 from tests.benchmarks.lasting_faults import Happening
@@ -183,5 +183,7 @@ def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection
     """The verdicts of the robust method."""
     present = np.tile([sensor not in absent for sensor in rig.sensors], (len(part.numbers), 1))
     scores: Mapping[CauseIn, Floats] = scores_of(part, rig, absent)
-    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores)
+    cameras = [camera.number for camera in rig.cameras]
+    saturation = dict(zip(cameras, part.brightness[SATURATION].T, strict=True))
+    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores, saturation)
     return judge_frames(series, system_of(rig), learnt)
