@@ -80,6 +80,8 @@ def prior_of_cause(cause: CauseIn) -> Prior:
     kind, sensor = cause
     if kind is Cause.EXPOSURE:
         return Prior(*CAUSE_PRIORS.exposure)
+    if kind is Cause.WHITE_BALANCE:
+        return Prior(*CAUSE_PRIORS.white_balance)
     if kind is Cause.LATE:
         return Prior(*(CAUSE_PRIORS.late_lidar if sensor == LIDAR else CAUSE_PRIORS.late_camera))
     if kind is Cause.DISPLACED:

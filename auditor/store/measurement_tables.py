@@ -18,6 +18,7 @@ from auditor.errors import StoreError
 from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
+    BRIGHTNESS,
     MIN_VALID_PX,
     NO_FINGERPRINT,
     Cells,
@@ -74,7 +75,7 @@ class FrameFaultFeatures:
     """The fault features of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `checks.COLUMNS` for the
-    matched `pairs`; `level` and `saturated` are (F, C) by camera. NaN where not measured.
+    matched `pairs`, `brightness` (F, C) values by those of BRIGHTNESS for the `cameras`. NaN where not measured.
     """
 
     frames: NDArray[np.int64]
@@ -82,8 +83,7 @@ class FrameFaultFeatures:
     pairs: tuple[Pair, ...]
     columns: Mapping[str, NDArray[np.float64]]
     cameras: tuple[int, ...]
-    level: NDArray[np.float64]
-    saturated: NDArray[np.float64]
+    brightness: Mapping[str, NDArray[np.float64]]
 
 
 def fault_feature_rows(
@@ -97,7 +97,7 @@ def fault_feature_rows(
 
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
-    frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
+    frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
     pairs = rig.pairs
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
@@ -108,8 +108,8 @@ def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFe
     for name, values in columns.items():
         values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
-    level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
-    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, level, saturated)
+    brightness = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
+    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, brightness)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")
@@ -158,7 +158,7 @@ def pose_row(measurement_id: str, placed: FramePose) -> Row:
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
 
 
-_COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
+_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns")
 
 
 _PIXELS = {
@@ -255,8 +255,7 @@ def read_coverage(
     Raises StoreError.
     """
     table = _measured(path, ["frame", "stamp_ns", *names])
-    shape = len(table), len(rig.sensors)
-    values = {name: _floats(table[name], shape[0] * shape[1], path).reshape(shape) for name in names}
+    values = {name: _where_kept(table[name], len(rig.sensors), path) for name in names}
     return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 

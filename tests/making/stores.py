@@ -90,8 +90,10 @@ def make_features(rig, frame, *, late=(), missing=()):
     return CaseFeatures(
         present=[s not in missing for s in rig.sensors],
         fingerprint=[None if s in missing else 10 * frame + s for s in rig.sensors],
-        level=[None if s == 0 else 100.0 for s in rig.sensors],
-        saturated_share=[None if s == 0 else 0.0 for s in rig.sensors],
+        brightness={
+            "level": [None if s == 0 else 100.0 for s in rig.sensors],
+            "saturated_share": [None if s == 0 else 0.0 for s in rig.sensors],
+        },
         fault_features=features,
         fault_features_after=features,
     )
