@@ -16,9 +16,6 @@ UPGRADED = ".upgraded"
 """The folder inside a store that an upgrade writes its files into."""
 
 UPGRADED_FROM = SCHEMA_VERSION - 1
-_NO_TABLES = ("pair_checks",)
-"""Folders of the version before that hold no table of this one."""
-
 _FORMAT = "auditor store"
 
 
@@ -93,9 +90,6 @@ def move_upgraded(folder: Path) -> None:
                 if (folder / name).is_dir():
                     shutil.rmtree(folder / name)
                 (new / name).rename(folder / name)
-        for name in _NO_TABLES:
-            if (folder / name).is_dir():
-                shutil.rmtree(folder / name)
         shutil.rmtree(new, ignore_errors=True)
     except OSError as error:
         raise StoreError(

@@ -127,8 +127,3 @@ def upgrade(store: Path) -> None:
         f"{store}: upgraded from schema version {UPGRADED_FROM} to {SCHEMA_VERSION}: {done.measurements} measurements, "
         f"{done.judgements} judgements, {done.parts} parts of evaluations"
     )
-    if done.measurements:
-        say(
-            "counts on grids and their statistics are left out: they are of an earlier way of counting. Disparity "
-            "errors and verdicts stay; auditor scan --measure-again measures recordings anew so that they can be judged"
-        )

@@ -5,7 +5,6 @@ whose upgrade was killed before that is as it was, and one whose upgrade was kil
 opened next. No other command may use the store meanwhile.
 """
 
-import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,18 +15,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
-from auditor.model.rig import Rig
 from auditor.store.files import finished, locked
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
-from auditor.store.rows import sensor_check_rows
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.store import MANIFESTS
 from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
 
 _Row = dict[str, Any]
-
-_COUNTED_ANEW = frozenset({"cells"})
-"""Tables whose old rows are of another way of counting; their files are there, and empty."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +37,7 @@ def upgrade(folder: Path) -> Upgraded | None:
     """Upgrade the store in a folder; None where it is of this version already.
 
     All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
-    lacks are empty. What an earlier way of counting gave, and today's checks cannot be computed from, is left out: the
-    counts on grids. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
+    lacks are empty. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
     written.
     """
     with locked(folder):
@@ -77,11 +70,7 @@ def _write(old: Path, new: Path) -> Upgraded:
         (new / table).mkdir(parents=True)
         for row_id in _finished(old, table):
             name = f"{row_id}.parquet"
-            write_rows(table, new / table / name, () if table in _COUNTED_ANEW else _rows(old / table / name))
-    for rig_id in finished(old / "rigs"):
-        (row,) = _rows(old / "rigs" / f"{rig_id}.parquet")
-        checks = sensor_check_rows(Rig.from_dict(json.loads(row["description"])))
-        write_rows("sensor_checks", new / "sensor_checks" / f"{rig_id}.parquet", checks)
+            write_rows(table, new / table / name, _rows(old / table / name))
     (new / "pictures").mkdir()
     for measurement_id in finished(old / "measurements"):
         if (old / "pictures" / measurement_id).is_dir():
