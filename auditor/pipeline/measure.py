@@ -69,6 +69,7 @@ from auditor.store import (
     measurement_id,
 )
 from auditor.store.files import locked
+from auditor.store.log import logged
 from auditor.store.maintenance.removal import remove_measurement
 
 _PREFLIGHT_FRAMES = 3
@@ -126,7 +127,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
-    with open_recording(task.recording) as recording:
+    with open_recording(task.recording) as recording, logged(store.folder) as entry:
+        entry.used("recording", recording.recording_id, storable(str(recording.path)))
         surveyed = survey(recording)
         found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)
@@ -242,8 +244,11 @@ def _measure(
         recording.check_unchanged()
         if store.has_measurement(known):
             remove_measurement(store, known)
-        for number, picture in thumbnails.pages():
-            store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
+        pictures = [
+            file
+            for number, picture in thumbnails.pages()
+            for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
+        ]
         writer.commit(
             MeasurementRecord(
                 recording_id=recording.recording_id,
@@ -258,7 +263,8 @@ def _measure(
                 offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
                 clock_jumps=stream.clock_jumps,
                 coverage=stream.coverage,
-            )
+            ),
+            pictures,
         )
 
 

@@ -1,7 +1,7 @@
 """The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
@@ -28,9 +28,10 @@ from auditor.model.measurement import (
     Statistic,
 )
 from auditor.model.rig import LIDAR, Rig
+from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row
-from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
+from auditor.store.tables import Row, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
 """The number of a frame, and its counts by what they are of."""
@@ -299,11 +300,15 @@ WRITTEN = ("cells", "fault_features", "regions", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
 
+Finish = Callable[[str, Row, Sequence[Written]], None]
+"""Makes a measurement finished: its id, its row, and the files that this row finishes."""
+
+
 class FramesWriter:
     """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
 
-    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], manifest: Path) -> None:
-        self._manifest = manifest
+    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], finish: Finish) -> None:
+        self._finish = finish
         self._measurement_id = measurement_id
         self._rig = rig
         self._tables = tables
@@ -342,8 +347,8 @@ class FramesWriter:
         self._skipped[tick.reason] += 1
         self._note(tick.stamp_ns)
 
-    def commit(self, measurement: MeasurementRecord) -> None:
-        """Put all tables in their place, then write the row that makes the measurement finished.
+    def commit(self, measurement: MeasurementRecord, pictures: Sequence[Written] = ()) -> None:
+        """Put all tables in their place, then write the row that makes them and the pictures finished.
 
         Raises StoreError where the record is of another measurement.
         """
@@ -352,8 +357,7 @@ class FramesWriter:
                 f"the record is of measurement {measurement.measurement_id}",
                 where=f"measurement {self._measurement_id}",
             )
-        for table in WRITTEN:
-            self._tables[table].commit()
+        written = [self._tables[table].commit() for table in WRITTEN]
         row = {
             **measurement_row(measurement),
             "frames": self._measured + self._skipped.total(),
@@ -362,7 +366,7 @@ class FramesWriter:
             "first_stamp_ns": self._first_stamp_ns,
             "last_stamp_ns": self._last_stamp_ns,
         }
-        write_rows("measurements", self._manifest, [row])
+        self._finish(self._measurement_id, row, [*written, *pictures])
 
     def _note(self, stamp_ns: int) -> None:
         stamps = [stamp for stamp in (self._first_stamp_ns, stamp_ns, self._last_stamp_ns) if stamp is not None]

@@ -126,7 +126,7 @@ def test_an_upgrade_that_is_killed_while_it_writes_leaves_the_old_store_as_it_wa
         if len(written) == killed_at:
             raise KilledError
         written.append(given)
-        write_rows(*given)
+        return write_rows(*given)
 
     monkeypatch.setattr(upgrade, "write_rows", killed)
     with pytest.raises(KilledError):

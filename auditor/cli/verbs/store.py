@@ -7,6 +7,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
 from auditor.cli.output import emit, format_option, say, shown
 
 _store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
@@ -65,15 +66,17 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
         say("nothing was removed; --yes removes without asking")
         return Exit.FAILED
-    removed = remove_recordings(kept, [one.recording_id for one in found])
+    with logged(kept.folder):
+        removed = remove_recordings(kept, [one.recording_id for one in found])
+        superseded = relate(kept)
     say(
         f"{store}: removed {names}: {removed.measurements} measurements, {removed.judgements} judgements, "
         f"{removed.parts} parts of evaluations"
     )
     for calibration in removed.calibrations:
         say(f"calibration {calibration} was made of what is removed; it stays")
-    for superseded in relate(kept):
-        say(str(superseded))
+    for one in superseded:
+        say(str(one))
     return Exit.CLEAN
 
 
@@ -119,7 +122,8 @@ def upgrade(store: Path) -> None:
     from auditor.store.marker import UPGRADED_FROM  # noqa: PLC0415
     from auditor.store.schema import SCHEMA_VERSION  # noqa: PLC0415
 
-    done = upgrade_store(store)
+    command = click.get_current_context().find_root().obj
+    done = upgrade_store(store, ["auditor", *command])
     if done is None:
         say(f"{store}: it has schema version {SCHEMA_VERSION} already")
         return

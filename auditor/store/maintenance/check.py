@@ -9,6 +9,7 @@ import pyarrow as pa
 from auditor.errors import StoreError
 from auditor.model.calibration import PRIOR
 from auditor.store.files import finished, is_part
+from auditor.store.log import LOG
 from auditor.store.marker import MARKER, UPGRADED
 from auditor.store.schema import TABLES
 from auditor.store.store import Store
@@ -45,8 +46,8 @@ _NAMED = {
 }
 """By table: the columns that name rows of other tables."""
 
-_BESIDE = ("pictures", "reports")
-"""Folders that are no tables; what lies in `reports` is nobody's business here."""
+_BESIDE = ("pictures", "reports", LOG)
+"""Folders that are no tables; what lies in `reports` is nobody's business here, and `auditor verify` checks the log."""
 
 _KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
 
