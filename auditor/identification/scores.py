@@ -1,13 +1,14 @@
 """Normalised scores z: how many standard deviations a statistic lies above what clean drives are expected to have."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
 
 from auditor.identification.faults import faults_of
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
-from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check
+from auditor.identification.prior import expected, joint_limit, log_odds, of_drive, prior_of_cause, prior_of_check
 from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
@@ -53,6 +54,21 @@ def thresholds_from(
     known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in EITHER_WAY}
     scales = {cause: fault_scale(cause[0], found, limit, _shown(cause, clean)) for cause, found in known.items()}
     return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
+
+
+def for_drive(
+    thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats
+) -> RobustThresholds:
+    """The thresholds for the drive that is judged, whose statistics are (F, M): what is expected of its own frames.
+
+    They hold for any of its frames, and for attacked copies of them.
+    """
+    columns = dict(zip(sensor_checks, log_odds(statistics).T, strict=True))
+    of_checks = {
+        check: of_drive(one, columns[check], thresholds.limit) if check in columns else one
+        for check, one in thresholds.expected.items()
+    }
+    return replace(thresholds, expected=of_checks)
 
 
 def _expected_of(cause: CauseIn, drives: Sequence[Floats]) -> Expected:

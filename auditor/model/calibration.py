@@ -129,7 +129,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
+    """What a frame of a clean drive is expected to have: a mean and a standard deviation, `within` that of one drive.
 
     Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
     `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
@@ -138,6 +138,7 @@ class Expected:
 
     mean: float
     deviation: float
+    within: float
     drives: int
     samples: int
 

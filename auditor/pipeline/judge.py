@@ -280,6 +280,7 @@ def judge_measurement(
         thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         if marks.other_lidar:
             thresholds = for_sparser_lidar(thresholds, halvings)
+        thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics)
         rows = _judge_robust(store, measurement, rig, thresholds, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)

@@ -18,7 +18,7 @@ import numpy as np
 from auditor.identification.faults import ObservedFeatures, fault_scores
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import for_drive, thresholds_from
 from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
@@ -101,7 +101,7 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
 
 
 def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
-    """The verdicts on a scene: clean frames in their order, attacked frames each by itself among clean neighbours."""
+    """The verdicts on a scene: clean frames in their order, attacked frames each by itself in the drive of these."""
     cases = [case for case in scene.cases if set(case.attacked) <= set(system.sensors)]
     clean = [case for case in cases if not case.attack]
     own = _frames(scene, system, clean)
@@ -109,6 +109,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     series = FrameSeries(
         own.stamps_ns, runs_of(own.stamps_ns), own.statistics_of(system.sensor_checks), here, ~here, own.strengths
     )
+    thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
     verdicts = judge_frames(series, system, thresholds)
     places = {case.frame: place for place, case in enumerate(clean)}
     attacked = [case for case in cases if case.attack]
