@@ -31,6 +31,7 @@ VERBS = (
     "report",
     "parameters",
     "store",
+    "verify",
     "weights",
     "train-matcher",
 )

@@ -19,6 +19,7 @@ from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings
 from auditor.identification.prior import OFFSET
 from auditor.identification.robust import FrameSeries, judge_frames
+from auditor.identification.scores import for_drive
 from auditor.identification.statistics import sensor_statistics
 from auditor.identification.sub_rigs import calibration_for, closeness
 from auditor.identification.systems import System

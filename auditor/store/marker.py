@@ -29,8 +29,13 @@ class Marker:
 
 def write_marker(folder: Path, *, moving: bool = False) -> None:
     """Mark a folder as a store of this version. Raises StoreError."""
+    write_whole(folder / MARKER, marker_content(moving=moving))
+
+
+def marker_content(*, moving: bool = False) -> bytes:
+    """What the marker of a store of this version holds."""
     content = {"format": _FORMAT, "schema_version": SCHEMA_VERSION, **({"moving": True} if moving else {})}
-    write_whole(folder / MARKER, json.dumps(content).encode() + b"\n")
+    return json.dumps(content).encode() + b"\n"
 
 
 def read_marker(folder: Path) -> Marker:

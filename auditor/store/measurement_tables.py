@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.common_view import view_size_px
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     MIN_VALID_PX,
@@ -153,6 +154,8 @@ _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 _COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
 
 
+_ALTERED = "auditor verify says what was altered"
+
 _PIXELS = {
     Statistic.PLAIN: ("valid_px", "inconsistent_px"),
     Statistic.GATED: ("gated_valid_px", "gated_inconsistent_px"),
@@ -210,6 +213,11 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     F, T, S = len(table), len(rig.measured_triples), len(rig.sensors)
     # NULL becomes NaN, which is never >= MIN_VALID_PX.
     pixels, flagged = (_padded(table[name], T, len(rig.triples), path) for name in (valid, inconsistent))
+    width, height = view_size_px(rig)
+    if ((flagged > pixels) | (flagged < 0) | (pixels > width * height)).any():
+        raise StoreError(
+            f"it counts more pixels than are in its images of {width} x {height} px", where=path, remedy=_ALTERED
+        )
     E = np.full((F, T), np.nan)
     np.divide(flagged, pixels, out=E, where=pixels >= MIN_VALID_PX)
     return FrameErrors(

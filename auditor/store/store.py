@@ -15,7 +15,7 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import Written, checked_id, finished, is_part, remove_abandoned
+from auditor.store.files import Written, checked_id, finished, is_part, remove_abandoned, write_whole
 from auditor.store.log import Output, logged
 from auditor.store.marker import MARKER, check_marker, write_marker
 from auditor.store.measurement_tables import (
@@ -113,6 +113,14 @@ class Store:
         """Put a file of a table in its place; the log says so. Raises StoreError."""
         with logged(self.folder) as entry:
             write_rows(table, self.path(table, row_id), rows, entry.announce)
+
+    def write_page(self, path: Path, content: bytes) -> None:
+        """Put a page in its place; the log says so where that is in the store. Raises StoreError."""
+        if path.resolve().is_relative_to(self.folder):
+            with logged(self.folder) as entry:
+                write_whole(path.resolve(), content, entry.announce)
+        else:
+            write_whole(path, content)
 
     def _outputs(self, written: Iterable[Written]) -> list[Row]:
         """Files as the column `outputs` has them."""

@@ -7,7 +7,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
-from auditor.cli.logged import logged
+from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, say, shown
 
 _store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
@@ -40,7 +40,9 @@ def list_recordings(store: Path, form: str) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
 
-    emit(run_query(Store.open(store), "contents", {}), form)
+    kept = Store.open(store)
+    with reading(kept.folder):
+        emit(run_query(kept, "contents", {}), form)
 
 
 @command.command("remove", short_help="Remove recordings from a store.")

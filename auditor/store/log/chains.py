@@ -81,21 +81,21 @@ def read_chain(path: Path) -> Chain:
         raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
     lines = content.split(b"\n")
     torn, found, problems = lines.pop(), list[Entry](), list[str]()
-    before, order = START, 0
+    before: str | None = START
+    order = 0
     for number, line in enumerate(lines, start=1):
         try:
             entry = Entry.of_line(line)
         except StoreError as error:
             problems.append(f"line {number}: {error.what}")
-            break
-        if entry.before != before or entry.order <= order:
+            before = None
+            continue
+        if before not in {None, entry.before} or entry.order <= order:
             problems.append(f"line {number}: it does not follow the line before it: entries were removed or replaced")
-            break
         before, order = entry.sha256, entry.order
         found.append(entry)
-    else:
-        if torn and _is_whole(torn):
-            problems.append(f"line {len(lines) + 1}: its end was changed after it was written")
+    if torn and _is_whole(torn):
+        problems.append(f"line {len(lines) + 1}: its end was changed after it was written")
     return Chain(path.stem, tuple(found), tuple(problems))
 
 

@@ -17,6 +17,7 @@ from auditor.store.log.chains import append, chain_paths, entries_from, heads, l
 from auditor.store.log.entry import Entry, Kind, Outcome
 from auditor.store.log.outputs import Output, hash_file, place_in
 from auditor.store.log.provenance import provenance, this_program
+from auditor.store.log.signatures import Signer, signer_of
 
 _LONGEST_HOST = 40
 _ID_BYTES = 8
@@ -70,16 +71,18 @@ class Run:
 
 
 @contextmanager
-def run(folder: Path, command: Sequence[str]) -> Iterator[Run]:
+def run(folder: Path, command: Sequence[str], key: Path | None = None) -> Iterator[Run]:
     """A run on the store in a folder: all that is written to it inside the block belongs to it.
 
-    Inside another run of this process on the same store it is that one. Runs that were killed are closed first. Raises
-    StoreError where the log cannot be written.
+    Inside another run of this process on the same store it is that one. Runs that were killed are closed first. At its
+    end the heads of all chains are signed by the private key of a file, or of the one that the environment names.
+    Raises StoreError where the log cannot be written, and SettingError where that is no key.
     """
     folder = folder.resolve()
     if folder in _current:
         yield _current[folder]
         return
+    signer = signer_of(key)
     with ExitStack() as stack:
         with log_lock(folder):
             close_interrupted(folder)
@@ -92,9 +95,9 @@ def run(folder: Path, command: Sequence[str]) -> Iterator[Run]:
             yield opened
         except BaseException as error:
             with suppress(StoreError):  # the error itself is what is to be told
-                _close(opened, Outcome.FAILED, _reason(error))
+                _close(opened, Outcome.FAILED, _reason(error), signer)
             raise
-        _close(opened, Outcome.DONE)
+        _close(opened, Outcome.DONE, signer=signer)
 
 
 @contextmanager
@@ -142,9 +145,12 @@ def pending(entries: Sequence[Entry], run_id: str) -> list[Entry]:
     return [entry for entry in last.values() if entry.kind in {Kind.WROTE, Kind.REMOVED, Kind.UPGRADED}]
 
 
-def _close(ended: Run, outcome: Outcome, reason: str = "") -> None:
+def _close(ended: Run, outcome: Outcome, reason: str = "", signer: Signer | None = None) -> None:
     with log_lock(ended.folder):
         _append_closing(ended, outcome, reason)
+        if signer is not None:
+            seen = {name: head.sha256 for name, head in heads(ended.folder).items()}
+            append(ended.chain, Kind.SIGNED, ended.run_id, {"heads": seen, "signature": signer(seen)})
 
 
 def _append_closing(ended: Run, outcome: Outcome, reason: str) -> None:

@@ -56,12 +56,17 @@ def check(store: Store) -> Iterator[str]:
     """One line for each thing that is wrong with a store."""
     for table in TABLES:
         for row_id in store.ids(table):
-            path = store.path(table, row_id)
-            try:
-                yield from (f"{_short(store, path)}: {problem}" for problem in _of_file(store, table, row_id))
-            except StoreError as error:
-                yield f"{_short(store, path)}: {error.what}"
+            place = _short(store, store.path(table, row_id))
+            yield from (f"{place}: {problem}" for problem in check_file(store, table, row_id))
     yield from _of_folder(store)
+
+
+def check_file(store: Store, table: str, row_id: str) -> Iterator[str]:
+    """One sentence for each thing that is wrong with a finished file."""
+    try:
+        yield from _of_file(store, table, row_id)
+    except StoreError as error:
+        yield error.what
 
 
 def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
