@@ -158,7 +158,9 @@ class TemporalWindow:
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
     limit_share: float = parameter(
-        0.5, unit="of a frame's limit that the mean z of the window must exceed", source="demo and streets 2000 to 2053"
+        0.65,
+        unit="of a frame's limit that the mean z of the window must exceed",
+        source="demo, streets 2000 to 2053, 800 frames of long streets",
     )
     incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
