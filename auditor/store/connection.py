@@ -1,10 +1,14 @@
-"""A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
+"""A DuckDB connection that sees the finished files of one store through its views, and nothing else.
+
+Nothing can be written through it, by what it is and not by what it is told: the file systems that can write are closed
+before the first table is read, the one that is left can only read (`read_only_files`), and what a user's SQL runs in is
+a read-only transaction. No list of statements or functions decides.
+"""
 
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import duckdb
 
@@ -12,6 +16,7 @@ from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
+from auditor.store.read_only_files import ReadOnlyFiles
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -20,6 +25,7 @@ _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
     "autoload_known_extensions": False,
     "python_enable_replacements": False,  # a name in SQL is never a variable of ours
+    "allow_persistent_secrets": False,
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 _CONSTANTS = {
@@ -42,7 +48,10 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
     Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
+    files = ReadOnlyFiles()
     with duckdb.connect(config=_SHUT) as connection:
+        connection.register_filesystem(files)
+        connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
         for name, value in _CONSTANTS.items():
             connection.execute(f"CREATE MACRO {name}() AS {value}")
         for macro in macros():
@@ -50,9 +59,9 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         readable: list[str] = []
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
-                paths = store.finished_paths(table) if store else []
-                _create_stored(connection, table_schema(table), paths)
-                readable += [name for path in paths for name in (str(path), _literal(path)) if table in _LARGE]
+                names = files.names(store.finished_paths(table)) if store else []
+                _create_stored(connection, table_schema(table), names)
+                readable += names if table in _LARGE else []
             for view in _in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
         except duckdb.Error as error:
@@ -60,6 +69,7 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
         connection.execute("SET allowed_paths = ?", [readable])
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
+        connection.execute("BEGIN TRANSACTION READ ONLY")
         yield connection
 
 
@@ -69,21 +79,21 @@ def in_one_line(error: Exception) -> str:
     return " ".join(text.split())
 
 
-def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:
+def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, names: list[str]) -> None:
     """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
     Small tables are read here and now: thousands of files of one row each would else be opened whenever a view over
     them is made. Files of large tables are all opened only where their manifest shows that their columns differ.
     """
     present: set[str] = set()
-    if paths:
+    if names:
         manifest = _LARGE.get(schema.name)
         mixed = manifest is None or _versions(connection, manifest) > 1
-        raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=mixed)
+        raw = connection.read_parquet(names, union_by_name=mixed)
         raw.create_view(f"raw_{schema.name}")
         present = set(raw.columns)
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
-    source = f"FROM raw_{schema.name}" if paths else "WHERE false"
+    source = f"FROM raw_{schema.name}" if names else "WHERE false"
     what = "VIEW" if schema.name in _LARGE else "TABLE"
     connection.execute(f"CREATE {what} stored_{schema.name} AS SELECT {columns} {source}")  # our own names
 
@@ -94,11 +104,6 @@ def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
     distinct = f"SELECT count(*) FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608  # our own name
     [(versions,)] = connection.execute(distinct).fetchall()
     return int(versions)
-
-
-def _literal(path: Path) -> str:
-    """A path as a pattern that matches nothing but itself."""
-    return re.sub(r"[*?\[]", r"[\g<0>]", str(path))
 
 
 def _needed(text: str) -> set[str]:
