@@ -20,6 +20,8 @@ from auditor.store.records import (
     StoredMeasurement,
     measurement_id,
 )
+from auditor.store.sandbox.limits import SqlLimits
+from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
@@ -36,6 +38,7 @@ __all__ = [
     "Picture",
     "RecordingRecord",
     "Sighting",
+    "SqlLimits",
     "Store",
     "StoredJudgement",
     "StoredMeasurement",
@@ -48,6 +51,7 @@ __all__ = [
     "read_calibration",
     "rows_of",
     "run_query",
+    "run_sandboxed",
     "run_sql",
     "table_of",
     "write_calibration",

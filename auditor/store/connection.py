@@ -1,8 +1,8 @@
 """A DuckDB connection that sees the finished files of one store through its views, and nothing else.
 
 Nothing can be written through it, by what it is and not by what it is told: the file systems that can write are closed
-before the first table is read, the one that is left can only read (`read_only_files`), and what a user's SQL runs in is
-a read-only transaction. No list of statements or functions decides.
+before the first table is read, the one that is left can only read (`sandbox/read_only_files.py`), and what runs in it
+is a read-only transaction. No list of statements or functions decides.
 """
 
 import re
@@ -16,7 +16,8 @@ from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
-from auditor.store.read_only_files import ReadOnlyFiles
+from auditor.store.sandbox.limits import SqlLimits
+from auditor.store.sandbox.read_only_files import ReadOnlyFiles
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -42,7 +43,9 @@ _WORD = re.compile(r"\w+")
 
 
 @contextmanager
-def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyConnection]:
+def connected(
+    store: Store | None, text: str = "", limits: SqlLimits | None = None
+) -> Iterator[duckdb.DuckDBPyConnection]:
     """A connection with the views that a SQL text names (all, where it names none), then locked.
 
     Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
@@ -52,6 +55,8 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
     with duckdb.connect(config=_SHUT) as connection:
         connection.register_filesystem(files)
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
+        if limits is not None:
+            connection.execute("SET memory_limit = ?", [f"{limits.memory_bytes}B"])
         for name, value in _CONSTANTS.items():
             connection.execute(f"CREATE MACRO {name}() AS {value}")
         for macro in macros():
@@ -74,8 +79,10 @@ def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyCo
 
 
 def in_one_line(error: Exception) -> str:
-    """DuckDB's message and suggestion on one line, without its drawing of the place."""
+    """DuckDB's message and suggestion on one line, without its drawing of the place, or Python's of its calls."""
     text = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
+    if text.startswith("Traceback"):  # DuckDB 2 hands on what our files raise with all calls before it
+        text = text.splitlines()[-1]
     return " ".join(text.split())
 
 

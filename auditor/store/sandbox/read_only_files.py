@@ -7,9 +7,14 @@ from pathlib import Path
 
 from fsspec import AbstractFileSystem
 
+PROTOCOL = "store"
+_PREFIX = f"{PROTOCOL}://"
+
 
 class ReadOnlyFile:
     """One open file, unbuffered: DuckDB reads blocks. It drops its handles without closing them."""
+
+    __slots__ = ("_descriptor", "_place")
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -23,8 +28,9 @@ class ReadOnlyFile:
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Go to a place, and return it."""
-        bases = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: os.fstat(self._descriptor).st_size}
-        self._place = bases[whence] + offset
+        if whence == os.SEEK_END:
+            offset += os.fstat(self._descriptor).st_size
+        self._place = offset + (self._place if whence == os.SEEK_CUR else 0)
         return self._place
 
     def tell(self) -> int:
@@ -47,47 +53,56 @@ class ReadOnlyFile:
 class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships no type information
     """Files by the names `store://<table>/<id>.parquet`.
 
-    It can open, list and describe the files that it was given. Whatever would write, move or remove one raises OSError:
-    there is no code here that could.
+    It can open, list and describe the files that it was given. Whatever would write, move or remove one raises OSError
+    or NotImplementedError: there is no code here that could.
     """
 
-    protocol = "store"
+    protocol = PROTOCOL
     cachable = False
 
     def __init__(self) -> None:
         super().__init__()
-        self._paths: dict[str, Path] = {}
+        self._files: dict[str, tuple[Path, os.stat_result]] = {}
 
     def names(self, paths: Iterable[Path]) -> list[str]:
         """Take files of the store in, and return the names that DuckDB may open them by."""
-        known = {f"{path.parent.name}/{path.name}": path for path in paths}
-        self._paths |= known
-        return [f"{self.protocol}://{name}" for name in known]
+        known = {f"{_PREFIX}{path.parent.name}/{path.name}": path for path in paths}
+        self._files |= {name: (path, path.stat()) for name, path in known.items()}
+        return [*known]
 
-    def open(self, path: str, mode: str = "rb", **_: object) -> "ReadOnlyFile":
+    def open(self, path: str, mode: str = "rb", **_: object) -> ReadOnlyFile:
         """A file. Raises OSError for another mode than reading."""
         if mode != "rb":
             raise OSError(f"files of a store can only be read, not opened as {mode!r}: {path}")
-        return ReadOnlyFile(self._path(path))
+        return ReadOnlyFile(self._known(path)[0])
 
     def info(self, path: str, **_: object) -> dict[str, object]:
         """Name, kind and size of a file."""
-        return {"name": path, "type": "file", "size": self._path(path).stat().st_size}
+        return {"name": path, "type": "file", "size": self.size(path)}
+
+    def size(self, path: str) -> int:
+        """Bytes of a file; DuckDB asks at every opening, so it was looked up once."""
+        return self._known(path)[1].st_size
 
     def modified(self, path: str) -> datetime:
         """When a file was last written to."""
-        return datetime.fromtimestamp(self._path(path).stat().st_mtime, UTC)
+        return datetime.fromtimestamp(self._known(path)[1].st_mtime, UTC)
 
     def glob(self, path: str, **_: object) -> list[str]:
         """The one file of a name, if there is one: names are no patterns here."""
-        return [path] if self._strip_protocol(path) in self._paths else []
+        return [path] if self.exists(path) else []
 
     def exists(self, path: str, **_: object) -> bool:
         """True where a file of this name may be read."""
-        return self._strip_protocol(path) in self._paths
+        return _named(path) in self._files
 
-    def _path(self, path: str) -> Path:
+    def _known(self, path: str) -> tuple[Path, os.stat_result]:
         try:
-            return self._paths[self._strip_protocol(path)]
+            return self._files[_named(path)]
         except KeyError:
             raise FileNotFoundError(path) from None
+
+
+def _named(path: str) -> str:
+    """A name as it was given out: some versions of DuckDB and fsspec take its beginning away."""
+    return path if path.startswith(_PREFIX) else _PREFIX + path
