@@ -78,9 +78,10 @@ def _asked(
     with connected(store, text, limits) as connection:
         try:
             statements = connection.extract_statements(text)
-            if [statement.type for statement in statements] != [duckdb.StatementType.SELECT]:
+            kinds = [_kind(statement) for statement in statements]
+            if kinds != [duckdb.StatementType.SELECT.name]:
                 raise QueryError(
-                    f"only one SELECT statement can be run, not {_kinds(statements)}",
+                    f"only one SELECT statement can be run, not {' and '.join(kinds) or 'nothing'}",
                     where=where,
                     remedy="ask one question at a time; nothing can be changed from SQL",
                 )
@@ -91,5 +92,8 @@ def _asked(
             raise QueryError(in_one_line(error), where=where, remedy="auditor query lists the views") from error
 
 
-def _kinds(statements: list[duckdb.Statement]) -> str:
-    return " and ".join(statement.type.name for statement in statements) or "nothing"
+def _kind(statement: duckdb.Statement) -> str:
+    try:
+        return statement.type.name
+    except ValueError:  # DuckDB has statements that its Python package has no name for
+        return "another"
