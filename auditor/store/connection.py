@@ -96,9 +96,11 @@ def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, n
     if names:
         manifest = _LARGE.get(schema.name)
         mixed = manifest is None or _versions(connection, manifest) > 1
-        raw = connection.read_parquet(names, union_by_name=mixed)
-        raw.create_view(f"raw_{schema.name}")
-        present = set(raw.columns)
+        # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter to itself while it waits for files.
+        listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
+        raw = f"raw_{schema.name}"
+        connection.execute(f"CREATE VIEW {raw} AS FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
+        present = {name for name, *_ in connection.execute(f"DESCRIBE {raw}").fetchall()}
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
     source = f"FROM raw_{schema.name}" if names else "WHERE false"
     what = "VIEW" if schema.name in _LARGE else "TABLE"

@@ -121,7 +121,6 @@ CONFIGURING = [
     "PRAGMA profile_output = '{out}'",
     "PRAGMA profiling_output = '{out}'",
     "PRAGMA enable_external_access = true",
-    "PRAGMA database_list",
     "PRAGMA import_database('{folder}')",
     "CALL enable_logging(storage = 'file', storage_path = '{folder}')",
     "CALL enable_profiling(save_location = '{out}')",
