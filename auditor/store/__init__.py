@@ -23,11 +23,14 @@ from auditor.store.records import (
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
+from auditor.store.views.plain import Connection, plain_connection
+from auditor.store.views.script import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
 
 __all__ = [
+    "Connection",
     "Description",
     "FrameErrors",
     "FrameStatistics",
@@ -47,6 +50,7 @@ __all__ = [
     "list_views",
     "make_calibration",
     "measurement_id",
+    "plain_connection",
     "query",
     "read_calibration",
     "rows_of",
@@ -54,5 +58,6 @@ __all__ = [
     "run_sandboxed",
     "run_sql",
     "table_of",
+    "views_script",
     "write_calibration",
 ]

@@ -85,6 +85,7 @@ def _asked(
                     where=where,
                     remedy="ask one question at a time; nothing can be changed from SQL",
                 )
+            connection.execute("BEGIN TRANSACTION READ ONLY")  # DuckDB 2 lets a SELECT hold INSERT, UPDATE and DELETE
             yield connection.sql(text, params=values)
         except (duckdb.Error, pa.ArrowException) as error:  # Arrow's where it cannot hold what DuckDB gives
             if limits is not None and _OUT_OF_MEMORY in str(error):

@@ -1,4 +1,4 @@
-"""Attempts to write, or to read outside of the store, through SQL: texts in which {out}, {finished}, ... stand for paths.
+"""Attempts to write, or to read outside of the store, through SQL; names in braces stand for paths.
 
 {out} is a new file, {secret} one outside of the store, {inside} one in it that is not finished, {finished} a finished
 one, {known} its name as DuckDB has it, {folder} a folder that anybody may write to.
@@ -66,8 +66,8 @@ WRITING = [
     "WITH x AS (INSERT INTO stored_recordings FROM stored_recordings RETURNING 1) FROM x",
     "WITH x AS (UPDATE stored_recordings SET name = 'clean' RETURNING name) FROM x",
     "WITH x AS (DELETE FROM stored_recordings RETURNING name) FROM x",
-    "WITH x AS (MERGE INTO stored_recordings r USING recordings o ON r.name = o.name WHEN MATCHED THEN DELETE RETURNING 1) "
-    "FROM x",
+    "WITH x AS (MERGE INTO stored_recordings r USING recordings o ON r.name = o.name WHEN MATCHED THEN DELETE "
+    "RETURNING 1) FROM x",
     "ALTER TABLE stored_recordings ADD COLUMN x INTEGER",
     "ALTER TABLE stored_recordings RENAME TO x",
     "DROP VIEW verdicts",

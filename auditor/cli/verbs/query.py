@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _WIDEST_LIST = 110
 _LONGEST_SQL = 1 << 20
-_OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements)\b")
+_OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements|incidents|incident_frames)\b")
 _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 
 
@@ -77,7 +77,7 @@ def command(
     echo "FROM verdicts" | auditor query --file -
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.library import query  # noqa: PLC0415 - heavy
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store import SqlLimits, Store, run_sandboxed  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
     from auditor.store.sql_files import queries  # noqa: PLC0415
 
@@ -87,7 +87,7 @@ def command(
         sql = _read(source)
     if sql is not None:
         kept = Store.open(store)
-        _show(kept, sql, query(kept, sql=sql, time_limit=time_limit, memory_limit=memory_limit), form)
+        _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
     elif name is None:
         _list()
     elif describe:

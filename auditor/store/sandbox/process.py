@@ -34,8 +34,9 @@ def run_sandboxed(store: Store, text: str, limits: SqlLimits | None = None) -> p
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     pipe = subprocess.PIPE
     with subprocess.Popen(_CHILD, stdin=pipe, stdout=pipe, stderr=pipe, env=environment) as process:  # noqa: S603  # ours
-        assert process.stdin and process.stdout  # for the checker of types: they are pipes
-        assert process.stderr
+        assert process.stdin is not None  # for the checker of types: all three are pipes
+        assert process.stdout is not None
+        assert process.stderr is not None
         try:
             process.stdin.write(sent)
             process.stdin.close()
