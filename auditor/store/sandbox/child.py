@@ -55,4 +55,4 @@ def _tell(trouble: int, error: AuditorError) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())
