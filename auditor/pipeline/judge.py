@@ -274,11 +274,11 @@ def judge_measurement(
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
-        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        robust = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         if marks.other_lidar:
-            thresholds = for_sparser_lidar(thresholds, halvings)
-        thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics)
-        rows = _judge_robust(store, measurement, rig, thresholds, frames)
+            robust = for_sparser_lidar(robust, halvings)
+        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics)
+        rows = _judge_robust(store, measurement, rig, robust, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)

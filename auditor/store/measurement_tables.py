@@ -1,5 +1,6 @@
 """The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
 
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from auditor.model.measurement import (
     Solid,
     Statistic,
 )
+from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row
@@ -144,6 +146,13 @@ def _region(row: Mapping[str, Any]) -> Region:
     left, top, right, bottom = (row[name] for name in _BOX)
     box = left, top, right, bottom
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
+
+
+def pose_row(measurement_id: str, placed: FramePose) -> Row:
+    """The row of one frame and topic."""
+    row = {**vars(placed), **vars(placed.pose), "measurement_id": measurement_id}
+    del row["pose"]
+    return row
 
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
@@ -294,7 +303,7 @@ def _list_values(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     return values
 
 
-WRITTEN = ("cells", "fault_features", "regions", "frames")
+WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
 
@@ -309,12 +318,18 @@ class FramesWriter:
         self._measured = 0
         self._skipped: Counter[str] = Counter()
         self._first_stamp_ns: int | None = None
+        self._numbers, self._stamps_ns = array("q"), array("q")
         self._last_stamp_ns: int | None = None
 
     @property
     def measured(self) -> int:
         """How many measured frames were added."""
         return self._measured
+
+    @property
+    def frames(self) -> tuple[Sequence[int], Sequence[int]]:
+        """The numbers and the stamps of the measured frames."""
+        return self._numbers, self._stamps_ns
 
     def add(
         self, frame: Measurement, statistics: Sequence[float | None], unmasked: Sequence[float | None] | None = None
@@ -333,6 +348,8 @@ class FramesWriter:
         for row in region_rows(measurement_id, frame.number, frame.regions):
             self._tables["regions"].add(row)
         self._measured += 1
+        self._numbers.append(frame.number)
+        self._stamps_ns.append(frame.stamp_ns)
         self._note(frame.stamp_ns)
 
     def skip(self, tick: Skipped) -> None:
@@ -340,6 +357,10 @@ class FramesWriter:
         self._tables["frames"].add(skipped_row(self._measurement_id, tick))
         self._skipped[tick.reason] += 1
         self._note(tick.stamp_ns)
+
+    def add_pose(self, placed: FramePose) -> None:
+        """Take a pose of a measured frame."""
+        self._tables["poses"].add(pose_row(self._measurement_id, placed))
 
     def commit(self, measurement: MeasurementRecord) -> None:
         """Put all tables in their place, then write the row that makes the measurement finished.

@@ -215,7 +215,7 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
     always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
     tilt = float(always[Cause.DISPLACED, 0][0])
     assert tilt > 2
-    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 3, 100), 3.0)}
+    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 0.1, 3, 100), 3.0)}
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
     since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
@@ -225,13 +225,13 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
 
 
 def test_theta_of_a_fault_is_just_enough_or_what_clean_frames_seldom_exceed():
-    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 2, 20), 3.0) == Scale(1.0, 0.25, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 2, 20), 4.0) == Scale(4.0, 1.0, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
+    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 0.5, 2, 20), 3.0) == Scale(1.0, 0.25, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), 4.0) == Scale(4.0, 1.0, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
 
 
 def test_an_exposure_is_unusual_above_and_below_what_is_usual_until_it_dazzles():
-    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 2, 20), 4.0)
+    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 0.5, 2, 20), 4.0)
     assert usual == Scale(2.0, 0.5, 2, usual=1.5)
     scores = {(Cause.EXPOSURE, 1): np.array([1.5, 3.49, 3.51, -0.51, -0.49])}
     listed = [

@@ -113,7 +113,7 @@ def add_measurement(store, rig, frames, *, recording="a", name=None, clock="rela
     return add_frames(store, rig, recording_id, frames, **record)
 
 
-def add_frames(store, rig, recording_id, frames, **record):
+def add_frames(store, rig, recording_id, frames, *, poses=(), **record):
     settings = {"procedure": PROCEDURE, "balance": (), "versions": {}, "measured_at": NOON, "seconds": 1.0, **record}
     measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
     with store.frames_writer(measurement.measurement_id, rig) as writer:
@@ -123,6 +123,8 @@ def add_frames(store, rig, recording_id, frames, **record):
             else:
                 # Tests give statistics as shares, whatever the check.
                 writer.add(frame, [frame.shares.get(one) for one in rig_sensor_checks(rig)])
+        for pose in poses:
+            writer.add_pose(pose)
         writer.commit(measurement)
     return measurement.measurement_id
 
