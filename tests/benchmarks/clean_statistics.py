@@ -26,7 +26,7 @@ from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
-from auditor.model.measurement import Measurement, Statistic
+from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.scenes import Case, Scene
 
@@ -56,6 +56,7 @@ def case_of(measurement: Measurement, rig: Rig, attack: str = "", attacked: tupl
         {sensor: one.level for sensor, one in coverage.items()},
         {sensor: one.saturated_share for sensor, one in coverage.items()},
         coverage[LIDAR].returns if LIDAR in coverage else None,
+        {name: {sensor: getattr(one, name) for sensor, one in coverage.items()} for name in BRIGHTNESS},
     )
 
 
