@@ -23,6 +23,7 @@ VERBS = (
     "convert",
     "attack",
     "calibrate",
+    "calibration",
     "scan",
     "judge",
     "label",

@@ -58,6 +58,7 @@ MANIFESTS = {
     "cells": "measurements",
     "fault_features": "measurements",
     "regions": "measurements",
+    "calibration_recordings": "calibration_versions",
     "verdicts": "judgements",
     "cases": "evaluations",
     "object_cases": "object_evaluations",
