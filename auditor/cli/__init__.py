@@ -24,6 +24,7 @@ VERBS = (
     "attack",
     "calibrate",
     "calibration",
+    "refresh",
     "scan",
     "judge",
     "label",

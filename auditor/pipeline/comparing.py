@@ -1,24 +1,11 @@
 """Two calibrations of one rig kind side by side: how far each threshold lies from that of the other."""
 
-from dataclasses import dataclass
 from decimal import Decimal
 
 from auditor.errors import ThresholdsError
-from auditor.identification.prior import statistic_at
-from auditor.identification.scores import thresholds_from
+from auditor.identification.refreshing import Step, steps, thresholds_of
 from auditor.identification.systems import System
-from auditor.model.calibration import Calibration, RobustThresholds
-from auditor.model.checks import SensorCheck
-
-
-@dataclass(frozen=True)
-class Step:
-    """The thresholds of a sensor check before and after, as statistics, and the rise in deviations of before."""
-
-    check: SensorCheck
-    before: float
-    after: float
-    rise: float
+from auditor.model.calibration import Calibration
 
 
 def steps_between(a: Calibration, b: Calibration, r: Decimal) -> list[Step]:
@@ -30,18 +17,7 @@ def steps_between(a: Calibration, b: Calibration, r: Decimal) -> list[Step]:
             remedy="compare two of one rig kind",
         )
     system = system_of_calibration(a)
-    return steps(_thresholds(a, system, r), _thresholds(b, system, r), system)
-
-
-def steps(before: RobustThresholds, after: RobustThresholds, system: System) -> list[Step]:
-    """The steps of the checks that count where no sensor is missing, the largest rise first."""
-    found = []
-    for column in system.counting(frozenset()).tolist():
-        check = system.sensor_checks[column]
-        old, new = before.expected[check], after.expected[check]
-        theta, changed = old.mean + before.limit * old.deviation, new.mean + after.limit * new.deviation
-        found.append(Step(check, statistic_at(theta), statistic_at(changed), (changed - theta) / old.deviation))
-    return sorted(found, key=lambda step: -step.rise)
+    return steps(thresholds_of(a.clean, system, r), thresholds_of(b.clean, system, r), system)
 
 
 def system_of_calibration(calibration: Calibration) -> System:
@@ -51,7 +27,3 @@ def system_of_calibration(calibration: Calibration) -> System:
     checks = dict.fromkeys(check for one in calibration.clean for check in one.statistics)
     triples = dict.fromkeys(triple for one in calibration.clean for _, triple in one.errors)
     return System(tuple(checks), tuple(triples), sensors)
-
-
-def _thresholds(calibration: Calibration, system: System, r: Decimal) -> RobustThresholds:
-    return thresholds_from(calibration.clean, system.sensor_checks, system.judged_together, r)

@@ -118,6 +118,14 @@ def calibrate(
     return make_calibration(kinds[0], procedures[0], clean)
 
 
+def clean_frames_of(
+    store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
+) -> CleanFrames:
+    """What a calibration keeps of a measurement, see `calibrate`."""
+    stored = store.measurement(measurement)
+    return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
+
+
 def _clean_frames(
     store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:

@@ -164,7 +164,9 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [(store, one, _attacked(store, one) or _superseded(store, one, among=named)) for store, one in given]
+    reasons += [
+        (store, one, attacked_by_labels(store, one) or superseded_by(store, one, among=named)) for store, one in given
+    ]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
     return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
 
@@ -183,12 +185,13 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     judgements = store.current_judgements()
     for measurement in store.ids("measurements"):
         if measurement not in given:
-            reason = _attacked(store, measurement) or _superseded(store, measurement)
+            reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
             yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
-def _attacked(store: Store, measurement: str) -> str:
+def attacked_by_labels(store: Store, measurement: str) -> str:
+    """That labels say that the recording of a measurement was attacked; empty where none does."""
     recording_id = store.measurement(measurement).recording_id
     if store.labels(recording_id):
         return "it carries the ground truth of an attack"
@@ -196,7 +199,8 @@ def _attacked(store: Store, measurement: str) -> str:
     return "it was labelled as attacked" if given else ""
 
 
-def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+def superseded_by(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+    """That another recording, `among` some, holds every frame of a measurement's; empty where none does."""
     later = store.recording(store.measurement(measurement).recording_id).superseded_by
     if later is None or (among is not None and later not in among):
         return ""
@@ -268,7 +272,7 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = store.recording(stored.recording_id)
-        name, reading = recording.name, _reading(stored, self._settings.min_coverage)
+        name, reading = recording.name, reading_of(stored, self._settings.min_coverage)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
@@ -309,7 +313,8 @@ def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings
     return (judge.judge(measurement) for measurement in measurements)
 
 
-def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:
+def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:
+    """Whether the recording of a measurement was read whole."""
     frames = FrameCount(measurement.measured, measurement.skipped)
     return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
 

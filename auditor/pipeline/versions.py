@@ -8,15 +8,16 @@ from decimal import Decimal
 import numpy as np
 
 from auditor import __version__
-from auditor.errors import AuditorError, SettingError, StoreError, ThresholdsError
+from auditor.errors import AuditorError, SettingError
 from auditor.identification.cross_validation import LeftOut, clean_hours, leave_one_out_robust
 from auditor.identification.parameters import judging_digest
+from auditor.identification.refreshing import Shown
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import JUDGING_VERSION, Method
-from auditor.pipeline.judge import Criteria, calibrate, system_of
+from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
-from auditor.store import RecordingRecord, Store, StoredJudgement
+from auditor.store import RecordingRecord, Store, StoredJudgement, make_calibration
 from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
 from auditor.store.versions.records import CalibrationVersion, Outcome, UsedRecording, read_version, write_version
 
@@ -79,7 +80,7 @@ def used_recording(
     *,
     reason: str,
     clean: CleanFrames | None = None,
-    held_out: LeftOut | None = None,
+    held_out: LeftOut | Shown | None = None,
     look_at: bool = False,
 ) -> UsedRecording:
     """What is said of a recording: it is in where there are `clean` frames of it."""
@@ -220,10 +221,11 @@ def problems_of(store: Store, calibration_id: str) -> Iterator[str]:
         return
     frames = range(version.first_frame, (version.last_frame or 0) + 1) if version.first_frame is not None else None
     try:
-        again = calibrate([(store, known) for known in there], frames, recount=version.recounted)
-    except (StoreError, ThresholdsError) as error:
+        clean = [clean_frames_of(store, known, frames, recount=version.recounted) for known in there]
+    except AuditorError as error:
         yield f"it cannot be made again: {error}"
         return
+    again = make_calibration(calibration.rig_kind, calibration.procedure, clean)
     if again.calibration_id != calibration_id:
         yield f"made again from the store it is another: {again.calibration_id}"
 

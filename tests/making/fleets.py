@@ -14,7 +14,7 @@ from tests.making.stores import PERIOD_NS, PROCEDURE, add_frames, make_measureme
 
 RIG = make_rig(3)
 FIRST_DAY = date(2026, 3, 1)
-FRAMES = 40
+FRAMES = 24
 
 
 def add_drive(

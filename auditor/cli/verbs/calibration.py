@@ -117,7 +117,8 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
 
     A rise is how many standard deviations of A the threshold of B lies higher: attacks of that size more are missed.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.comparing import steps_between  # noqa: PLC0415 - keeps --help quick
+    from auditor.identification.prior import statistic_at  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.comparing import steps_between  # noqa: PLC0415
     from auditor.store import Store, table_of  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -128,8 +129,8 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
             "check": step.check.check.value,
             "sensor": step.check.sensor,
             "others": list(step.check.others),
-            "theta A": step.before,
-            "theta B": step.after,
+            "theta A": statistic_at(step.before),
+            "theta B": statistic_at(step.after),
             "rise": step.rise,
         }
         for step in steps

@@ -4,7 +4,10 @@ No date decides. A history is one small file that is replaced whole, under the l
 killed there is the old history or the new one.
 """
 
+import fcntl
+import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -83,6 +86,11 @@ class History:
         return known[-1].calibration_id if known else None
 
     @property
+    def vouched(self) -> bool:
+        """Whether a person put one of the versions in force that led to this one."""
+        return any(move.how.by_person for move in self._stack())
+
+    @property
     def withdrawn(self) -> frozenset[str]:
         """The calibrations that were rolled back and that nobody promoted since."""
         gone: set[str] = set()
@@ -146,6 +154,28 @@ def put_in_force(
         move = Move(calibration.calibration_id, how, datetime.now(UTC), reason)
         changed = History(history.rig_kind, history.procedure, (*history.moves, move))
         write_rows("calibration_history", store.path("calibration_history", changed.history_id), _rows(changed))
+
+
+@contextmanager
+def only_refresh(store: Store) -> Iterator[None]:
+    """Be the only refresh of a store. Raises StoreError where another one is running.
+
+    A process that is killed lets go of it.
+    """
+    folder = store.folder / "calibration_history"
+    folder.mkdir(exist_ok=True)
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(descriptor)
+        raise StoreError(
+            "another refresh of this store is running", where=store.folder, remedy="wait until it has ended"
+        ) from error
+    try:
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CALIBRATED) -> bool:

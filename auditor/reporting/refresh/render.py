@@ -1,0 +1,48 @@
+"""The page of a refresh: one self-contained HTML page of what was decided for each rig kind, and why."""
+
+from collections import Counter
+from pathlib import Path
+
+import jinja2
+
+from auditor import __version__
+from auditor.reporting.page_text import shown_on_page
+from auditor.resources import resource_folder
+from auditor.store.files import write_whole
+from auditor.store.store import Store
+from auditor.store.versions.decisions import Refresh
+
+_TOLD = ("refused", "held", "promoted", "waiting", "nothing new")
+
+
+def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
+    """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
+    write_whole(out, render(refresh, store).encode())
+    return out
+
+
+def render(refresh: Refresh, store: Store) -> str:
+    """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(resource_folder("reports")),
+        autoescape=True,
+        finalize=shown_on_page,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template("refresh.html").render(
+        refresh=refresh,
+        auditor_version=__version__,
+        at=f"{refresh.at:%Y-%m-%d %H:%M} UTC",
+        headline=_headline(refresh),
+        store=str(store.folder),
+    )
+
+
+def _headline(refresh: Refresh) -> str:
+    count = Counter(one.decided.value for one in refresh.decisions)
+    told = [f"{count[decided]} {decided}" for decided in _TOLD if count[decided]]
+    if not told:
+        return "Nothing was learnt: no recording could be looked at."
+    kinds = "rig kind" if len(refresh.decisions) == 1 else "rig kinds"
+    return f"{', '.join(told)}: {len(refresh.decisions)} {kinds}."
