@@ -4,7 +4,13 @@
 --
 -- column state: in force, earlier (it was), held, refused or candidate.
 -- column kind: The rig kind in words.
--- column held_out: Share of its clean frames that are not clean when other recordings judge them, at r.
+-- column matcher: The stereo matcher that its samples were measured with.
+-- column recordings: How many recordings it was made of.
+-- column frames: Its clean frames.
+-- column made_at: When it was made, by the machine's clock; it decides nothing.
+-- column made_by: The verb that made it; NULL where it came from a file or from an earlier auditor.
+-- column r: The designated false-alarm rate of the rates by others.
+-- column by_others: Share of its clean frames that are not clean when other recordings judge them, at r.
 SELECT
     calibration_id,
     state,
@@ -17,7 +23,7 @@ SELECT
     made_by,
     parent,
     r,
-    held_out_findings / nullif(held_out_frames, 0) AS held_out,
+    findings_by_others / nullif(frames_by_others, 0) AS by_others,
     resolves_r,
     reasons
 FROM calibration_versions

@@ -30,6 +30,7 @@ VERBS = (
     "label",
     "evaluate",
     "query",
+    "views",
     "report",
     "parameters",
     "store",

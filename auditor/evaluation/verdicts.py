@@ -10,7 +10,7 @@ from auditor.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.evaluation.experiments import scenario_1
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import for_drive, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import rig_sensor_checks
@@ -90,7 +90,8 @@ def _thresholds(
 ) -> Callable[[Block], dict[str, RobustThresholds]]:
     """For the cases of a block: thresholds by what was left out. Where no clean frame remains they are the prior.
 
-    As in a scan more isolated points are expected where the LiDAR of the recording is sparser than theirs.
+    As in a scan more isolated points are expected where the LiDAR of the recording is sparser than theirs, and the
+    recording shows its own usual statistics, here by its clean frames.
     """
     family_of = {one.frames.recording_id: one.family for one in drives}
     shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
@@ -99,11 +100,19 @@ def _thresholds(
         for recording in family_of
     }
 
+    statistics = {
+        recording: np.concatenate(
+            [o.frames.statistics_of(system.sensor_checks) for o in drives if o.frames.recording_id == recording]
+        )
+        for recording in family_of
+    }
+
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
         found = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
         halvings = halvings_of_points(clean, rig, returns[recording])
-        return for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
+        found = for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
+        return for_drive(found, system.sensor_checks, statistics[recording])
 
     @cache
     def of_recording(recording: str) -> dict[str, RobustThresholds]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.robust import FrameSeries, judge_frames, window_scores
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import for_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
@@ -64,7 +64,9 @@ def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
 
     def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        verdicts = judge_frames(FrameSeries.of_clean(left_out, system), system, _thresholds(others, system, r))
+        series = FrameSeries.of_clean(left_out, system)
+        thresholds = for_drive(_thresholds(others, system, r), system.sensor_checks, series.statistics)
+        verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
 
@@ -100,8 +102,10 @@ def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Flo
     scores: list[Floats] = []
     for left_out in calibration.clean:
         others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
+        series = FrameSeries.of_clean(left_out, system)
         thresholds = _thresholds(others or [left_out], system, r)
-        scores += [window_scores(FrameSeries.of_clean(left_out, system), system, thresholds), apart]
+        own = for_drive(thresholds, system.sensor_checks, series.statistics)
+        scores += [window_scores(series, system, own), apart]
     return np.concatenate(scores) if scores else apart
 
 

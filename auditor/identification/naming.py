@@ -48,11 +48,11 @@ def name_attacked(
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
     A frame is a finding where a check that counts exceeds the `limit`; sensors after the first are named where a check
-    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
-    sensor exceeds the next, or the limit; `evidence` are the checks above it, the strongest first; `named` is Algorithm
-    2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
-    frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors
-    were compared is not auditable.
+    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest sensor
+    exceeds the next, or the limit; `evidence` are the checks above it, and those that confirm what two cameras alone
+    show, the strongest first; `named` is Algorithm 2's answer on the states of the triples. `reason` says why no sensor
+    of a finding is named, without which sensors a frame was judged, and where no camera pair can check the LiDAR. A
+    frame without a finding in which no three sensors were compared is not auditable.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
@@ -123,13 +123,32 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float, other
         of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
         first = first or _largest(of_one)
         least = others if named else limit
-        if not of_one or (strongest := max(of_one))[0] <= least:
-            unclear = tuple(check for value, check in scored if value > least and len(check.nameable) > 1)
+        unclear = tuple(check for value, check in scored if value > least and len(check.nameable) > 1)
+        if of_one and (strongest := max(of_one))[0] > least:
+            sensor = strongest[1].sensor
+        elif not named and (confirmed := _confirmed(first, unclear, limit)) is not None:
+            sensor, least = confirmed, NAMING.confirming_share * limit
+            evidence += [(value, check) for value, check in scored if check in unclear and sensor in check.nameable]
+        else:
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
-        sensor = strongest[1].sensor
         named.append(sensor)
-        evidence += [(value, check) for value, check in of_one if check.sensor == sensor and value > limit]
+        least = min(least, limit)
+        evidence += [(value, check) for value, check in of_one if check.sensor == sensor and value > least]
+
+
+def _confirmed(first: Mapping[int, float], unclear: Sequence[SensorCheck], limit: float) -> int | None:
+    """Which sensor of cameras that, two alone, do not see the same, the votes of the others confirm; None where none.
+
+    That something is wrong is known by then: so less is asked of the votes, and that they clearly speak of one sensor.
+    """
+    ranked = sorted(((value, sensor) for sensor, value in first.items()), reverse=True)
+    if not ranked or not any(ranked[0][1] in check.nameable for check in unclear):
+        return None
+    value, sensor = ranked[0]
+    next_value = ranked[1][0] if len(ranked) > 1 else -np.inf
+    share, lead = NAMING.confirming_share, NAMING.confirming_lead
+    return sensor if value > share * limit and value - next_value > lead else None
 
 
 def _largest(scored: Sequence[tuple[float, SensorCheck]]) -> dict[int, float]:

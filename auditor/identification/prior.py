@@ -5,11 +5,12 @@ score) is the mean of its drive and a deviation within the drive of standard dev
 from that of their rig kind by b, and those of rig kinds from the prior's by b / sqrt(rig_kind). A few drives therefore
 tell little about the next one, however many frames they have: its standard deviation is
 sqrt(w^2 + b^2 (1 + 1 / (rig_kind + D))) after D drives. Rare values lie farther out than a normal distribution's; the
-prior says by which factor, and deviations are given times it.
+prior says by which factor, and deviations are given times it. A drive that is judged shows its own mean too: what most
+of its frames have, attacks being brief.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, inf, sqrt
 from statistics import NormalDist
 from typing import NamedTuple
@@ -79,6 +80,8 @@ def prior_of_cause(cause: CauseIn) -> Prior:
     kind, sensor = cause
     if kind is Cause.EXPOSURE:
         return Prior(*CAUSE_PRIORS.exposure)
+    if kind is Cause.WHITE_BALANCE:
+        return Prior(*CAUSE_PRIORS.white_balance)
     if kind is Cause.LATE:
         return Prior(*(CAUSE_PRIORS.late_lidar if sensor == LIDAR else CAUSE_PRIORS.late_camera))
     if kind is Cause.DISPLACED:
@@ -122,19 +125,36 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     D = len(seen)
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
     deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
-    return Expected(mean, prior.tail * deviation, D, sum(one.frames for one in seen))
+    return Expected(mean, prior.tail * deviation, prior.tail * sqrt(within), D, sum(one.frames for one in seen))
+
+
+def of_drive(one: Expected, values: Floats, limit: float) -> Expected:
+    """What is expected of the frames of the drive that is judged, whose values are (F,), NaN where not measured.
+
+    Its median shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
+    since its later scenes may differ as drives do. A drive that is attacked for most of its time would hide that in its
+    median: so what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
+    """
+    known = values[~np.isnan(values)]
+    if not known.size or limit <= 0:
+        return one
+    between = one.deviation**2 - one.within**2
+    of_median = HIERARCHY.of_median * one.within**2 / effective_size(known)
+    learnt = between / (between + of_median)
+    deviation = sqrt(one.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
+    mean = one.mean + learnt * (float(np.median(known)) - one.mean)
+    return replace(one, mean=min(mean, one.mean + limit * (one.deviation - deviation)), deviation=deviation)
 
 
 def joint_limit(r: float, checks: int) -> float:
     """The standard deviations that the largest z of so many checks exceeds in a share r of clean frames.
 
-    Checks depend on each other, so they count as fewer; and the tails are heavier than the normal distribution's.
+    Within a drive they hardly depend on each other; and the tails are heavier than the normal distribution's.
     """
     if r >= 1:
         return -inf
     r = max(r, JOINT_TAIL.smallest_r)
-    alike = max(checks * JOINT_TAIL.independent_share, 1.0)
-    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / alike))
+    return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / max(checks, 1)))
 
 
 def _bounded(values: Floats, prior: Prior) -> Floats:

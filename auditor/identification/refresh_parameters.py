@@ -55,7 +55,7 @@ class Gate:
     planted: float = parameter(2.5, unit="log odds added to a statistic: a mild attack", source=BY_HAND)
     most_lost: float = parameter(0.03, unit="share of planted attacks that may be lost in one refresh", source=BY_HAND)
     most_false_alarms: float = parameter(
-        3.0, unit="times r: held-out windows with findings, the lower end of their interval", source=BY_HAND
+        3.0, unit="times r: windows judged by others with findings, the lower end of their interval", source=BY_HAND
     )
 
 

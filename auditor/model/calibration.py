@@ -26,7 +26,7 @@ class CleanFrames:
     flags of the sensors that were not there, or repeated their data while others changed, in some frame.
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
-    LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
+    LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` what BRIGHTNESS names by
     camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view, NaN where it was
     not there; it is empty where there is no LiDAR. `versions` are those that the counts were made with.
     """
@@ -129,7 +129,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a frame of a clean drive that nobody has seen is expected to have: a mean and a standard deviation.
+    """What a frame of a clean drive is expected to have: a mean and a standard deviation, `within` that of one drive.
 
     Of a sensor check they are of the log odds of its statistic (`identification.prior`); of a fault of its score.
     `drives` is how many clean recordings they were learnt from, `samples` how many of their frames; 0 where they are
@@ -138,6 +138,7 @@ class Expected:
 
     mean: float
     deviation: float
+    within: float
     drives: int
     samples: int
 

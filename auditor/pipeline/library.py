@@ -40,7 +40,7 @@ from auditor.pipeline.measure import Measured, in_force, rigs_through
 from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store, list_views, run_query, run_sql
+from auditor.store import Store, list_queries, list_views, run_query, run_sql
 from auditor.store import query as find_query
 from auditor.store.export import Table
 from auditor.store.maintenance.relations import relate
@@ -53,7 +53,7 @@ Progress = Callable[[object, str, int], None]
 """Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
 
 _USUAL_R = Decimal("0.01")
-"""The r that a calibration's held-out rates are kept for."""
+"""The r that a calibration's rates by others are kept for."""
 
 
 # Reading and measuring
@@ -312,7 +312,7 @@ def query(
 
 
 def _refuse_view(name: str) -> None:
-    if name in {view.name for view in list_views()}:
+    if name in {view.name for view in list_views()} - {known.name for known in list_queries()}:
         raise QueryError(
             "it is a view, not a query",
             where=name,

@@ -52,7 +52,7 @@ def keep_calibrated(
     left_out = leave_one_out_robust(calibration, system_of(one.rig(one.measurement(known).rig_id)), r)
     chosen = [(source, known) for known, source in {known: source for source, known in clean.chosen}.items()]
     used = [
-        used_recording(source, known, reason=GIVEN, clean=frames_of, held_out=found)
+        used_recording(source, known, reason=GIVEN, clean=frames_of, by_others=found)
         for (source, known), frames_of, found in zip(chosen, calibration.clean, left_out, strict=True)
     ]
     used += [used_recording(source, known, reason=reason) for source, known, reason in clean.out]
@@ -80,7 +80,7 @@ def used_recording(
     *,
     reason: str,
     clean: CleanFrames | None = None,
-    held_out: LeftOut | Shown | None = None,
+    by_others: LeftOut | Shown | None = None,
     look_at: bool = False,
 ) -> UsedRecording:
     """What is said of a recording: it is in where there are `clean` frames of it."""
@@ -96,8 +96,8 @@ def used_recording(
         reason=reason,
         frames=clean.frames if clean is not None else stored.measured,
         look_at=look_at,
-        held_out_findings=held_out.findings if held_out else None,
-        held_out_incidents=held_out.incidents if held_out else None,
+        findings_by_others=by_others.findings if by_others else None,
+        incidents_by_others=by_others.incidents if by_others else None,
         level=_level(clean) if clean is not None else None,
     )
 
@@ -123,7 +123,7 @@ def version_of(
     recounted: bool = False,
 ) -> CalibrationVersion:
     """How a calibration is made now."""
-    judged = [one for one in used if one.included and one.held_out_findings is not None]
+    judged = [one for one in used if one.included and one.findings_by_others is not None]
     return CalibrationVersion(
         calibration_id=calibration.calibration_id,
         kind=str(calibration.rig_kind),
@@ -139,9 +139,9 @@ def version_of(
         hours=clean_hours(calibration),
         resolves_r=_resolves(calibration),
         r=r,
-        held_out_frames=sum(one.frames for one in judged),
-        held_out_findings=sum(one.held_out_findings or 0 for one in judged),
-        held_out_incidents=sum(one.held_out_incidents or 0 for one in judged),
+        frames_by_others=sum(one.frames for one in judged),
+        findings_by_others=sum(one.findings_by_others or 0 for one in judged),
+        incidents_by_others=sum(one.incidents_by_others or 0 for one in judged),
         first_frame=frames.start if frames is not None else None,
         last_frame=frames.stop - 1 if frames is not None else None,
         recounted=recounted,

@@ -59,6 +59,7 @@ MANIFESTS = {
     "fault_features": "measurements",
     "regions": "measurements",
     "calibration_recordings": "calibration_versions",
+    "poses": "measurements",
     "verdicts": "judgements",
     "cases": "evaluations",
     "object_cases": "object_evaluations",

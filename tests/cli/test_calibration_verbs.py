@@ -112,7 +112,7 @@ def test_what_a_calibration_was_made_of_is_shown(audit):
     assert all(name in shown for name in ("clean0.mcap", "new.mcap", "given as clean", "candidate"))
     full = json.loads(audit("calibration", "show", known[:8], "--format", "json").out)
     assert len(full["used"]) == 4
-    assert all(one["held_out_findings"] is not None and one["day"] for one in full["used"])
+    assert all(one["findings_by_others"] is not None and one["day"] for one in full["used"])
     assert full["frames"] == 4 * FRAMES
 
 

@@ -93,7 +93,12 @@ def test_judging_opens_no_file_twice_but_frames_for_their_statistics_and_for_the
         "frames",
         *(["fault_features"] if method is Method.ROBUST else []),
     )
-    assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
+    assert Counter(path.parent.name for path in opened) == {
+        **dict.fromkeys(of_each, 7),
+        "rigs": 1,
+        "calibrations": 1,
+        "calibration_history": 1,
+    }
     assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", 2)}
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from auditor.store.versions.history import History
 
 _BRIEF = 12
-_LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "held_out", "made_at", "made_by", "parent")
+_LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
 _USED_COLUMNS = ("recording", "vehicle", "day", "in", "frames", "findings", "look at", "reason")
 _DIFF_COLUMNS = ("check", "sensor", "others", "theta A", "theta B", "rise")
 
@@ -274,7 +274,7 @@ def _used(one: Mapping[str, Any]) -> dict[str, object]:
         "day": one["day"],
         "in": one["included"],
         "frames": one["frames"],
-        "findings": one["held_out_findings"],
+        "findings": one["findings_by_others"],
         "look at": "yes" if one["look_at"] else None,
         "reason": one["reason"],
     }

@@ -177,7 +177,7 @@ def _decide(
         _decision(group, parent, choice, decided, [*refused, *held, *_raised_line(choice)]),
         calibration_id=calibration.calibration_id,
         in_force=calibration.calibration_id if decided is Decided.PROMOTED else group.history.in_force,
-        held_out=sum(one.raised_windows for one in shown) / windows if windows else None,
+        by_others=sum(one.raised_windows for one in shown) / windows if windows else None,
         found_before=_share(found_before),
         found_after=_share(found_after),
         creep=max((step.rise for step in creep), default=None),
@@ -254,7 +254,7 @@ def _source(log: Log) -> Source:
 
 def _out(log: Log, reason: str, *, look_at: bool = False, shown: Shown | None = None) -> UsedRecording:
     known = log.measurement.measurement_id
-    return used_recording(log.store, known, reason=reason, held_out=shown, look_at=look_at)
+    return used_recording(log.store, known, reason=reason, by_others=shown, look_at=look_at)
 
 
 def _decision(
@@ -267,7 +267,7 @@ def _decision(
             one.log.measurement.measurement_id,
             reason=one.reason,
             clean=one.drive.clean,
-            held_out=one.shown,
+            by_others=one.shown,
             look_at=one.reason == NAMED and decided is Decided.REFUSED and bool(one.shown and one.shown.strong),
         )
         for one in choice.chosen

@@ -84,6 +84,8 @@ def _write(old: Path, new: Path) -> Upgraded:
         write_rows("sensor_checks", new / "sensor_checks" / f"{rig_id}.parquet", checks)
     (new / "pictures").mkdir()
     for measurement_id in finished(old / "measurements"):
+        if not (new / "poses" / f"{measurement_id}.parquet").exists():
+            write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     count = {table: len(finished(new / table)) for table in TABLES}

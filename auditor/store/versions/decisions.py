@@ -36,7 +36,7 @@ class Decision:
 
     `calibration_id` is the candidate; None where none was made. `in_force` is in force afterwards. `recordings` are all
     that were looked at; `new` of those that the candidate is made of are not in the version of before. The shares are
-    None where there is nothing to compare: `held_out` of windows with findings when others judge, `found_before` and
+    None where there is nothing to compare: `by_others` of windows with findings when others judge, `found_before` and
     `found_after` of planted attacks. `creep` is the largest rise since the version that a person confirmed.
     """
 
@@ -50,7 +50,7 @@ class Decision:
     provisional: bool
     recordings: tuple[UsedRecording, ...]
     new: int = 0
-    held_out: float | None = None
+    by_others: float | None = None
     found_before: float | None = None
     found_after: float | None = None
     creep: float | None = None

@@ -36,8 +36,8 @@ class UsedRecording:
     reason: str
     frames: int
     look_at: bool = False
-    held_out_findings: int | None = None
-    held_out_incidents: int | None = None
+    findings_by_others: int | None = None
+    incidents_by_others: int | None = None
     level: float | None = None
 
 
@@ -45,7 +45,7 @@ class UsedRecording:
 class CalibrationVersion:
     """How a calibration was made, what it was tried on, and what was decided of it.
 
-    `frames` are its clean frames, `hours` the time that they cover; `held_out_frames` were judged by recordings other
+    `frames` are its clean frames, `hours` the time that they cover; `frames_by_others` were judged by recordings other
     than their own at `r`. `rules` is the digest of the parameters that they were judged by.
     """
 
@@ -63,9 +63,9 @@ class CalibrationVersion:
     hours: float
     resolves_r: float | None
     r: Decimal
-    held_out_frames: int
-    held_out_findings: int
-    held_out_incidents: int
+    frames_by_others: int
+    findings_by_others: int
+    incidents_by_others: int
     first_frame: int | None
     last_frame: int | None
     recounted: bool
