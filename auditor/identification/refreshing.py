@@ -191,7 +191,7 @@ def doubts(rises: Sequence[Step], creep: Sequence[Step]) -> Iterator[str]:
 
 
 def worse(shown: Sequence[Shown], r: Decimal, before: tuple[int, int], after: tuple[int, int]) -> Iterator[str]:
-    """Why thresholds are worse than those in force: false alarms on drives judged by others, or planted attacks lost."""
+    """Why thresholds are worse than those in force: false alarms of drives that others judge, or attacks lost."""
     windows, raised = sum(one.windows for one in shown), sum(one.raised_windows for one in shown)
     low, high = wilson(raised, windows)
     if low > GATE.most_false_alarms * float(r):

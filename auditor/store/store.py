@@ -58,7 +58,6 @@ MANIFESTS = {
     "cells": "measurements",
     "fault_features": "measurements",
     "regions": "measurements",
-    "calibration_recordings": "calibration_versions",
     "poses": "measurements",
     "verdicts": "judgements",
     "cases": "evaluations",
