@@ -186,7 +186,7 @@ def doubts(rises: Sequence[Step], creep: Sequence[Step]) -> Iterator[str]:
     if largest > GATE.most_creep:
         yield (
             f"a threshold lies {largest:.2f} deviations, more than {GATE.most_creep:g}, above that of the version that "
-            "a person confirmed last"
+            "a person confirmed last, or of the first"
         )
 
 

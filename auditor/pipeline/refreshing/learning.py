@@ -281,14 +281,15 @@ def _decision(
         before=group.history.in_force,
         in_force=group.history.in_force,
         provisional=not group.history.vouched and not any(one.reason == NAMED for one in choice.chosen),
-        recordings=(*used, *choice.out),
+        recordings=tuple(sorted((*used, *choice.out), key=lambda one: (str(one.day or ""), one.name))),
         new=sum(one.recording_id not in known for one in used),
     )
 
 
 def _rise(step: Step) -> Rise:
+    check = step.check
     return Rise(
-        step.check.check.value, step.check.sensor, statistic_at(step.before), statistic_at(step.after), step.rise
+        check.check.value, check.sensor, check.others, statistic_at(step.before), statistic_at(step.after), step.rise
     )
 
 

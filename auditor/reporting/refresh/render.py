@@ -10,9 +10,16 @@ from auditor.reporting.page_text import shown_on_page
 from auditor.resources import resource_folder
 from auditor.store.files import write_whole
 from auditor.store.store import Store
-from auditor.store.versions.decisions import Refresh
+from auditor.store.versions.decisions import Decided, Refresh
 
-_TOLD = ("refused", "held", "promoted", "waiting", "nothing new")
+_OF_ONE = {
+    Decided.REFUSED: "The new calibration is refused.",
+    Decided.HELD: "The new calibration is held for a person.",
+    Decided.PROMOTED: "A new calibration is in force.",
+    Decided.WAITING: "Too few clean recordings so far.",
+    Decided.NOTHING_NEW: "Nothing new to learn.",
+}
+"""The page's headline where there is one rig kind; the worst first."""
 
 
 def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
@@ -40,9 +47,10 @@ def render(refresh: Refresh, store: Store) -> str:
 
 
 def _headline(refresh: Refresh) -> str:
-    count = Counter(one.decided.value for one in refresh.decisions)
-    told = [f"{count[decided]} {decided}" for decided in _TOLD if count[decided]]
-    if not told:
+    if not refresh.decisions:
         return "Nothing was learnt: no recording could be looked at."
-    kinds = "rig kind" if len(refresh.decisions) == 1 else "rig kinds"
-    return f"{', '.join(told)}: {len(refresh.decisions)} {kinds}."
+    if len(refresh.decisions) == 1:
+        return _OF_ONE[refresh.decisions[0].decided]
+    count = Counter(one.decided for one in refresh.decisions)
+    told = [f"{count[decided]} {decided}" for decided in _OF_ONE if count[decided]]
+    return f"Of {len(refresh.decisions)} rig kinds: {', '.join(told)}."

@@ -21,10 +21,11 @@ class Decided(StrEnum):
 
 @dataclass(frozen=True)
 class Rise:
-    """The threshold of a sensor check, as a statistic, before and after, and its rise in deviations of before."""
+    """The threshold of a sensor check by `others`, as a statistic, before and after, and its rise in deviations of before."""
 
     check: str
     sensor: int
+    others: tuple[int, ...]
     before: float
     after: float
     deviations: float
