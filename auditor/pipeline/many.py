@@ -26,6 +26,7 @@ from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.store.log import logged
 from auditor.store.versions.history import calibrations_in_force
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
@@ -310,7 +311,12 @@ class Judge:
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
-    return (judge.judge(measurement) for measurement in measurements)
+    return _judge_all(judge, store, measurements)
+
+
+def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:
+    with logged(store.folder):
+        yield from map(judge.judge, measurements)
 
 
 def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:

@@ -71,6 +71,7 @@ from auditor.store import (
     measurement_id,
 )
 from auditor.store.files import locked
+from auditor.store.log import logged
 from auditor.store.maintenance.removal import remove_measurement
 
 _PREFLIGHT_FRAMES = 3
@@ -128,7 +129,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
     store = Store.open(task.store, create=True)
-    with open_recording(task.recording) as recording:
+    with open_recording(task.recording) as recording, logged(store.folder) as entry:
+        entry.used("recording", recording.recording_id, storable(str(recording.path)))
         surveyed = survey(recording)
         found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)
@@ -261,9 +263,12 @@ def _measure(
             writer.add_pose(pose)
         if store.has_measurement(known):
             remove_measurement(store, known)
-        for number, picture in thumbnails.pages():
-            store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
-        writer.commit(replace(record, pose_topics=poses.topics))
+        pictures = [
+            file
+            for number, picture in thumbnails.pages()
+            for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
+        ]
+        writer.commit(replace(record, pose_topics=poses.topics), pictures)
 
 
 def _measure_frames(

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.cross_validation import INCIDENT_GAP_S, NS_PER_HOUR, count_incidents, hours_of
+from auditor.identification.cross_validation import INCIDENT_GAP_S, count_incidents, hours_of
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds

@@ -9,6 +9,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
 from auditor.cli.output import answer, emit, format_option, print_rows, say, shown
 
 if TYPE_CHECKING:
@@ -167,7 +168,8 @@ def promote(calibration: str, store: Path, reason: str) -> None:
 
     kept = Store.open(store)
     chosen = kept.calibration(_named(kept, calibration))
-    before = promote_version(kept, chosen, reason)
+    with logged(kept.folder):
+        before = promote_version(kept, chosen, reason)
     instead = f" in place of {before.in_force[:_BRIEF]}" if before.in_force else ""
     how = "is confirmed" if before.in_force == chosen.calibration_id else f"is in force{instead}"
     say(
@@ -195,7 +197,8 @@ def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
 
     kept = Store.open(store)
     history = history_called(kept, calibration)
-    restored, judged = roll_back(kept, history, reason)
+    with logged(kept.folder):
+        restored, judged = roll_back(kept, history, reason)
     say(
         f"calibration {restored.calibration_id[:_BRIEF]} is in force again, in place of "
         f"{_brief(history.in_force)}; {len(judged)} measurements judged again"

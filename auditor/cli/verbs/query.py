@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import reading, tell_altered
 from auditor.cli.output import answer, emit, format_option, say
 
 if TYPE_CHECKING:
@@ -25,11 +27,19 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 @click.argument("parameters", nargs=-1, metavar="[[PARAMETER=]VALUE]...")
 @options.store_option
 @click.option("--sql", help="Your own SQL over the store's views, in a sandbox.")
+@click.option("--verify", is_flag=True, help="Hash every file of the store first, not only those that changed.")
 @click.option("--describe", is_flag=True, help="Say what the query answers, its parameters and columns; views too.")
 @format_option
 def command(
-    name: str | None, parameters: tuple[str, ...], store: Path, sql: str | None, form: str, *, describe: bool
-) -> None:
+    name: str | None,
+    parameters: tuple[str, ...],
+    store: Path,
+    sql: str | None,
+    form: str,
+    *,
+    describe: bool,
+    verify: bool,
+) -> Exit:
     """Query the store; without a name, list its queries and views.
 
     \b
@@ -48,15 +58,22 @@ def command(
         if name is not None:
             raise click.UsageError("give a query's name or --sql, not both")
         kept = Store.open(store)
-        _show(kept, sql, query(kept, sql=sql), form)
+        altered = tell_altered(kept, every=verify)
+        with reading(kept.folder):
+            _show(kept, sql, query(kept, sql=sql), form)
     elif name is None:
         _list()
+        return Exit.CLEAN
     elif describe:
         _describe(name)
+        return Exit.CLEAN
     else:
         values = _values(parameters, queries().get(name))
-        answer = query(store, name, **values)
-        _show(Store.open(store), find_query(name).sql, answer, form)
+        text, kept = find_query(name).sql, Store.open(store)
+        altered = tell_altered(kept, every=verify)
+        with reading(kept.folder):
+            _show(kept, text, query(kept, name, **values), form)
+    return Exit.INCOMPLETE if altered else Exit.CLEAN
 
 
 def _show(store: "Store", sql: str, answer: "Table", form: str) -> None:

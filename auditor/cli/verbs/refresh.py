@@ -1,5 +1,6 @@
 """`auditor refresh`: new calibrations from clean recordings, night after night."""
 
+from contextlib import ExitStack
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auditor.cli import options
+from auditor.cli.logged import logged
 from auditor.cli.output import answer, say
 
 if TYPE_CHECKING:
@@ -63,7 +65,10 @@ def command(
     others = [Store.open(path) for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if not Store.is_at(path)]
     kept = Store.open(store, create=bool(recordings or others) and not dry_run)
-    with only_refresh(kept):
+    with ExitStack() as stack:
+        if not dry_run:
+            stack.enter_context(only_refresh(kept))
+            stack.enter_context(logged(kept.folder))
         measured, failed = ([], []) if dry_run else _measure(recordings, kept, measuring)
         named = [known for other in others for known in other.ids("measurements")] + measured
         if not dry_run:

@@ -12,7 +12,6 @@ from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.page_text import shown_on_page
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
 from auditor.resources import resource_folder
-from auditor.store.files import write_whole
 from auditor.store.store import Store
 
 LEAST_COVERAGE = 0.99
@@ -28,7 +27,7 @@ def render_incident_report(store: Store, *, out: Path, recording: str | None = N
     Raises StoreError where the store has no such recording, nothing was measured, or the page cannot be written.
     """
     text = render(load_page(store, recording))
-    write_whole(out, text.encode())
+    store.write_page(out, text.encode())
     return out
 
 

@@ -8,7 +8,6 @@ import jinja2
 from auditor import __version__
 from auditor.reporting.page_text import shown_on_page
 from auditor.resources import resource_folder
-from auditor.store.files import write_whole
 from auditor.store.store import Store
 from auditor.store.versions.decisions import Decided, Refresh
 
@@ -24,7 +23,7 @@ _OF_ONE = {
 
 def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
     """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
-    write_whole(out, render(refresh, store).encode())
+    store.write_page(out, render(refresh, store).encode())
     return out
 
 

@@ -6,7 +6,7 @@ killed there is the old history or the new one.
 
 import fcntl
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,9 +19,10 @@ from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
 from auditor.store.calibrations import OutdatedCalibrationError, rig_kind_fields, rig_kind_of
 from auditor.store.files import locked
+from auditor.store.log import Kind, logged
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store
-from auditor.store.tables import Row, read_rows, write_rows
+from auditor.store.tables import Row, read_rows
 
 
 class How(StrEnum):
@@ -143,7 +144,7 @@ def put_in_force(
     """
     if calibration.calibration_id not in store.ids("calibrations"):
         store.write_calibration(calibration)
-    with locked(store.folder):
+    with logged(store.folder) as entry, locked(store.folder):
         history = history_of(histories(store), calibration)
         if after is not None and history.in_force != after:
             raise StoreError(
@@ -153,7 +154,8 @@ def put_in_force(
             )
         move = Move(calibration.calibration_id, how, datetime.now(UTC), reason)
         changed = History(history.rig_kind, history.procedure, (*history.moves, move))
-        write_rows("calibration_history", store.path("calibration_history", changed.history_id), _rows(changed))
+        store.write("calibration_history", changed.history_id, history_rows(changed))
+        entry.say(Kind.IN_FORCE, _entry(history, move))
 
 
 @contextmanager
@@ -163,8 +165,11 @@ def only_refresh(store: Store) -> Iterator[None]:
     A process that is killed lets go of it.
     """
     folder = store.folder / "calibration_history"
-    folder.mkdir(exist_ok=True)
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        folder.mkdir(exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise StoreError(f"it cannot be opened ({error.strerror or error})", where=folder) from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
@@ -188,19 +193,23 @@ def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CA
     return before in (None, calibration.calibration_id)
 
 
-def put_newest_in_force(store: Store) -> None:
-    """What an upgrade does to a store of before there were histories: the newest of each rig kind is in force.
+def first_histories(calibrations: Iterable[Calibration]) -> list[History]:
+    """The histories of a store of before there were any: the newest calibration of each rig kind is in force.
 
     One that is dated after today is taken only where there is no other: its clock was wrong.
     """
-    now = datetime.now(UTC)
+    now, found = datetime.now(UTC), list[History]()
 
     def rank(calibration: Calibration) -> tuple[bool, datetime, str]:
         made_at = calibration.calibrated_at or datetime.min.replace(tzinfo=UTC)
         return made_at <= now, made_at, calibration.calibration_id
 
-    for calibration in sorted(store.calibrations(), key=rank, reverse=True):
-        put_first_in_force(store, calibration, How.UPGRADED)
+    for calibration in sorted(calibrations, key=rank, reverse=True):
+        history = history_of(found, calibration)
+        if not history.moves:
+            move = Move(calibration.calibration_id, How.UPGRADED, now)
+            found.append(History(history.rig_kind, history.procedure, (move,)))
+    return found
 
 
 def _in_force(store: Store, known: Sequence[History]) -> Iterator[Calibration]:
@@ -212,7 +221,19 @@ def _in_force(store: Store, known: Sequence[History]) -> Iterator[Calibration]:
                 continue
 
 
-def _rows(history: History) -> Iterator[Row]:
+def _entry(before: History, move: Move) -> dict[str, Any]:
+    """What the log says of a move."""
+    return {
+        "calibration": move.calibration_id,
+        "instead_of": before.in_force,
+        "how": move.how.value,
+        "reason": move.reason,
+        "rig_kind": str(before.rig_kind),
+    }
+
+
+def history_rows(history: History) -> Iterator[Row]:
+    """The rows of a history's file."""
     for number, move in enumerate(history.moves):
         yield {
             "history_id": history.history_id,

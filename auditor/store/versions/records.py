@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from auditor.store.records import to_utc
 from auditor.store.store import Store
-from auditor.store.tables import Row, read_rows, write_rows
+from auditor.store.tables import Row, read_rows
 
 
 class Outcome(StrEnum):
@@ -84,8 +84,8 @@ def write_version(store: Store, version: CalibrationVersion) -> None:
     """Keep how a calibration was made; the row of the version is written last."""
     known = version.calibration_id
     rows = ({"calibration_id": known, **asdict(one)} for one in version.recordings)
-    write_rows("calibration_recordings", store.path("calibration_recordings", known), rows)
-    write_rows("calibration_versions", store.path("calibration_versions", known), [_row(version)])
+    store.write("calibration_recordings", known, rows)
+    store.write("calibration_versions", known, [_row(version)])
 
 
 def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None:
