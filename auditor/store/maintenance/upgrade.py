@@ -42,8 +42,8 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
     """Upgrade the store in a folder; None where it is of this version already. The log has the command.
 
     All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
-    lacks are empty, but for the history of calibrations: the newest of each rig kind is in force. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
-    written.
+    lacks are empty, but for the history of calibrations: the newest of each rig kind is in force. Raises StoreError
+    where the store is of a version that cannot be upgraded, or cannot be read or written.
     """
     with locked(folder):
         version = read_marker(folder).version
@@ -79,7 +79,7 @@ def _write(old: Path, new: Path) -> Upgraded:
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
-        (new / table).mkdir()
+        (new / table).mkdir(exist_ok=True)
         for row_id in _finished(old, table):
             rows = _rows(old / table / f"{row_id}.parquet")
             if table in MANIFESTS.values():

@@ -21,7 +21,7 @@ class Decided(StrEnum):
 
 @dataclass(frozen=True)
 class Rise:
-    """The threshold of a sensor check by `others`, as a statistic, before and after, and its rise in deviations of before."""
+    """The threshold of a sensor check by `others` before and after, as a statistic, and its rise in deviations."""
 
     check: str
     sensor: int
