@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         synchronise,
     )
     from auditor.pipeline.many import Judged
+    from auditor.pipeline.opened import OpenedStore, open_store
     from auditor.recordings import Damage, FrameStream, Reader, Recording, Topic
     from auditor.reporting import render_incident_report
     from auditor.store import Store, StoredJudgement, StoredMeasurement, rows_of
@@ -85,6 +86,7 @@ __all__ = [
     "Measurement",
     "Message",
     "Method",
+    "OpenedStore",
     "PointCloud",
     "Presence",
     "QueryError",
@@ -113,6 +115,7 @@ __all__ = [
     "judge",
     "measure",
     "open_recording",
+    "open_store",
     "query",
     "render_incident_report",
     "rows_of",
@@ -131,6 +134,7 @@ _HOMES = {
     "model.verdict": "AttackLabel Method Verdict VerdictKind",
     "pipeline.library": "Calibrated Scanned calibrate find_rigs judge measure open_recording query scan synchronise",
     "pipeline.many": "Judged",
+    "pipeline.opened": "OpenedStore open_store",
     "recordings": "Damage FrameStream Reader Recording Topic",
     "reporting": "render_incident_report",
     "store": "Store StoredJudgement StoredMeasurement rows_of",

@@ -113,6 +113,12 @@ def test_incidents_are_rows_and_the_page_is_written(printed: dict[str, str]) -> 
     assert page == "written: incident.html"
 
 
+def test_a_notebook_gets_pandas_polars_and_a_connection(printed: dict[str, str]) -> None:
+    shown = lines(printed, 6)
+    assert any(re.search(r"night\.mcap +\d+ +[1-9]\d* ", line) for line in shown)
+    assert any(re.fullmatch(r"attacked [1-9]\d*", line) for line in shown)
+
+
 def test_the_plug_ins_are_found_and_used(printed: dict[str, str]) -> None:
-    [counts] = lines(printed, 8)
+    [counts] = lines(printed, 9)
     assert counts.startswith("Counts(valid_px=")

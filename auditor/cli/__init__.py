@@ -28,6 +28,7 @@ VERBS = (
     "label",
     "evaluate",
     "query",
+    "views",
     "report",
     "parameters",
     "store",

@@ -19,14 +19,15 @@ from auditor.measurement.disparity.matchers import Matcher
 from auditor.measurement.disparity.matchers.interface import PairMatcher
 from auditor.measurement.disparity.rectification import PairView, Rectification, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_map, stereo_maps, textured, within
+from auditor.measurement.fault_features.added_saturation import added_saturation
 from auditor.measurement.fault_features.collect import FeatureInputs, fault_features_of, feature_inputs
 from auditor.measurement.fault_features.frozen_data import fingerprint_of_image, fingerprint_of_points
-from auditor.measurement.frame import level, saturated_share
+from auditor.measurement.frame import brightness
 from auditor.measurement.pairwise_views import OF_TWO
 from auditor.measurement.shared_view import FrameArrays, Mask, matched
-from auditor.model.checks import Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.checks import CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Frame, PointCloud
-from auditor.model.measurement import Counts, Coverage
+from auditor.model.measurement import Cells, Counts, Coverage
 from auditor.model.rig import LIDAR, Rig, Triple
 
 Made = TypeVar("Made")
@@ -81,9 +82,14 @@ class AttackedFrame:
     def statistics(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> tuple[float | None, ...]:
         """The statistics in the order of `sensor_checks`, as far as measuring these triples gives them."""
         collected = [self.frame_checks(pair, attacks) for pair in self.pairs(triples)]
-        cells = {counted: grid for one in collected for counted, grid in one.cells.items()}
         shares = {check: share for one in collected for check, share in one.shares.items()}
-        return sensor_statistics(self.sensor_checks, cells, shares)
+        return sensor_statistics(self.sensor_checks, _cells(collected), shares)
+
+    def added_saturation(self, attacks: Attacks, triples: Collection[Triple] | None = None) -> dict[int, int]:
+        """The added saturation by camera, as far as measuring these triples gives it."""
+        cells = _cells([self.frame_checks(pair, attacks) for pair in self.pairs(triples)])
+        half_res = {camera: self._half(camera, attacks) for camera in self.sensors if camera != LIDAR}
+        return added_saturation(cells, half_res)
 
     def fingerprint(self, sensor: int, attacks: Attacks) -> int:
         """The fingerprint of a present sensor's data under these attacks: equal data have equal ones."""
@@ -99,8 +105,8 @@ class AttackedFrame:
         """The brightness of a camera's image under these attacks."""
 
         def take() -> Coverage:
-            pixels = grey(self.rectified(camera, attacks))
-            return Coverage(saturated_share=saturated_share(pixels), level=level(pixels))
+            image = self.rectified(camera, attacks)
+            return brightness(image, grey(image))
 
         return self.memoise("coverage", camera, attacks, (camera,), take)
 
@@ -353,3 +359,8 @@ class InTime:
     attacked_frame: AttackedFrame
     before: AttackedFrame | None
     after: AttackedFrame | None
+
+
+def _cells(collected: Iterable[FrameChecks]) -> dict[CountedPair, Cells]:
+    """The counts of some pairs together."""
+    return {counted: grid for one in collected for counted, grid in one.cells.items()}

@@ -20,7 +20,6 @@ from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import CauseIn
 from auditor.store.case_arrays import Cases, Floats
 from auditor.store.evaluation_tables import INTERVAL_FRAMES
 
@@ -108,7 +107,7 @@ class CaseSeries:
             drive.stamps_ns,
             {},
             dict(zip(system.sensor_checks, statistics.T, strict=True)),
-            self._scores(system, drive.places, features, drive.stamps_ns, drive.runs),
+            fault_scores(self._observed(system, drive.places, features), drive.stamps_ns, system.sensors, drive.runs),
             returns=self._cases.returns[drive.places] if LIDAR in system.sensors else np.zeros(0),
         )
         return CleanSeries(known[0].family, np.array([one.block[1] for one in known], dtype=np.int64), frames)
@@ -124,14 +123,15 @@ class CaseSeries:
         stamps = np.concatenate([part.stamps_ns for part in parts])
         most = 1 + max(int(part.runs.max()) for part in parts)
         runs = np.repeat(np.arange(len(parts)) * most, lengths) + np.concatenate([part.runs for part in parts])
-        scores = self._scores(system, places, np.concatenate([part.features for part in parts]), stamps, runs)
+        seen = self._observed(system, places, np.concatenate([part.features for part in parts]))
         series = FrameSeries(
             stamps,
             runs,
             self._statistics(places, system),
             self._of_sensors(self._cases.present, places, system),
             np.concatenate([self._frozen(part.places, system) for part in parts]),
-            scores,
+            fault_scores(seen, stamps, system.sensors, runs),
+            seen.added_saturation,
         )
         starts = np.cumsum([0, *lengths[:-1]]).tolist()
         return series, [start + part.judged for start, part in zip(starts, parts, strict=True)]
@@ -153,17 +153,16 @@ class CaseSeries:
                 features[at + 1] = self._cases.features_after[other]
         return _Part(places, features, drive.stamps_ns[first:end], drive.runs[first:end], row - first)
 
-    def _scores(
-        self, system: System, places: Places, features: Floats, stamps_ns: Numbers, runs: Numbers
-    ) -> dict[CauseIn, Floats]:
+    def _observed(self, system: System, places: Places, features: Floats) -> ObservedFeatures:
         pairs = self._cases.rig.pairs
         chosen = [at for at, pair in enumerate(pairs) if set(pair) <= set(system.sensors)]
         cameras = tuple(sensor for sensor in system.sensors if sensor != LIDAR)
         columns = {name: features[:, chosen, at] for at, name in enumerate(COLUMNS)}
-        level = self._of_sensors(self._cases.level, places, system)[:, -len(cameras) :]
-        saturated = self._of_sensors(self._cases.saturated, places, system)[:, -len(cameras) :]
-        seen = ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, level, saturated)
-        return fault_scores(seen, stamps_ns, system.sensors, runs)
+        brightness = {
+            name: self._of_sensors(values, places, system)[:, -len(cameras) :]
+            for name, values in self._cases.brightness.items()
+        }
+        return ObservedFeatures(tuple(pairs[at] for at in chosen), columns, cameras, brightness)
 
     def _statistics(self, places: Places, system: System) -> Floats:
         """(R, M) the statistics of a system's sensor checks at these places."""

@@ -1,7 +1,7 @@
 """The features of a case of an evaluation that show faults and frozen sensors: the judge needs them too."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
@@ -9,7 +9,7 @@ from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
-from auditor.model.measurement import NO_FINGERPRINT, Coverage
+from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Coverage
 from auditor.model.rig import LIDAR
 from auditor.store.evaluation_tables import CaseFeatures
 
@@ -39,13 +39,15 @@ class FeaturesOfCases:
         fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
         later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
         features_after = {pair: attacked_frame.fault_features_after(pair, attacks, after) for pair in later if after}
+        saturating = attacked_frame.added_saturation(attacks, experiment.triples(attacked_frame.rig))
+        coverage = [
+            replace(_coverage(attacked_frame, sensor, attacks), added_saturation=saturating.get(sensor))
+            for sensor in attacked_frame.rig.sensors
+        ]
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
-            level=[_coverage(attacked_frame, sensor, attacks).level for sensor in attacked_frame.rig.sensors],
-            saturated_share=[
-                _coverage(attacked_frame, sensor, attacks).saturated_share for sensor in attacked_frame.rig.sensors
-            ],
+            brightness={name: [getattr(one, name) for one in coverage] for name in BRIGHTNESS},
             fault_features=list(_in_order(attacked_frame, fault_features)),
             fault_features_after=list(_in_order(attacked_frame, features_after)),
             returns=attacked_frame.returns(attacks),

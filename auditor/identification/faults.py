@@ -6,25 +6,22 @@ on another row, or where it lay a frame ago; every LiDAR point agrees with stere
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from auditor.identification.light_causes import Seen, by_tone, of_lens
 from auditor.identification.parameters import (
     FAULT_HYPOTHESES,
     FAULT_SCALE,
     FAULT_SCORES,
     FROZEN,
-    HIERARCHY,
-    LIGHT_OF_CAUSES,
     TEMPORAL_WINDOW,
 )
 from auditor.identification.statistics import window_means
-from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import CAMERA_CHECKS, COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
-from auditor.model.measurement import NO_FINGERPRINT
+from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.measurement import NO_FINGERPRINT, SATURATION
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
     FINDINGS,
@@ -47,6 +44,9 @@ FAULTS = frozenset({Cause.FROZEN, Cause.LATE, Cause.DISPLACED})
 """Causes that are findings by themselves; the others only explain why a check may have fired."""
 
 
+TONES = frozenset({Cause.EXPOSURE, Cause.WHITE_BALANCE})
+"""Causes that change the levels of a camera and not what it sees; they are as unusual either way."""
+
 SCORED = tuple(name for name in COLUMNS if name not in {"tracked", "compared", "right_px", "down_px"})
 """The fault features that fault scores are made of."""
 
@@ -55,15 +55,19 @@ SCORED = tuple(name for name in COLUMNS if name not in {"tracked", "compared", "
 class ObservedFeatures:
     """The fault features of F frames: `columns` holds (F, P) values by the names of SCORED at least.
 
-    `pairs` are the P matched pairs (i, k). `level` and `saturated` are (F, C), mean grey level and saturated share of
-    the `cameras`. NaN where not measured.
+    `pairs` are the P matched pairs (i, k). `brightness` holds (F, C) values by the names of BRIGHTNESS for the
+    `cameras`. NaN where not measured.
     """
 
     pairs: tuple[Pair, ...]
     columns: Mapping[str, Floats]
     cameras: tuple[int, ...]
-    level: Floats
-    saturated: Floats
+    brightness: Mapping[str, Floats]
+
+    @property
+    def added_saturation(self) -> dict[int, Floats]:
+        """(F,) the added saturation by camera."""
+        return dict(zip(self.cameras, self.brightness[SATURATION].T, strict=True))
 
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
@@ -72,6 +76,7 @@ def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:
     return (
         *((cause, sensor) for sensor in sensors for cause in (Cause.LATE, Cause.DISPLACED)),
         *((Cause.EXPOSURE, camera) for camera in cameras if len(cameras) > FEWEST_VOTERS),
+        *((Cause.WHITE_BALANCE, camera) for camera in cameras),
         *((Cause.RAIN, sensor) for sensor in sensors if sensor == LIDAR),
         (Cause.DARK, None),
         (Cause.GLARE, None),
@@ -92,13 +97,14 @@ def fault_scores(
         found[Cause.DISPLACED, camera] = _displaced(seen, camera)
     if len(seen.cameras) > FEWEST_VOTERS:
         found |= {(Cause.EXPOSURE, camera): level for camera, level in zip(seen.cameras, _levels(seen), strict=True)}
+    found |= {(Cause.WHITE_BALANCE, camera): one for camera, one in zip(seen.cameras, _warmth(seen), strict=True)}
     if LIDAR in sensors:
         found[Cause.LATE, LIDAR] = _lagging_lidar(seen)
         found[Cause.DISPLACED, LIDAR] = _rotated_lidar(seen)
         found[Cause.RAIN, LIDAR] = _rain(seen)
     begins, enough = FAULT_SCORES.dark_from, FAULT_SCORES.dark
-    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.level.T)) / (begins - enough)
-    found[Cause.GLARE, None] = np.fmin.reduce(seen.saturated.T) / FAULT_SCORES.glare
+    found[Cause.DARK, None] = (begins - np.fmax.reduce(seen.brightness["level"].T)) / (begins - enough)
+    found[Cause.GLARE, None] = np.fmin.reduce(seen.brightness["saturated_share"].T) / FAULT_SCORES.glare
     seconds = TEMPORAL_WINDOW.seconds
     return {key: window_means(values[:, None], stamp_ns, seconds, runs)[:, 0] for key, values in found.items()}
 
@@ -115,7 +121,7 @@ def fault_hypotheses(
     known = [scales.get(key) for key in keys]
     theta = np.array([np.nan if one is None else one.theta for one in known], dtype=np.float64)
     scale = np.array([np.nan if one is None else one.scale for one in known], dtype=np.float64)
-    unusual = np.stack([_unusual(scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
+    unusual = np.stack([_unusual(key[0], scores[key], one) for key, one in zip(keys, known, strict=True)], axis=1)
     z = np.nan_to_num((unusual - theta) / scale, nan=-FAULT_SCALE.highest)
     share = FAULT_HYPOTHESES.enough * (1 + np.minimum(z, FAULT_SCALE.highest) / FAULT_SCALE.highest)
     least = FAULT_HYPOTHESES.least_listed
@@ -125,49 +131,6 @@ def fault_hypotheses(
         scored = ((keys[place], float(share[frame, place])) for place in places)
         hypotheses[frame] = tuple(FaultHypothesis(*cause, score) for cause, score in scored if score >= least)
     return hypotheses
-
-
-class Seen(NamedTuple):
-    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
-
-    `darker` is how many times as large as added light removed light is, of the statistics themselves.
-    """
-
-    added: float
-    removed: float
-    inconsistent: float
-    darker: float
-
-
-def seen_of(verdict: Verdict, z: Floats, statistics: Floats, system: System) -> dict[int, Seen]:
-    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame."""
-    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
-    found = {}
-    for sensor in sorted(named):
-        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
-        own = {
-            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
-        }
-        added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        if added is not None and removed is not None and inconsistent is not None:
-            darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker)
-    return found
-
-
-def dirt(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
-    """The cameras that changed without light being added.
-
-    An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
-    it only does not see what the others see, that is just enough for dirt.
-    """
-    found = []
-    for sensor, one in seen.items():
-        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
-            found.append(FaultHypothesis(Cause.SOILED, sensor))
-        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
-            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
-    return tuple(found)
 
 
 def weigh(
@@ -181,7 +144,7 @@ def weigh(
     strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
     """
     fired = verdict.kind in FINDINGS
-    ranked = sorted((*causes, *dirt(seen or {})), key=lambda one: (not is_finding(one), -one.score))
+    ranked = sorted((*causes, *of_lens(seen or {})), key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)
     if not any(enough):
@@ -203,22 +166,13 @@ def _explaining(
     for one in causes:
         if one.score < FAULT_HYPOTHESES.enough or one.sensor in verdict.out_of_system:
             yield False
-        elif one.cause is Cause.EXPOSURE:
+        elif one.cause in TONES:
             own = seen.get(one.sensor) if one.sensor is not None else None
-            yield own is not None and _by_exposure(own, limit)
-        else:  # dirt has been weighed against light already
-            least = min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
-            yield one.cause is Cause.SOILED or _z_of(one) >= least
-
-
-def _by_exposure(seen: Seen, limit: float) -> bool:
-    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
-
-    Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted.
-    """
-    unchanged = seen.inconsistent < LIGHT_OF_CAUSES.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
-    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added
+            yield own is not None and by_tone(own, limit)
+        elif _of_a_lens(one):  # it has been weighed against light already
+            yield True
+        else:
+            yield _z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -276,25 +230,47 @@ def _rotated_lidar(seen: ObservedFeatures) -> Floats:
 
 def _levels(seen: ObservedFeatures) -> list[Floats]:
     """By camera, how much brighter than the median of the others it is, as a logarithm: darker cameras are below 0."""
-    levels = np.log(np.maximum(seen.level, 1.0))
+    levels = np.log(np.maximum(seen.brightness["level"], 1.0))
     others = (np.delete(levels, place, axis=1) for place in range(len(seen.cameras)))
     return [(levels[:, place] - _medians(one)) / FAULT_SCORES.exposure for place, one in enumerate(others)]
 
 
+def _warmth(seen: ObservedFeatures) -> list[Floats]:
+    """By camera, how much redder than bluer it is than the other colour cameras, as a logarithm; NaN of grey ones.
+
+    A scene's colours change all cameras alike, and of two cameras it is not known which of them has changed. So half of
+    what one other camera has is subtracted, and the whole median of more; the one that has changed stands out by more.
+    """
+    red, blue = (np.maximum(seen.brightness[name], 1.0) for name in ("red_level", "blue_level"))
+    warmth = np.log(red / blue)
+    found = []
+    for place in range(len(seen.cameras)):
+        others = np.delete(warmth, place, axis=1)
+        alone = np.nan_to_num(np.fmax.reduce(others, axis=1)) * FAULT_SCORES.warmth_of_one_other
+        found.append((warmth[:, place] - np.where(_enough(others), _medians(others), alone)) / FAULT_SCORES.warmth)
+    return found
+
+
+def _enough(values: Floats) -> Flags:
+    """(F,) whether two or more were measured in each row."""
+    return np.asarray(np.count_nonzero(~np.isnan(values), axis=1) >= FEWEST_VOTERS)
+
+
 def _medians(values: Floats) -> Floats:
     """(F,) the median of what was measured in each row, of two at least; else NaN."""
-    known = np.count_nonzero(~np.isnan(values), axis=1) >= FEWEST_VOTERS
+    known = _enough(values)
     medians = np.full(len(values), np.nan)
     medians[known] = np.nanmedian(values[known], axis=1)
     return medians
 
 
-def _unusual(scores: Floats, scale: Scale | None) -> Floats:
+def _unusual(cause: Cause, scores: Floats, scale: Scale | None) -> Floats:
     """The scores, or how far they are from what is usual; far brighter than usual a camera is dazzled, not exposed."""
     if scale is None or scale.usual is None:
         return scores
     beyond = scores - scale.usual
-    return np.where(beyond <= FAULT_SCORES.dazzled, np.abs(beyond), np.nan)
+    dazzled = (beyond > FAULT_SCORES.dazzled) & (cause is Cause.EXPOSURE)
+    return np.where(dazzled, np.nan, np.abs(beyond))
 
 
 def _rain(seen: ObservedFeatures) -> Floats:
@@ -323,7 +299,7 @@ def _mean(values: Floats) -> Floats:
 
 def _least(values: Sequence[Floats], seen: ObservedFeatures) -> Floats:
     """(F,) the least of those measured, NaN where none was."""
-    return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.level), np.nan)
+    return np.asarray(np.fmin.reduce(values)) if len(values) else np.full(len(seen.brightness["level"]), np.nan)
 
 
 def _in_long_runs(still: Flags, length: int) -> Flags:
@@ -341,6 +317,11 @@ def _z_of(hypothesis: FaultHypothesis) -> float:
     """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
     z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
     return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
+
+
+def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
+    """Whether it is dirt, drops or glare of one camera's lens; glare of all cameras is another cause."""
+    return hypothesis.cause is Cause.SOILED or (hypothesis.cause is Cause.GLARE and hypothesis.sensor is not None)
 
 
 def _by_itself(hypothesis: FaultHypothesis) -> bool:

@@ -48,11 +48,11 @@ def name_attacked(
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
     A frame is a finding where a check that counts exceeds the `limit`; sensors after the first are named where a check
-    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest
-    sensor exceeds the next, or the limit; `evidence` are the checks above it, the strongest first; `named` is Algorithm
-    2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which sensors a
-    frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no three sensors
-    were compared is not auditable.
+    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest sensor
+    exceeds the next, or the limit; `evidence` are the checks above it, and those that confirm what two cameras alone
+    show, the strongest first; `named` is Algorithm 2's answer on the states of the triples. `reason` says why no sensor
+    of a finding is named, without which sensors a frame was judged, and where no camera pair can check the LiDAR. A
+    frame without a finding in which no three sensors were compared is not auditable.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
@@ -128,6 +128,7 @@ def _name(z: Floats, system: System, absent: frozenset[int], limit: float, other
             sensor = strongest[1].sensor
         elif not named and (confirmed := _confirmed(first, unclear, limit)) is not None:
             sensor, least = confirmed, NAMING.confirming_share * limit
+            evidence += [(value, check) for value, check in scored if check in unclear and sensor in check.nameable]
         else:
             evidence += [(value, check) for value, check in scored if check in unclear]
             return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
+    ADDED_SATURATION,
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
     POINT_EXCESS,
@@ -23,6 +24,8 @@ _CONFIRMING = "three real drives and streets 2000 to 2053: docs/decisions.md, wh
 _FAULTS = "chosen on faulty frames of KITTI drive 0009 (docs/causes.md)"
 _FAULTS_ON_STREETS = "chosen on twelve streets, benchmark causes --synthetic 4 --first 700 (docs/causes.md)"
 _LEVELS = "three real drives, and streets of one vehicle: 0.03 within and 0.04 between drives, over 0.2"
+_WARMTH = "three real drives: within drives 0.03, between them 0.065, between the two cameras of one 0.02"
+_LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one has a tilt that its drives must teach"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
@@ -74,6 +77,7 @@ class CausePriors:
     displaced_camera: tuple[float, ...] = parameter((0.0, 0.1, 0.1), unit=_OF_PRIOR, source=_PRIOR)
     displaced_lidar: tuple[float, ...] = parameter((-2.0, 0.27, 0.5), unit=_OF_PRIOR, source=_TILTED)
     exposure: tuple[float, ...] = parameter((0.0, 0.15, 0.2), unit=_OF_PRIOR, source=_LEVELS)
+    white_balance: tuple[float, ...] = parameter((0.0, 0.15, 0.3), unit=_OF_PRIOR, source=_WARMTH)
     others: tuple[float, ...] = parameter((-0.3, 0.2, 0.3), unit=_OF_PRIOR, source=_PRIOR)
 
 
@@ -96,6 +100,11 @@ class Hierarchy:
     )
     widest: float = parameter(2.0, unit="times the prior's deviation within drives", source=BY_HAND)
     fewest_frames: int = parameter(4, unit="frames, fewer are worth one", source=BY_HAND)
+    most_learnt: float = parameter(
+        0.9,
+        unit="share of the variance between drives that a drive's own frames can say at most",
+        source="streets 2000 to 2053: 0.7, 0.85, 0.9 and 1 tried (docs/decisions.md)",
+    )
     of_median: float = parameter(
         1.57, unit="times the variance of a mean, that of a median", source="pi / 2, of normal distributions"
     )
@@ -183,6 +192,8 @@ class FaultScores:
     dark: float = parameter(40.0, unit="mean grey level", source=_FAULTS)
     glare: float = parameter(0.25, unit="share of saturated pixels", source=_FAULTS)
     exposure: float = parameter(0.2, unit="logarithm of a level against the other cameras'", source=BY_HAND)
+    warmth: float = parameter(0.15, unit="logarithm of red over blue against the other cameras'", source=_WARMTH)
+    warmth_of_one_other: float = parameter(0.5, unit="share that is subtracted of a lone other camera", source=_WARMTH)
     rain: float = parameter(0.01, unit="share of isolated points nearby, less those beyond", source=_RAIN)
     rain_beyond: float = parameter(2.0, unit="times the share of isolated points beyond", source=_RAIN)
 
@@ -220,6 +231,9 @@ class LightOfCauses:
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
+    least_saturation: float = parameter(
+        20.0, unit="half px that saturate in the light, below which it is none that was thrown in", source=_LIT
+    )
     unchanged_gap: float = parameter(
         2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
     )
@@ -283,6 +297,7 @@ JUDGING = (
     TEMPORAL_WINDOW,
     FROZEN,
     POINT_EXCESS,
+    ADDED_SATURATION,
     FAULT_SCORES,
     FAULT_SCALE,
     FAULT_HYPOTHESES,

@@ -80,6 +80,8 @@ def prior_of_cause(cause: CauseIn) -> Prior:
     kind, sensor = cause
     if kind is Cause.EXPOSURE:
         return Prior(*CAUSE_PRIORS.exposure)
+    if kind is Cause.WHITE_BALANCE:
+        return Prior(*CAUSE_PRIORS.white_balance)
     if kind is Cause.LATE:
         return Prior(*(CAUSE_PRIORS.late_lidar if sensor == LIDAR else CAUSE_PRIORS.late_camera))
     if kind is Cause.DISPLACED:
@@ -129,9 +131,9 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
 def of_drive(one: Expected, values: Floats, limit: float) -> Expected:
     """What is expected of the frames of the drive that is judged, whose values are (F,), NaN where not measured.
 
-    Its median shows the drive's own mean, and the deviation between drives goes as far as that is known. A drive that
-    is attacked for most of its time would hide that in its median: so what lies `limit` deviations above the mean, a
-    finding, is never farther away than without the drive's own frames.
+    Its median shows the drive's own mean, and the deviation between drives goes as far as that is known; not wholly,
+    since its later scenes may differ as drives do. A drive that is attacked for most of its time would hide that in its
+    median: so what lies `limit` deviations above the mean, a finding, is never farther away than without its frames.
     """
     known = values[~np.isnan(values)]
     if not known.size or limit <= 0:
@@ -139,7 +141,7 @@ def of_drive(one: Expected, values: Floats, limit: float) -> Expected:
     between = one.deviation**2 - one.within**2
     of_median = HIERARCHY.of_median * one.within**2 / effective_size(known)
     learnt = between / (between + of_median)
-    deviation = sqrt(one.within**2 + (1 - learnt) * between)
+    deviation = sqrt(one.within**2 + (1 - HIERARCHY.most_learnt * learnt) * between)
     mean = one.mean + learnt * (float(np.median(known)) - one.mean)
     return replace(one, mean=min(mean, one.mean + limit * (one.deviation - deviation)), deviation=deviation)
 

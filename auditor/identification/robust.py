@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, seen_of, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, weigh
+from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import TEMPORAL_WINDOW
 from auditor.identification.scores import normalised_scores
@@ -20,6 +21,7 @@ from auditor.identification.statistics import runs_of, window_means
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.measurement import SATURATION
 from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict
 
 
@@ -29,7 +31,8 @@ class FrameSeries:
 
     `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `statistics` are (F, M) by
     sensor check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
-    whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor.
+    whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor, and
+    `added_saturation` by camera.
     """
 
     stamps_ns: Integers
@@ -38,6 +41,7 @@ class FrameSeries:
     present: Flags
     frozen: Flags
     fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
+    added_saturation: Mapping[int, Floats] = field(default_factory=dict)
 
     @classmethod
     def of_recording(
@@ -47,9 +51,11 @@ class FrameSeries:
         present: Flags,
         fingerprints: Integers,
         fault_scores: Mapping[CauseIn, Floats],
+        added_saturation: Mapping[int, Floats] | None = None,
     ) -> "FrameSeries":
         """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data."""
-        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, frozen(fingerprints, present), fault_scores)
+        still = frozen(fingerprints, present)
+        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, still, fault_scores, added_saturation or {})
 
     @classmethod
     def of_clean(cls, clean: CleanFrames, system: System) -> "FrameSeries":
@@ -60,7 +66,12 @@ class FrameSeries:
             for of_sensor in (clean.missing, clean.frozen)
         )
         statistics = clean.statistics_of(system.sensor_checks)
-        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths)
+        saturation = {sensor: values for (name, sensor), values in clean.brightness.items() if name == SATURATION}
+        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths, saturation)
+
+    def saturation_in(self, frame: int) -> dict[int, float]:
+        """The added saturation in the frame at this place, by camera."""
+        return {camera: float(values[frame]) for camera, values in self.added_saturation.items()}
 
 
 def judge_frames(
@@ -91,9 +102,13 @@ def judge_frames(
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
 
     def weighed(verdicts: Sequence[Verdict], scores: Floats, statistics: Floats, limit: float) -> list[Verdict]:
+        seen = (
+            seen_of(verdict, scores[f], statistics[f], system, series.saturation_in(f)) if verdict.evidence else {}
+            for f, verdict in zip(judged.tolist(), verdicts, strict=True)
+        )
         return [
-            weigh(verdict, causes, limit, seen_of(verdict, z_of, T, system) if verdict.evidence else {})
-            for verdict, causes, z_of, T in zip(verdicts, hypotheses, scores[judged], statistics[judged], strict=True)
+            weigh(verdict, causes, limit, shown)
+            for verdict, causes, shown in zip(verdicts, hypotheses, seen, strict=True)
         ]
 
     means = window_means(series.statistics, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)

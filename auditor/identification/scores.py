@@ -6,7 +6,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from auditor.identification.faults import faults_of
+from auditor.identification.faults import TONES, faults_of
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import expected, joint_limit, log_odds, of_drive, prior_of_cause, prior_of_check
 from auditor.identification.thresholds import checked
@@ -14,9 +14,6 @@ from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Cause, CauseIn
-
-EITHER_WAY = frozenset({Cause.EXPOSURE})
-"""Faults whose scores are as unusual far below what is usual as far above it."""
 
 _LOCALISED_FROM: Mapping[Check, float] = {
     Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
@@ -51,7 +48,7 @@ def thresholds_from(
         for cause in causes
     }
     drives = len({one.recording_id for one in clean})
-    known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in EITHER_WAY}
+    known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
     scales = {cause: fault_scale(cause[0], found, limit, _shown(cause, clean)) for cause, found in known.items()}
     return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
 
@@ -75,7 +72,7 @@ def _expected_of(cause: CauseIn, drives: Sequence[Floats]) -> Expected:
     """What is expected of a fault's score; what is usual of a rig only its own drives say."""
     prior = prior_of_cause(cause)
     means = [float(np.nanmean(scores)) for scores in drives if not np.isnan(scores).all()]
-    if cause[0] in EITHER_WAY and means:
+    if cause[0] in TONES and means:
         prior = prior._replace(mean=float(np.median(means)))
     return expected(prior, drives, believed=True)
 
@@ -85,7 +82,7 @@ def _shown(cause: CauseIn, clean: Sequence[CleanFrames]) -> float:
     scores = [one.strengths[cause] for one in clean if cause in one.strengths]
     measured = np.concatenate(scores) if scores else np.zeros(0)
     measured = measured[~np.isnan(measured)]
-    if not measured.size or cause[0] in EITHER_WAY:
+    if not measured.size or cause[0] in TONES:
         return 0.0
     return max(float(np.quantile(measured, FAULT_SCALE.shown_quantile)), 0.0)
 
@@ -95,7 +92,7 @@ def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0)
 
     It lies above what clean drives have `shown`: a flaw that a rig has always had is no fault.
     """
-    usual = found.mean if cause in EITHER_WAY else None
+    usual = found.mean if cause in TONES else None
     beyond = max(limit, 0.0) * found.deviation + (found.mean if usual is None else 0.0)
     theta = max(beyond, (1 + FAULT_SCALE.added_share) * shown, FAULT_SCALE.least_theta)
     return Scale(theta, FAULT_SCALE.scale * theta, found.drives, usual)

@@ -15,7 +15,7 @@ from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks
-from auditor.model.measurement import Statistic
+from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR, Rig, Triple
 from auditor.model.rig_kind import RigKind, Similarity
 from auditor.model.sub_rigs import SubRig, sub_rig
@@ -104,5 +104,5 @@ def _features(clean: CleanFrames, kind: RigKind, there: dict[int, int], pairs: t
         return np.stack([clean.brightness.get((name, there[camera]), unknown) for camera in cameras], axis=1)
 
     return ObservedFeatures(
-        pairs, {name: of_pairs(name) for name in SCORED}, cameras, of_cameras("level"), of_cameras("saturated_share")
+        pairs, {name: of_pairs(name) for name in SCORED}, cameras, {name: of_cameras(name) for name in BRIGHTNESS}
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
+from auditor.measurement.fault_features.added_saturation import added_saturation
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
@@ -191,12 +192,13 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
 def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
     own = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()}
     maps: Maps = own or arrays.maps
+    saturating = added_saturation(arrays.frame_checks.cells, prepared.half_res)
     coverage = {
-        number: Coverage(
-            saturated_share=saturated_share(pixels),
+        number: replace(
+            brightness(prepared.frame.images[number].pixels, pixels),
             textureless_share=1.0 - _share(prepared.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
-            level=level(pixels),
+            added_saturation=saturating.get(number),
         )
         for number, pixels in prepared.greys.items()
     }
@@ -206,14 +208,11 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
     return coverage
 
 
-def saturated_share(pixels: NDArray[np.uint8]) -> float:
-    """The share of an image's (H, W) grey pixels that are saturated."""
-    return _share(pixels >= COVERAGE.saturated)
-
-
-def level(pixels: NDArray[np.uint8]) -> float:
-    """The mean of an image's (H, W) grey pixels."""
-    return cv2.sumElems(pixels)[0] / pixels.size
+def brightness(image: NDArray[np.uint8], greys: NDArray[np.uint8]) -> Coverage:
+    """How bright an image (H, W), or (H, W, 3) BGR, is, and its channels where it has them; `greys` is it in grey."""
+    blue, green, red, _ = (total / greys.size for total in cv2.sumElems(image))
+    known = Coverage(_share(greys >= COVERAGE.saturated), level=cv2.sumElems(greys)[0] / greys.size)
+    return known if image.shape == greys.shape else replace(known, blue_level=blue, green_level=green, red_level=red)
 
 
 def _unmatched_share(source: int, maps: Maps) -> float | None:

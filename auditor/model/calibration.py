@@ -26,7 +26,7 @@ class CleanFrames:
     flags of the sensors that were not there, or repeated their data while others changed, in some frame.
 
     The rest serves rigs that lack some of the sensors: `unmasked` holds the statistics that are others without the
-    LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` the level and saturated_share by
+    LiDAR, `features` the fault features by name and matched pair (i, k), `brightness` what BRIGHTNESS names by
     camera; each is (F,), NaN where it was not measured. `returns` (F,) are the LiDAR points in view, NaN where it was
     not there; it is empty where there is no LiDAR. `versions` are those that the counts were made with.
     """

@@ -102,14 +102,27 @@ class Coverage:
     """How much of one sensor could be used in one frame.
 
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
-    leftmost), and their mean grey `level`. LiDAR: `returns`, the points that fall into the leftmost camera's view.
+    leftmost), their mean grey `level`, and of colour cameras the mean of each channel; `added_saturation`, the half px
+    that saturate near its most added light and in most other cameras do not. LiDAR: `returns`, the points that fall
+    into the leftmost camera's view.
     """
 
     saturated_share: float | None = None
     textureless_share: float | None = None
     unmatched_share: float | None = None
     level: float | None = None
+    blue_level: float | None = None
+    green_level: float | None = None
+    red_level: float | None = None
+    added_saturation: float | None = None
     returns: int | None = None
+
+
+SATURATION = "added_saturation"
+"""The one of BRIGHTNESS that a verdict asks for where light was added."""
+
+BRIGHTNESS = ("level", "saturated_share", "blue_level", "green_level", "red_level", SATURATION)
+"""What causes are told by of each camera: fields of Coverage."""
 
 
 LIGHT_STEPS = STORED_RESIDUALS.steps

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, parameter
 
+_LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _SIMILAR = "KITTI's calibrations of two days differ by 2 %; no experiment recorded"
 _COMMON_VIEW = "docs/decisions.md, the common view is the largest rectangle"
 
@@ -90,6 +91,17 @@ class PointExcess:
 
 
 @dataclass(frozen=True)
+class AddedSaturation:
+    """Where a camera has most added light, and what of it saturates: no count follows from it."""
+
+    window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source="the checks' windows")
+    fewest: int = parameter(200, unit="half px of a pair", source="the checks' windows")
+    voters: int = parameter(2, unit="cameras, where there are two", source="the checks' votes")
+    near_px: tuple[int, int] = parameter((60, 80), unit="half px up and down, and to both sides", source=_LIT)
+    beside_px: tuple[int, int] = parameter((9, 25), unit="half px, rows and columns", source=_LIT)
+
+
+@dataclass(frozen=True)
 class RigKindTolerance:
     """How far two rigs of one kind may differ, or of a similar one, so that thresholds of one hold for the other."""
 
@@ -109,4 +121,5 @@ REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
 STORED_RESIDUALS = StoredResiduals()
 POINT_EXCESS = PointExcess()
+ADDED_SATURATION = AddedSaturation()
 RIG_KIND_TOLERANCE = RigKindTolerance()

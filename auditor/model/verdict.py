@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 3
+JUDGING_VERSION = 4
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -60,8 +60,8 @@ class Cause(StrEnum):
 
     FROZEN: a sensor repeats its data. LATE: it lags behind the others. DISPLACED: it is rotated since its calibration.
     SOILED: dirt on a lens, or whatever else changes what a camera sees and adds no light. EXPOSURE: a camera's
-    exposure, gain or tone is not what it usually is beside the others. DARK, GLARE: too little or too much light in all
-    cameras. RAIN: the LiDAR sees drops all around.
+    exposure, gain or tone is not what it usually is beside the others. WHITE_BALANCE: its red against its blue is not.
+    DARK, GLARE: too little or too much light in all cameras. RAIN: the LiDAR sees drops all around.
     """
 
     FROZEN = "frozen"
@@ -69,6 +69,7 @@ class Cause(StrEnum):
     DISPLACED = "displaced"
     SOILED = "soiled"
     EXPOSURE = "exposure"
+    WHITE_BALANCE = "white_balance"
     DARK = "dark"
     GLARE = "glare"
     RAIN = "rain"

@@ -77,7 +77,12 @@ def record(take: Take, progress: Callable[[str, int], None]) -> Path:
         first, last = (drive.start_ns + take.attacked_frames[at] * 10**8 for at in (0, -1))
         attackers.append(Attacker(AttackPlan(take.attacked, seed=take.street, from_ns=first, to_ns=last), drive.rig))
     _WRITERS[take.file.suffix](
-        take.file, drive.rig, _frames(drive, take, attackers, progress), _labels(attackers), vehicle=take.vehicle.name
+        take.file,
+        drive.rig,
+        _frames(drive, take, attackers, progress),
+        _labels(attackers),
+        vehicle=take.vehicle.name,
+        place=drive.place,
     )
     return take.file
 

@@ -149,7 +149,7 @@ def _clean_frames(
         },
         brightness={
             (name, camera): column
-            for name, values in (("level", features.level), ("saturated_share", features.saturated))
+            for name, values in features.brightness.items()
             for camera, column in zip(features.cameras, values[chosen].T, strict=True)
         },
         returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
@@ -171,7 +171,7 @@ def _of_sensors(rig: Rig, flags: NDArray[np.bool_]) -> dict[int, NDArray[np.bool
 def _observed_features(store: Store, measurement: str) -> ObservedFeatures:
     """The stored fault features of a measurement."""
     seen = store.load_fault_features(measurement)
-    return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.level, seen.saturated)
+    return ObservedFeatures(seen.pairs, seen.columns, seen.cameras, seen.brightness)
 
 
 def _frame_statistics(store: Store, measurement: str, *, recount: bool) -> FrameStatistics:
@@ -278,11 +278,11 @@ def judge_measurement(
     thresholds: Thresholds | RobustThresholds
     if criteria.method is Method.ROBUST:
         rate = criteria.incidents_per_hour
-        thresholds = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
+        robust = _robust(calibration, system_of(rig), criteria.r, rate, transferred=transferred)
         if marks.other_lidar:
-            thresholds = for_sparser_lidar(thresholds, halvings)
-        thresholds = for_drive(thresholds, rig_sensor_checks(rig), frames.statistics)
-        rows = _judge_robust(store, measurement, rig, thresholds, frames)
+            robust = for_sparser_lidar(robust, halvings)
+        thresholds = robust = for_drive(robust, rig_sensor_checks(rig), frames.statistics)
+        rows = _judge_robust(store, measurement, rig, robust, frames)
     else:
         thresholds = thresholds_at(calibration, criteria.statistic, criteria.r, transferred=transferred)
         rows = _judge_paper(store, measurement, rig, thresholds)
@@ -330,7 +330,9 @@ def _judge_robust(
 ) -> Rows:
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
-    series = FrameSeries.of_recording(frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores)
+    series = FrameSeries.of_recording(
+        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.added_saturation
+    )
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))
 

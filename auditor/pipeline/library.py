@@ -39,7 +39,7 @@ from auditor.pipeline.many import (
 from auditor.pipeline.measure import Measured, in_force, rigs_through
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store, list_views, run_query, run_sql
+from auditor.store import Store, list_queries, list_views, run_query, run_sql
 from auditor.store import query as find_query
 from auditor.store.export import Table
 from auditor.store.log import logged
@@ -310,7 +310,7 @@ def query(
 
 
 def _refuse_view(name: str) -> None:
-    if name in {view.name for view in list_views()}:
+    if name in {view.name for view in list_views()} - {known.name for known in list_queries()}:
         raise QueryError(
             "it is a view, not a query",
             where=name,

@@ -41,6 +41,7 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.recordings import (
     FrameStream,
+    FrameTimes,
     Location,
     Origin,
     Recording,
@@ -52,6 +53,7 @@ from auditor.recordings import (
     given_rig,
     located,
     open_recording,
+    read_poses,
     rigs_in_force,
     survey,
     synchronise,
@@ -241,7 +243,24 @@ def _measure(
                 where=recording.path,
                 remedy="see auditor inspect for its topics and sensors",
             )
+        record = MeasurementRecord(
+            recording_id=recording.recording_id,
+            rig_id=rig.rig_id,
+            procedure=procedure,
+            balance=stream.balance,
+            versions=_versions(matcher),
+            measured_at=datetime.now(UTC),
+            seconds=perf_counter() - started,
+            damage=tuple(str(piece) for piece in stream.damage),
+            calibration_warnings=(*check.warnings(), *remarks),
+            offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
+            clock_jumps=stream.clock_jumps,
+            coverage=stream.coverage,
+        )
+        poses = read_poses(recording, FrameTimes(*writer.frames))  # from here on the recording's damage is theirs
         recording.check_unchanged()
+        for pose in poses:
+            writer.add_pose(pose)
         if store.has_measurement(known):
             remove_measurement(store, known)
         pictures = [
@@ -249,23 +268,7 @@ def _measure(
             for number, picture in thumbnails.pages()
             for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         ]
-        writer.commit(
-            MeasurementRecord(
-                recording_id=recording.recording_id,
-                rig_id=rig.rig_id,
-                procedure=procedure,
-                balance=stream.balance,
-                versions=_versions(matcher),
-                measured_at=datetime.now(UTC),
-                seconds=perf_counter() - started,
-                damage=tuple(str(piece) for piece in stream.damage),
-                calibration_warnings=(*check.warnings(), *remarks),
-                offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
-                clock_jumps=stream.clock_jumps,
-                coverage=stream.coverage,
-            ),
-            pictures,
-        )
+        writer.commit(replace(record, pose_topics=poses.topics), pictures)
 
 
 def _measure_frames(

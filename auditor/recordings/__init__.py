@@ -18,6 +18,7 @@ from auditor.recordings.rigs.in_force import RigInForce, RigsInForce, rigs_in_fo
 from auditor.recordings.synchronisation.coverage import outside_topics
 from auditor.recordings.synchronisation.frames import FrameStream, synchronise
 from auditor.recordings.synchronisation.health import Health, check_health
+from auditor.recordings.synchronisation.poses import FramePoses, FrameTimes, read_poses
 from auditor.recordings.synchronisation.survey import Survey, survey
 from auditor.recordings.writers import write_bag, write_db3, write_mcap
 from auditor.recordings.writers.convert import ConvertReport, convert, rewrite
@@ -27,7 +28,9 @@ __all__ = [
     "Damage",
     "Found",
     "FoundRigs",
+    "FramePoses",
     "FrameStream",
+    "FrameTimes",
     "Health",
     "Location",
     "Origin",
@@ -49,6 +52,7 @@ __all__ = [
     "open_recording",
     "outside_topics",
     "read_path",
+    "read_poses",
     "read_rig",
     "rewrite",
     "rig_of_camchain",

@@ -124,6 +124,17 @@ class CameraLimits:
     tolerance: float = parameter(1e-2, unit="by which R R^T and K's last number may differ from 1", source=BY_HAND)
 
 
+@dataclass(frozen=True)
+class Poses:
+    """Which poses of a recording are kept for the places of its frames; no count and no verdict depends on them."""
+
+    most_tracks: int = parameter(8, unit="topics and frames of reference a recording", source=_WORK)
+    most_places: int = parameter(1_000_000, unit="frames times topics: 28 hours of one at 10 Hz", source=_WORK)
+    most_apart_ns: int = parameter(10 * 10**9, unit="ns from a frame to a pose of it", source=BY_HAND)
+    most_message_bytes: int = parameter(2**20, unit="bytes of a message", source=_WORK)
+    most_name_characters: int = parameter(256, unit="characters of a frame's name", source=_WORK)
+
+
 SENSOR_TIMING = SensorTiming()
 FIRST_LOOK = FirstLook()
 FRAME_WINDOW = FrameWindow()
@@ -146,11 +157,16 @@ CAMERA_LIMITS = CameraLimits()
 
 PICTURE_DEPTH = PictureDepth()
 
+POSES = Poses()
+
 FINDING_FILES = (DRIVE_PARTS,)
 """All that can change which files form a recording."""
 
 RIG_FINDING = (RIG_LIMITS, CAMERA_LIMITS, PICTURE_DEPTH)
 """All that can change which cameras form a rig, and what a rig says of them."""
+
+PLACING = (POSES,)
+"""All that can change which poses are kept, and nothing else."""
 
 SYNCHRONISING = (SENSOR_TIMING, FIRST_LOOK, FRAME_WINDOW, STAMP_AGREEMENT, TIME_GAPS, CALIBRATION_CHANGES)
 """All that can change which messages form a frame, and what of a recording counts as covered."""

@@ -21,11 +21,14 @@ from auditor.store.records import (
     measurement_id,
 )
 from auditor.store.store import Store
+from auditor.store.views.plain import Connection, plain_connection
+from auditor.store.views.script import views_script
 
 # Arrow would take Ctrl-C for itself while it reads or writes, and kill the process with it.
 pyarrow.enable_signal_handlers(False)  # noqa: FBT003 - Arrow's signature
 
 __all__ = [
+    "Connection",
     "Description",
     "FrameErrors",
     "FrameStatistics",
@@ -44,11 +47,13 @@ __all__ = [
     "list_views",
     "make_calibration",
     "measurement_id",
+    "plain_connection",
     "query",
     "read_calibration",
     "rows_of",
     "run_query",
     "run_sql",
     "table_of",
+    "views_script",
     "write_calibration",
 ]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from auditor.errors import StoreError, ThresholdsError
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck
-from auditor.model.measurement import COUNTING_VERSION, Procedure, Statistic
+from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, Procedure, Statistic
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
@@ -27,7 +27,6 @@ _NONE = -1
 _UNMASKED = "_unmasked"
 """What the name of a check ends with whose statistics are those without the LiDAR."""
 
-_BRIGHTNESS = ("level", "saturated_share")
 _MISSING, _FROZEN = "missing", "standing_still"
 """Names of the flags of sensors in a calibration's file; flags that are never set are not kept."""
 
@@ -241,7 +240,7 @@ def _clean(rows: list[dict[str, Any]]) -> CleanFrames:
             fault_scores[Cause(what), i] = column
         elif what in flags:
             flags[what][i] = column > 0
-        elif what in _BRIGHTNESS:
+        elif what in BRIGHTNESS:
             brightness[what, i] = column
         elif what == _RETURNS:
             returns = column

@@ -1,6 +1,6 @@
 """The cases of a store's evaluations as arrays, one setup at a time: those that were made alike, of one rig kind."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import COLUMNS, rig_sensor_checks
-from auditor.model.measurement import NO_FINGERPRINT
+from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.evaluation_tables import CHUNK_FRAMES
 from auditor.store.queries import run_sql
@@ -18,7 +18,9 @@ from auditor.store.store import Store
 _KNOWN_BY = (
     "evaluation_id, recording_id, rig_id, experiment, frame, stamp_ns, draw, attacked, attack, strength, size, family"
 )
-_MEASURED = "statistics, present, fingerprint, level, saturated_share, fault_features, fault_features_after, returns"
+_MEASURED = ", ".join(
+    ("statistics", "present", "fingerprint", *BRIGHTNESS, "fault_features", "fault_features_after", "returns")
+)
 _CASES = f"""
 SELECT setup, {_KNOWN_BY}, {_MEASURED} FROM cases
 WHERE statistics IS NOT NULL
@@ -61,8 +63,8 @@ class Known:
 class Cases:
     """N cases of rigs of one kind, of which `rig` is one; NaN where something was not measured.
 
-    `statistics` are (N, M) by sensor check; by sensor (N, S): `present`, `fingerprints`, grey `level` and
-    `saturated` share; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
+    `statistics` are (N, M) by sensor check; by sensor (N, S): `present`, `fingerprints`, and `brightness` by the names
+    of BRIGHTNESS; `features` and `features_after` are (N, P, columns) fault features of the matched pairs, of their
     frame and of the clean one after it; `returns` (N,) are LiDAR points in view.
     """
 
@@ -71,8 +73,7 @@ class Cases:
     statistics: Floats
     present: NDArray[np.bool_]
     fingerprints: NDArray[np.int64]
-    level: Floats
-    saturated: Floats
+    brightness: Mapping[str, Floats]
     features: Floats
     features_after: Floats
     returns: Floats
@@ -114,8 +115,7 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
         np.asarray(_values(table["fingerprint"]).fill_null(NO_FINGERPRINT).to_numpy(zero_copy_only=False)).reshape(
             N, S
         ),
-        _floats(table["level"]).reshape(N, S),
-        _floats(table["saturated_share"]).reshape(N, S),
+        {name: _where_kept(table[name], S) for name in BRIGHTNESS},
         _floats(table["fault_features"]).reshape(by_pair),
         _floats(table["fault_features_after"]).reshape(by_pair),
         np.asarray(table["returns"].cast("float64").to_numpy(), dtype=np.float64),
@@ -125,6 +125,13 @@ def _cases(table: pa.Table, rig: Rig) -> Cases:
 def _floats(column: pa.ChunkedArray) -> Floats:
     """The values of all lists, NaN where NULL."""
     return np.asarray(_values(column).cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _where_kept(column: pa.ChunkedArray, width: int) -> Floats:
+    """(N, width) the values of the lists, NaN where NULL and where the whole list is."""
+    values = np.full((len(column), width), np.nan)
+    values[column.is_valid().to_numpy()] = _floats(column).reshape(-1, width)
+    return values
 
 
 def _values(column: pa.ChunkedArray) -> pa.Array:

@@ -1,8 +1,8 @@
 """A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
 
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import ExitStack
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -12,9 +12,11 @@ from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
+from auditor.store.pictures import picture_files
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
+from auditor.store.views.comments import comments
 
 _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
@@ -29,38 +31,47 @@ _CONSTANTS = {
     "kind_tolerance_share": RIG_KIND_TOLERANCE.share,
     "kind_tolerance_m": RIG_KIND_TOLERANCE.baseline_m,
 }
-_LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
+LARGE: dict[str, str | None] = {**MANIFESTS, "calibrations": None, "case_verdicts": None}
 """Tables too large to be read into memory, and the manifest that lists their finished files."""
 
+_CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 
 
-@contextmanager
-def connected(store: Store | None, text: str = "") -> Iterator[duckdb.DuckDBPyConnection]:
-    """A connection with the views that a SQL text names (all, where it names none), then locked.
+def constants() -> list[str]:
+    """The macros that stand for numbers of the program."""
+    return [f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()]
+
+
+def connected(store: Store | None, text: str = "") -> duckdb.DuckDBPyConnection:
+    """A connection with the views that a SQL text names (all, where it names none), then locked; for a `with`.
 
     Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
-    with duckdb.connect(config=_SHUT) as connection:
-        for name, value in _CONSTANTS.items():
-            connection.execute(f"CREATE MACRO {name}() AS {value}")
-        for macro in macros():
+    with ExitStack() as on_error:
+        connection = on_error.enter_context(duckdb.connect(config=_SHUT))
+        for macro in (*constants(), *macros()):
             connection.execute(macro)
         readable: list[str] = []
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
                 paths = store.finished_paths(table) if store else []
                 _create_stored(connection, table_schema(table), paths)
-                readable += [name for path in paths for name in (str(path), _literal(path)) if table in _LARGE]
-            for view in _in_order(needed):
+                readable += [name for path in paths for name in (str(path), _literal(path)) if table in LARGE]
+            if "stored_pictures" in needed:
+                _create_pictures(connection, picture_files(store.folder / "pictures") if store else [])
+            for view in in_order(needed):
                 connection.execute(f"CREATE VIEW {view} AS {views()[view].sql}")
+            if _shows_comments(text):
+                connection.execute(comments(connection))
         except duckdb.Error as error:
             raise StoreError(in_one_line(error), where=store.folder if store else "") from error
         connection.execute("SET allowed_paths = ?", [readable])
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
-        yield connection
+        on_error.pop_all()
+        return connection
 
 
 def in_one_line(error: Exception) -> str:
@@ -77,15 +88,20 @@ def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, p
     """
     present: set[str] = set()
     if paths:
-        manifest = _LARGE.get(schema.name)
+        manifest = LARGE.get(schema.name)
         mixed = manifest is None or _versions(connection, manifest) > 1
         raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=mixed)
         raw.create_view(f"raw_{schema.name}")
         present = set(raw.columns)
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
     source = f"FROM raw_{schema.name}" if paths else "WHERE false"
-    what = "VIEW" if schema.name in _LARGE else "TABLE"
+    what = "VIEW" if schema.name in LARGE else "TABLE"
     connection.execute(f"CREATE {what} stored_{schema.name} AS SELECT {columns} {source}")  # our own names
+
+
+def _create_pictures(connection: duckdb.DuckDBPyConnection, files: list[str]) -> None:
+    """The table `stored_pictures`: the files of pictures, which are no Parquet."""
+    connection.execute("CREATE TABLE stored_pictures AS SELECT unnest(CAST(? AS VARCHAR[])) AS file", [files])
 
 
 def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
@@ -101,23 +117,26 @@ def _literal(path: Path) -> str:
     return re.sub(r"[*?\[]", r"[\g<0>]", str(path))
 
 
+def _shows_comments(text: str) -> bool:
+    """True where a SQL text may ask for comments, which take longer to make than most questions to answer."""
+    return not text or _CATALOG.search(text) is not None
+
+
 def _needed(text: str) -> set[str]:
     """The views and stored tables behind the names in a SQL text; perhaps more than it uses, never fewer."""
-    names = {*views(), *(f"stored_{table}" for table in TABLES)}
+    names = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
     found = {word for word in map(str.lower, _WORD.findall(text)) if word in names}
     if not found:
         return names
     while True:
         behind = {word for name in found & views().keys() for word in _WORD.findall(views()[name].sql)} & names
-        behind |= {
-            f"stored_{manifest}" for table, manifest in _LARGE.items() if manifest and f"stored_{table}" in found
-        }
+        behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
         if behind <= found:
             return found
         found |= behind
 
 
-def _in_order(needed: set[str]) -> Iterable[str]:
+def in_order(needed: set[str]) -> Iterable[str]:
     """The views among `needed`, each after those that it reads; graphlib's CycleError where two read each other."""
     known = [name for name in views() if name in needed]
     reads = {name: set(_WORD.findall(views()[name].sql)) & set(known) - {name} for name in known}

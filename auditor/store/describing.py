@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from auditor.errors import QueryError
 from auditor.store.connection import connected
 from auditor.store.queries import list_queries
-from auditor.store.schema import TABLES, Column, table_schema
+from auditor.store.schema import Column
 from auditor.store.sql_files import Parameter, SqlFile, queries, views
+from auditor.store.views.comments import described_column
 
 
 @dataclass(frozen=True)
@@ -39,20 +40,5 @@ def _described(file: SqlFile, what: str) -> Description:
     with connected(None, file.sql) as connection:
         answer = connection.sql(file.sql, params={parameter.name: None for parameter in file.parameters})
         types = dict(zip(answer.columns, map(str, answer.types), strict=True))
-    columns = tuple(_column(file, column, kind) for column, kind in types.items())
+    columns = tuple(described_column(file, column, kind) for column, kind in types.items())
     return Description(file.name, what, file.text, file.parameters, columns)
-
-
-def _column(file: SqlFile, name: str, kind: str) -> Column:
-    """A column of a view or query: as its own head explains it, or as the one table does that it can come from."""
-    if name in file.columns:
-        return Column(name, kind, file.columns[name])
-    own = [column for column in _stored(file.name) if column.name == name]
-    others = [column for table in TABLES for column in _stored(table) if (column.name, column.type) == (name, kind)]
-    if own or name.endswith("_id") or len(others) == 1:
-        return (own or others)[0]
-    return Column(name, kind, "")
-
-
-def _stored(table: str) -> tuple[Column, ...]:
-    return table_schema(table).columns if table in TABLES else ()

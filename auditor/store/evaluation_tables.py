@@ -153,8 +153,8 @@ class EvaluationPart(Part):
 class CaseFeatures:
     """What separates faults and frozen sensors from attacks in one case.
 
-    By sensor whether it was `present`, its `fingerprint`, of cameras the mean grey `level` and `saturated_share`; None
-    where it has none. `fault_features` are the fault features of one matched pair after the other, each in the order of
+    By sensor whether it was `present`, its `fingerprint`, and what BRIGHTNESS names of cameras; None where it
+    has none. `fault_features` are the fault features of one matched pair after the other, each in the order of
     `checks.COLUMNS`, None where not measured; `fault_features_after` those of the clean frame after this one, in
     which data of the frame before are compared as well. `returns` are the LiDAR points in the leftmost reference's
     view, None where there are none to compare.
@@ -162,8 +162,7 @@ class CaseFeatures:
 
     present: Sequence[bool]
     fingerprint: Sequence[int | None]
-    level: Sequence[float | None]
-    saturated_share: Sequence[float | None]
+    brightness: Mapping[str, Sequence[float | None]]
     fault_features: Sequence[float | None]
     fault_features_after: Sequence[float | None]
     returns: int | None = None
@@ -194,6 +193,7 @@ class MeasuredCase:
         return {
             **vars(self),
             **vars(self.features),
+            **self.features.brightness,
             "attacked": list(self.attacked),
             "statistics": list(self.statistics),
             "parameters": json.dumps(self.parameters, sort_keys=True),

@@ -1,5 +1,6 @@
 """The tables of one measurement, frames, cells, fault features and regions: as rows, and back as arrays."""
 
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFea
 from auditor.model.common_view import view_size_px
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
+    BRIGHTNESS,
     MIN_VALID_PX,
     NO_FINGERPRINT,
     Cells,
@@ -28,6 +30,7 @@ from auditor.model.measurement import (
     Solid,
     Statistic,
 )
+from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
@@ -74,7 +77,7 @@ class FrameFaultFeatures:
     """The fault features of a measurement's F measured frames, skipped ticks left out.
 
     `frames` and `stamps_ns` are (F,) int64; `columns` holds (F, P) values by the names of `checks.COLUMNS` for the
-    matched `pairs`; `level` and `saturated` are (F, C) by camera. NaN where not measured.
+    matched `pairs`, `brightness` (F, C) values by those of BRIGHTNESS for the `cameras`. NaN where not measured.
     """
 
     frames: NDArray[np.int64]
@@ -82,8 +85,7 @@ class FrameFaultFeatures:
     pairs: tuple[Pair, ...]
     columns: Mapping[str, NDArray[np.float64]]
     cameras: tuple[int, ...]
-    level: NDArray[np.float64]
-    saturated: NDArray[np.float64]
+    brightness: Mapping[str, NDArray[np.float64]]
 
 
 def fault_feature_rows(
@@ -97,7 +99,7 @@ def fault_feature_rows(
 
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
-    frames, stamps_ns, coverage = read_coverage(frames_path, rig, ("level", "saturated_share"))
+    frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
     pairs = rig.pairs
     places = {pair: place for place, pair in enumerate(pairs)}
     columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
@@ -108,8 +110,8 @@ def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFe
     for name, values in columns.items():
         values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
-    level, saturated = (coverage[name][:, -len(cameras) :] for name in ("level", "saturated_share"))
-    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, level, saturated)
+    brightness = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
+    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, brightness)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")
@@ -148,10 +150,17 @@ def _region(row: Mapping[str, Any]) -> Region:
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
 
 
+def pose_row(measurement_id: str, placed: FramePose) -> Row:
+    """The row of one frame and topic."""
+    row = {**vars(placed), **vars(placed.pose), "measurement_id": measurement_id}
+    del row["pose"]
+    return row
+
+
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
 
 
-_COVERAGE = ("saturated_share", "textureless_share", "unmatched_share", "level", "returns")
+_COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns")
 
 
 _ALTERED = "auditor verify says what was altered"
@@ -255,8 +264,7 @@ def read_coverage(
     Raises StoreError.
     """
     table = _measured(path, ["frame", "stamp_ns", *names])
-    shape = len(table), len(rig.sensors)
-    values = {name: _floats(table[name], shape[0] * shape[1], path).reshape(shape) for name in names}
+    values = {name: _where_kept(table[name], len(rig.sensors), path) for name in names}
     return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 
@@ -304,7 +312,7 @@ def _list_values(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
     return values
 
 
-WRITTEN = ("cells", "fault_features", "regions", "frames")
+WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
 
@@ -323,12 +331,18 @@ class FramesWriter:
         self._measured = 0
         self._skipped: Counter[str] = Counter()
         self._first_stamp_ns: int | None = None
+        self._numbers, self._stamps_ns = array("q"), array("q")
         self._last_stamp_ns: int | None = None
 
     @property
     def measured(self) -> int:
         """How many measured frames were added."""
         return self._measured
+
+    @property
+    def frames(self) -> tuple[Sequence[int], Sequence[int]]:
+        """The numbers and the stamps of the measured frames."""
+        return self._numbers, self._stamps_ns
 
     def add(
         self, frame: Measurement, statistics: Sequence[float | None], unmasked: Sequence[float | None] | None = None
@@ -347,6 +361,8 @@ class FramesWriter:
         for row in region_rows(measurement_id, frame.number, frame.regions):
             self._tables["regions"].add(row)
         self._measured += 1
+        self._numbers.append(frame.number)
+        self._stamps_ns.append(frame.stamp_ns)
         self._note(frame.stamp_ns)
 
     def skip(self, tick: Skipped) -> None:
@@ -354,6 +370,10 @@ class FramesWriter:
         self._tables["frames"].add(skipped_row(self._measurement_id, tick))
         self._skipped[tick.reason] += 1
         self._note(tick.stamp_ns)
+
+    def add_pose(self, placed: FramePose) -> None:
+        """Take a pose of a measured frame."""
+        self._tables["poses"].add(pose_row(self._measurement_id, placed))
 
     def commit(self, measurement: MeasurementRecord, pictures: Sequence[Written] = ()) -> None:
         """Put all tables in their place, then write the row that makes them and the pictures finished.

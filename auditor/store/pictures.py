@@ -49,3 +49,9 @@ def pictured_frames(folder: Path, measurement_id: str) -> list[int]:
     """The frames of a measurement whose pictures were kept, ascending."""
     masks = (_MASK.fullmatch(path.name) for path in (folder / checked_id(measurement_id)).glob("*.png"))
     return sorted(int(mask[1]) for mask in masks if mask)
+
+
+def picture_files(folder: Path) -> list[str]:
+    """The files of all pictures, as paths within the folder of the store that their folder is part of."""
+    folders = sorted(folder.iterdir()) if folder.is_dir() else []
+    return [f"{folder.name}/{one.name}/{file.name}" for one in folders if one.is_dir() for file in one.iterdir()]

@@ -15,6 +15,7 @@ from auditor.model.calibration import NO_MARKS, Marks, RobustThresholds, Thresho
 from auditor.model.coverage import TopicCoverage
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
+from auditor.model.poses import PoseTopic
 from auditor.model.verdict import JUDGING_VERSION, VerdictKind
 
 _ID_DIGITS = 32
@@ -99,6 +100,7 @@ class MeasurementRecord:
     offsets_ns: tuple[int, ...] | None = None
     clock_jumps: int | None = None
     coverage: tuple[TopicCoverage, ...] | None = None
+    pose_topics: tuple[PoseTopic, ...] | None = None
 
     @property
     def measurement_id(self) -> str:

@@ -144,6 +144,7 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "counting_version": measurement.procedure.counting_version,
         "balance": [{**vars(topic), "skipped": dict(sorted(topic.skipped.items()))} for topic in measurement.balance],
         "coverage": None if measurement.coverage is None else [_coverage_fields(one) for one in measurement.coverage],
+        "pose_topics": None if measurement.pose_topics is None else [vars(topic) for topic in measurement.pose_topics],
         "damage": list(measurement.damage),
         "calibration_warnings": list(measurement.calibration_warnings),
         "offsets_ns": None if measurement.offsets_ns is None else list(measurement.offsets_ns),

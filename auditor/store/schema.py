@@ -25,6 +25,7 @@ TABLES = (
     "cells",
     "fault_features",
     "regions",
+    "poses",
     "calibrations",
     "judgements",
     "verdicts",
@@ -49,6 +50,11 @@ class Column:
     sentence: str
     unit: str = ""
     dictionary: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """Its meaning, with its unit where it has one."""
+        return f"{self.sentence} ({self.unit})" if self.unit else self.sentence
 
 
 @dataclass(frozen=True)

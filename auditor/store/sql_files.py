@@ -9,7 +9,8 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,10 @@ from auditor.resources import resource_folder
 
 _PARAMETER = re.compile(r"param (?P<name>\w+) (?P<type>[A-Z]+(?:\[\])?)(?: = (?P<default>.+?))?: (?P<sentence>.+)")
 
+
+_STAMP = re.compile(r"\s*-?[0-9]+\s*")
+_STAMPS_END = 2**63
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _COLUMN = re.compile(r"column (?P<name>\w+): (?P<sentence>.+)")
 
@@ -54,14 +59,31 @@ def sql_files(folder: Path) -> tuple[SqlFile, ...]:
 
 @cache
 def queries() -> dict[str, SqlFile]:
-    """The queries by name: one question each."""
-    return {query.name: query for query in sql_files(resource_folder("queries"))}
+    """The queries by name: one question each. A view that has parameters is a query as well."""
+    asked = [view for view in _view_files() if view.parameters]
+    return {query.name: query for query in sorted([*sql_files(resource_folder("queries")), *asked], key=_name)}
 
 
 @cache
 def views() -> dict[str, SqlFile]:
-    """The views by name."""
-    return {view.name: view for view in sql_files(resource_folder("queries") / "views")}
+    """The views by name; in the place of its parameters a view has their defaults."""
+    return {view.name: replace(view, sql=_with_defaults(view), parameters=()) for view in _view_files()}
+
+
+@cache
+def _view_files() -> tuple[SqlFile, ...]:
+    return sql_files(resource_folder("queries") / "views")
+
+
+def _name(file: SqlFile) -> str:
+    return file.name
+
+
+def _with_defaults(view: SqlFile) -> str:
+    """The SQL of a view, where a view can have no parameters."""
+    values = {one.name: "NULL" if one.default is None else one.default for one in view.parameters}
+    defaults = {one.name: f"CAST({values[one.name]} AS {one.type})" for one in view.parameters}
+    return re.sub(r"\$(\w+)", lambda found: defaults[found[1]], view.sql)
 
 
 @cache
@@ -161,6 +183,19 @@ def _number(value: object) -> float:
     return number
 
 
+def _time(value: object) -> int:
+    """A stamp in nanoseconds: as it is given, or of a time; one without a zone is UTC."""
+    if isinstance(value, str) and not _STAMP.fullmatch(value):
+        value = datetime.fromisoformat(value.strip())
+    if isinstance(value, datetime):
+        known = value if value.tzinfo else value.replace(tzinfo=UTC)
+        return (known - _EPOCH) // timedelta(microseconds=1) * 1000
+    stamp_ns = _integer(value)
+    if abs(stamp_ns) >= _STAMPS_END:
+        raise ValueError
+    return stamp_ns
+
+
 def _rates(value: object) -> list[str]:
     """Designated false-alarm rates, exact: they travel as text and become DECIMAL in SQL."""
     parts = value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
@@ -180,19 +215,21 @@ _CONVERSIONS: Mapping[str, Callable[[object], Value]] = {
     "VARCHAR": _text,
     "BIGINT": _integer,
     "DOUBLE": _number,
+    "TIME": _time,
     "STATISTIC": lambda value: Statistic(_text(value)).value,
     "RATE": _rate,
     "RATE[]": _rates,
 }
 
 
-_EXAMPLES = {"BIGINT": "12", "DOUBLE": "0.5", "RATE": "0.01"}
+_EXAMPLES = {"BIGINT": "12", "DOUBLE": "0.5", "RATE": "0.01", "TIME": "2026-01-05T18:40:00"}
 
 
 _MEANING = {
     "VARCHAR": "a text",
     "BIGINT": "a whole number",
     "DOUBLE": "a number",
+    "TIME": "a time such as 2026-01-05T18:40:00 or a stamp in nanoseconds",
     "STATISTIC": "plain or gated",
     "RATE": "a number between 0 and 1",
     "RATE[]": "a list of numbers between 0 and 1",

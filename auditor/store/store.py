@@ -61,6 +61,7 @@ MANIFESTS = {
     "cells": "measurements",
     "fault_features": "measurements",
     "regions": "measurements",
+    "poses": "measurements",
     "verdicts": "judgements",
     "cases": "evaluations",
     "object_cases": "object_evaluations",

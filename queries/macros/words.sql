@@ -27,8 +27,8 @@ CREATE MACRO evidence_in_words(evidence) AS
     ), ', '), '');
 
 -- Sensors as 'S_1 and S_2', or what their absence means.
-CREATE MACRO sensors_in_words(sensors, none) AS
-    CASE WHEN len(sensors) = 0 THEN none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;
+CREATE MACRO sensors_in_words(sensors, if_none) AS
+    CASE WHEN len(sensors) = 0 THEN if_none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;
 
 -- The next-best explanations, the next best first; NULL where there is none.
 CREATE MACRO alternatives_in_words(alternatives) AS

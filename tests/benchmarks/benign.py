@@ -101,7 +101,7 @@ def faults(seed: int, width_px: int, height_px: int) -> Iterator[Fault]:
         yield Fault(f"gain {gain}", Cause.EXPOSURE, Toned(gain))
     for gamma in (0.7, 1.4):
         yield Fault(f"gamma {gamma}", Cause.EXPOSURE, Toned(gamma=gamma))
-    yield Fault("white balance 1.25 / 0.8", Cause.EXPOSURE, Toned((0.8, 1.0, 1.25)), coloured=True)
+    yield Fault("white balance 1.25 / 0.8", Cause.WHITE_BALANCE, Toned((0.8, 1.0, 1.25)), coloured=True)
     yield Fault("five drops of mud", Cause.SOILED, SoiledLens(5, seed))
     yield Fault("fifteen drops of water", Cause.SOILED, WetLens(15, seed))
     yield Fault("blur, 2 px", None, Blurred(2.0))

@@ -5,6 +5,8 @@ from them (`python -m tests.benchmarks.rates`). A scene that is there already is
 
     python -m tests.benchmarks.clean_statistics --into FOLDER --drives DATA [--attacked]
     python -m tests.benchmarks.clean_statistics --into FOLDER --streets 36 --first 2000 --frames 10 [--attacked]
+
+With --stretch 40 80 frames 40 to 79 of each source are measured alone.
 """
 
 import argparse
@@ -12,6 +14,7 @@ import pickle
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +26,7 @@ from auditor.measurement import FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
-from auditor.model.measurement import Measurement, Statistic
+from auditor.model.measurement import BRIGHTNESS, Measurement, Statistic
 from auditor.model.rig import LIDAR, Rig
 from tests.benchmarks.scenes import Case, Scene
 
@@ -53,6 +56,7 @@ def case_of(measurement: Measurement, rig: Rig, attack: str = "", attacked: tupl
         {sensor: one.level for sensor, one in coverage.items()},
         {sensor: one.saturated_share for sensor, one in coverage.items()},
         coverage[LIDAR].returns if LIDAR in coverage else None,
+        {name: {sensor: getattr(one, name) for sensor, one in coverage.items()} for name in BRIGHTNESS},
     )
 
 
@@ -97,14 +101,22 @@ def measured(frames: Iterable[Frame], rig: Rig, *, attacked: bool, seed: int, ev
                 yield case_of(measure(changed, rig, MATCHER)[0], rig, name, sensors)
 
 
-def scene_of(source: Recorded | Street, name: str, family: str, *, attacked: bool, every: int = 1) -> Scene:
-    """Measure a source."""
+def scene_of(
+    source: Recorded | Street,
+    name: str,
+    family: str,
+    *,
+    attacked: bool,
+    every: int = 1,
+    stretch: tuple[int, int | None] = (0, None),
+) -> Scene:
+    """Measure a source, or a stretch of it: from a frame to before another."""
     with source.open(colour=True) as drives:
         drive = drives[0]
         kinds: dict[int, str] = {}
 
         def frames() -> Iterator[Frame]:
-            for item in drive.frames:
+            for item in islice(drive.frames, *stretch):
                 if isinstance(item, Frame):
                     kinds.update({n: "c" if one.pixels.ndim > 2 else "g" for n, one in item.images.items()})
                     yield item
@@ -125,6 +137,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--attacked", action="store_true")
     parser.add_argument("--every", type=int, default=1, help="frames, of which one is attacked")
+    parser.add_argument("--stretch", type=int, nargs=2, default=(0, None), help="first frame, and one past the last")
     options = parser.parse_args()
     use_one_thread()
     options.into.mkdir(parents=True, exist_ok=True)
@@ -137,7 +150,9 @@ def main() -> None:
     for name, family, source in todo:
         path = options.into / f"{name}.scene"
         if not path.exists():
-            scene = scene_of(source, name, family, attacked=options.attacked, every=options.every)
+            scene = scene_of(
+                source, name, family, attacked=options.attacked, every=options.every, stretch=tuple(options.stretch)
+            )
             path.write_bytes(pickle.dumps(scene))
             print(f"{name}: {len(scene.cases)} cases, {family}, cameras {scene.kinds}", flush=True)
 

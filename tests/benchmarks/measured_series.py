@@ -22,7 +22,7 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import COLUMNS, Pair, rig_sensor_checks
 from auditor.model.frames import Frame
-from auditor.model.measurement import NO_FINGERPRINT, Measurement
+from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, SATURATION, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
 from tests.benchmarks.lasting_faults import Happening
@@ -41,7 +41,7 @@ class Watched:
     """F frames, measured in their order; NaN where something was not.
 
     `numbers` and `stamps_ns` are (F,), `statistics` (F, M) by sensor check, `fault_features` (F, P, columns) by pair,
-    `level` and `saturated` (F, C) by camera, `fingerprints` (F, S) by sensor.
+    `brightness` (F, C) by the names of BRIGHTNESS and by camera, `fingerprints` (F, S) by sensor.
     """
 
     numbers: Integers
@@ -49,8 +49,7 @@ class Watched:
     statistics: Floats
     pairs: tuple[Pair, ...]
     fault_features: Floats
-    level: Floats
-    saturated: Floats
+    brightness: Mapping[str, Floats]
     fingerprints: Integers
 
 
@@ -93,8 +92,10 @@ def _distilled(found: Sequence[Measurement], rig: Rig) -> Watched:
         np.array([sensor_statistics(checks, m.cells, m.shares) for m in found], dtype=np.float64),
         pairs,
         np.array([[m.fault_features[pair].values for pair in pairs] for m in found], dtype=np.float64),
-        np.array([[m.coverage[c].level for c in cameras] for m in found], dtype=np.float64),
-        np.array([[m.coverage[c].saturated_share for c in cameras] for m in found], dtype=np.float64),
+        {
+            name: np.array([[getattr(m.coverage[c], name) for c in cameras] for m in found], dtype=np.float64)
+            for name in BRIGHTNESS
+        },
         np.array([[m.fingerprints.get(s, NO_FINGERPRINT) for s in rig.sensors] for m in found], dtype=np.int64),
     )
 
@@ -109,8 +110,10 @@ def clean_of(scene: Scene) -> Watched:
         np.array([c.statistics for c in cases], dtype=np.float64),
         pairs,
         np.array([[c.features[pair] for pair in pairs] for c in cases], dtype=np.float64),
-        np.array([[c.level[n] for n in cameras] for c in cases], dtype=np.float64),
-        np.array([[c.saturated[n] for n in cameras] for c in cases], dtype=np.float64),
+        {
+            name: np.array([[c.brightness(name).get(n) for n in cameras] for c in cases], dtype=np.float64)
+            for name in BRIGHTNESS
+        },
         np.full((len(cases), len(scene.rig.sensors)), NO_FINGERPRINT, dtype=np.int64),
     )
 
@@ -148,8 +151,7 @@ def scores_of(part: Watched, rig: Rig, absent: Collection[int] = ()) -> dict[Cau
         tuple(part.pairs[place] for place in pairs),
         {name: part.fault_features[:, pairs, n] for n, name in enumerate(COLUMNS)},
         tuple(cameras[place] for place in there),
-        part.level[:, there],
-        part.saturated[:, there],
+        {name: values[:, there] for name, values in part.brightness.items()},
     )
     return fault_scores(seen, part.stamps_ns, [sensor for sensor in rig.sensors if sensor not in absent])
 
@@ -181,5 +183,7 @@ def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection
     """The verdicts of the robust method."""
     present = np.tile([sensor not in absent for sensor in rig.sensors], (len(part.numbers), 1))
     scores: Mapping[CauseIn, Floats] = scores_of(part, rig, absent)
-    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores)
+    cameras = [camera.number for camera in rig.cameras]
+    saturation = dict(zip(cameras, part.brightness[SATURATION].T, strict=True))
+    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores, saturation)
     return judge_frames(series, system_of(rig), learnt)

@@ -24,7 +24,7 @@ from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames, RobustThresholds, Thresholds
 from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
-from auditor.model.measurement import Statistic
+from auditor.model.measurement import BRIGHTNESS, SATURATION, Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.clustered import clustered_interval
@@ -93,11 +93,17 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
     columns = {name: values[:, :, at] for at, name in enumerate(COLUMNS)}
     if LIDAR not in system.sensors:
         columns |= {name: np.full_like(columns[name], np.nan) for name in OF_LIDAR}
-    level, saturated = (
-        np.array([[getattr(case, name).get(camera) for camera in cameras] for case in cases], dtype=np.float64)
-        for name in ("level", "saturated")
-    )
-    return fault_scores(ObservedFeatures(pairs, columns, cameras, level, saturated), stamps, system.sensors)
+    brightness = {
+        name: np.array([[case.brightness(name).get(camera) for camera in cameras] for case in cases], dtype=np.float64)
+        for name in BRIGHTNESS
+    }
+    return fault_scores(ObservedFeatures(pairs, columns, cameras, brightness), stamps, system.sensors)
+
+
+def _added_saturation(cases: Sequence[Case], system: System) -> dict[int, np.ndarray]:
+    known = [case.brightness(SATURATION) for case in cases]
+    cameras = [sensor for sensor in system.sensors if sensor != LIDAR]
+    return {camera: np.array([one.get(camera) for one in known], dtype=np.float64) for camera in cameras}
 
 
 def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
@@ -107,7 +113,13 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     own = _frames(scene, system, clean)
     here = np.ones((len(clean), len(system.sensors)), dtype=np.bool_)
     series = FrameSeries(
-        own.stamps_ns, runs_of(own.stamps_ns), own.statistics_of(system.sensor_checks), here, ~here, own.strengths
+        own.stamps_ns,
+        runs_of(own.stamps_ns),
+        own.statistics_of(system.sensor_checks),
+        here,
+        ~here,
+        own.strengths,
+        _added_saturation(clean, system),
     )
     thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
     verdicts = judge_frames(series, system, thresholds)
@@ -120,7 +132,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         at = [places[case.frame] for case in attacked]
         scores = {cause: values[at] for cause, values in own.strengths.items()}
         here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
-        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores)
+        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, _added_saturation(attacked, system))
         verdicts += judge_frames(lone, system, thresholds)
     ordered = [*clean, *attacked]
     papers = _paper(ordered, scene, system, theta)

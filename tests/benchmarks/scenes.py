@@ -27,6 +27,12 @@ class Case:
     level: Mapping[int, float | None] = field(default_factory=dict)
     saturated: Mapping[int, float | None] = field(default_factory=dict)
     returns: int | None = None
+    further: Mapping[str, Mapping[int, float | None]] | None = None
+
+    def brightness(self, name: str) -> Mapping[int, float | None]:
+        """One of BRIGHTNESS by sensor; nothing in files of before more of them than two was kept."""
+        known = {"level": self.level, "saturated_share": self.saturated}
+        return known.get(name) or (self.further or {}).get(name, {})
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,7 +59,18 @@ def test_a_scan_tells_the_cost_first_and_keeps_the_version_of_torch(drive: Path,
 def test_an_evaluation_with_a_network_stands_beside_sgbms_and_goes_on_where_it_was(
     drive: Path, weights: Path, tmp_path: Path
 ) -> None:
-    arguments = ("evaluate", drive, "--store", tmp_path / "evaluation", "--format", "json", "--jobs", 1)
+    arguments = (
+        "evaluate",
+        drive,
+        "--store",
+        tmp_path / "evaluation",
+        "--format",
+        "json",
+        "--jobs",
+        1,
+        "--attack-every",
+        3,
+    )
     sgbm = run(*arguments)
     assert sgbm.exception is None, sgbm.stderr
     network = run(*arguments, "--matcher", "psmnet", "--weights", weights)

@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,22 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def measured(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which the fleet was measured and nothing else."""
+    store = tmp_path_factory.mktemp("measured") / "audit"
+    assert (
+        run(["scan", *map(str, sorted(fleet.iterdir())), "--measure-only", "--store", str(store), "--jobs", "1"]) == 3
+    )
+    return store
+
+
+@pytest.fixture
+def store(measured: Path, tmp_path: Path) -> Path:
+    """A store of the test's own, in which the fleet was measured."""
+    return shutil.copytree(measured, tmp_path / "audit")
+
+
 def summary(store: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
     capfd.readouterr()
     assert run(["query", "summary", "--store", str(store), "--format", "json"]) == 0
@@ -32,9 +49,8 @@ def summary(store: Path, capfd: pytest.CaptureFixture[str]) -> dict[str, dict[st
 
 @pytest.mark.parametrize("method", ["robust", "paper"])
 def test_an_attack_is_found_identified_and_exits_with_1(
-    method: str, fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    method: str, fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store = tmp_path / "audit"
     how = ["-r", RATES[method], "--store", str(store), "--method", method]
     assert run(["calibrate", str(fleet / "clean.mcap"), *how]) == 0
     recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
@@ -59,10 +75,7 @@ def test_an_attack_is_found_identified_and_exits_with_1(
     assert all("worse by" in row["alternatives"] for row in incidents)
 
 
-def test_a_clean_scan_exits_with_0_in_every_format(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    store = tmp_path / "audit"
+def test_a_clean_scan_exits_with_0_in_every_format(fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]) -> None:
     run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
     for form in ("table", "json", "csv", "parquet"):
         assert run(["scan", str(fleet / "clean.mcap"), "--store", str(store), "--format", form]) == 0
@@ -75,24 +88,19 @@ def test_a_clean_scan_exits_with_0_in_every_format(
     assert said["not_audited"] == []
 
 
-def test_recordings_are_scanned_side_by_side_with_the_same_result(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_recordings_are_scanned_side_by_side_with_the_same_result(fleet: Path, measured: Path, tmp_path: Path) -> None:
     recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag", "attacked.db3")]
-    stores = {jobs: tmp_path / jobs for jobs in ("1", "2")}
-    for jobs, store in stores.items():
-        run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
-        assert run(["scan", *recordings, "-r", "0", "--store", str(store), "--jobs", jobs]) == 1
+    assert run(["scan", *recordings, "--measure-only", "--store", str(tmp_path), "--jobs", "2"]) == 3
     for table in ("frames", "cells", "fault_features", "regions"):
-        one, two = ({p.name: p.read_bytes() for p in (store / table).iterdir()} for store in stores.values())
+        one, two = ({p.name: p.read_bytes() for p in (store / table).iterdir()} for store in (measured, tmp_path))
         assert len(one) == 3
         assert one == two, table
 
 
 def test_without_thresholds_the_prior_judges_and_says_so_and_the_paper_s_method_calls_nothing_clean(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    scan = ["scan", str(fleet / "clean.mcap"), "--store", str(tmp_path / "audit"), "--jobs", "1"]
+    scan = ["scan", str(fleet / "clean.mcap"), "--store", str(store), "--jobs", "1"]
     assert run(scan) in {0, 1}
     shown = capfd.readouterr()
     assert "clean.mcap: judged by the prior alone" in shown.err
@@ -102,9 +110,8 @@ def test_without_thresholds_the_prior_judges_and_says_so_and_the_paper_s_method_
 
 
 def test_measuring_only_says_so_and_judging_comes_later(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store = tmp_path / "audit"
     run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
     assert run(["scan", str(fleet / "attacked.db3"), "--measure-only", "--store", str(store)]) == 3
     assert "no verdicts were reached" in capfd.readouterr().err
@@ -113,24 +120,21 @@ def test_measuring_only_says_so_and_judging_comes_later(
     assert found["attacked"] + found["suspect"] == 13
 
 
-def test_judging_again_at_another_r_needs_no_recording(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_judging_again_at_another_r_needs_no_recording(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     store, copy = tmp_path / "audit", tmp_path / "drive.mcap"
-    copy.write_bytes((fleet / "clean.mcap").read_bytes())
+    write_drive(copy, seed=1, count=12)
     run(["calibrate", str(copy), "--store", str(store)])
     assert run(["scan", str(copy), "--store", str(store)]) == 0
     copy.unlink()
     assert run(["judge", str(store), "-r", "0.5", "--method", "paper"]) == 1
     assert run(["judge", str(store), "-r", "0", "--method", "paper"]) == 0
     assert run(["judge", str(store), "-r", "0.1%"]) == 0
-    assert summary(store, capfd)["drive.mcap"]["clean"] == 30
+    assert summary(store, capfd)["drive.mcap"]["clean"] == 12
 
 
 def test_a_rate_below_one_sample_is_marked_and_strict_refuses_it(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store = tmp_path / "audit"
     how = ["-r", "1%", "--method", "paper", "--store", str(store)]
     assert run(["calibrate", str(fleet / "clean.mcap"), *how]) == 0
     assert run(["scan", str(fleet / "clean.mcap"), *how]) == 0
@@ -143,9 +147,9 @@ def test_a_rate_below_one_sample_is_marked_and_strict_refuses_it(
 
 
 def test_any_rate_has_a_limit_by_the_robust_method_and_strict_refuses_what_was_not_learnt(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store, clean = tmp_path / "audit", str(fleet / "clean.mcap")
+    clean = str(fleet / "clean.mcap")
     how = ["--store", str(store)]
     assert run(["scan", clean, *how, "--strict"]) == 2
     assert "its thresholds are the prior alone" in capfd.readouterr().err
@@ -161,10 +165,10 @@ def test_any_rate_has_a_limit_by_the_robust_method_and_strict_refuses_what_was_n
 
 
 def test_a_calibration_prints_what_is_expected_and_what_the_limit_is_of_each_check(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     recordings = [str(fleet / name) for name in ("clean.mcap", "quiet.bag")]
-    assert run(["calibrate", *recordings, "--store", str(tmp_path / "audit"), "--format", "json"]) == 0
+    assert run(["calibrate", *recordings, "--store", str(store), "--format", "json"]) == 0
     rows = json.loads(capfd.readouterr().out)
     light = [row for row in rows if (row["check"], row["sensor"]) == ("added_light", 1)]
     assert [row["others"] for row in light] == [[2, 3, 4], [2, 3], [2, 4], [3, 4], [2], [3], [4]]
@@ -174,9 +178,8 @@ def test_a_calibration_prints_what_is_expected_and_what_the_limit_is_of_each_che
 
 
 def test_a_store_judged_by_both_methods_answers_by_the_latest(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store = tmp_path / "audit"
     run(["calibrate", str(fleet / "clean.mcap"), "--store", str(store)])
     assert run(["scan", str(fleet / "attacked.db3"), "--store", str(store)]) == 1
     assert run(["judge", str(store), "-r", "0", "--method", "paper"]) == 1
@@ -191,9 +194,8 @@ def test_a_store_judged_by_both_methods_answers_by_the_latest(
 
 
 def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store = tmp_path / "audit"
     run(["calibrate", str(fleet / "clean.mcap"), str(fleet / "quiet.bag"), "--store", str(store)])
     capfd.readouterr()
     scan = ["scan", str(fleet / "attacked.db3"), "--store", str(store), "--incidents-per-hour"]
@@ -209,8 +211,10 @@ def test_incidents_per_hour_are_for_the_robust_method_and_need_clean_hours(
 
 
 def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, measured: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    for name in ("one", "two"):
+        shutil.copytree(measured, tmp_path / name)
     clean, quiet = str(fleet / "clean.mcap"), str(fleet / "quiet.bag")
     assert run(["calibrate", clean, "--store", str(tmp_path / "one")]) == 0
     assert "no other can judge it" in capfd.readouterr().err
@@ -238,18 +242,17 @@ def test_three_sensors_detect_but_name_none(method: str, tmp_path: Path, capfd: 
 
 
 def test_a_rig_file_takes_the_place_of_the_recordings_own(
-    fleet: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    fleet: Path, store: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "rig.toml"
     assert run(["inspect", str(fleet / "clean.mcap"), "--write-rig", str(rig)]) == 0
-    store = tmp_path / "audit"
     assert run(["calibrate", str(fleet / "clean.mcap"), "--rig", str(rig), "--store", str(store)]) == 0
     rig.write_text(rig.read_text().replace("/camera_1", "/camera_9"))
     assert run(["scan", str(fleet / "clean.mcap"), "--rig", str(rig), "--store", str(store)]) == 3
     assert "/camera_9" in capfd.readouterr().err
 
 
-def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
+def test_the_program_runs_as_a_command(fleet: Path, store: Path) -> None:
     done = subprocess.run(
         [
             sys.executable,
@@ -258,7 +261,7 @@ def test_the_program_runs_as_a_command(fleet: Path, tmp_path: Path) -> None:
             "scan",
             str(fleet / "clean.mcap"),
             "--store",
-            str(tmp_path / "audit"),
+            str(store),
             "--method",
             "paper",
             "--format",

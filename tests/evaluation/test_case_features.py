@@ -20,6 +20,7 @@ from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import COLUMNS, rig_sensor_checks
 from auditor.model.frames import Presence, SensorState
+from auditor.model.measurement import BRIGHTNESS
 from auditor.model.rig import LIDAR
 from tests.making.scenes import moved
 
@@ -62,8 +63,7 @@ def scanned(frames, rig, number):
             return (
                 [s in measurement.fingerprints for s in rig.sensors],
                 [measurement.fingerprints.get(s) for s in rig.sensors],
-                [one and one.level for one in coverage],
-                [one and one.saturated_share for one in coverage],
+                [[one and getattr(one, name) for one in coverage] for name in BRIGHTNESS],
                 [coverage[LIDAR].returns],
                 list(chain.from_iterable(pairs)),
             )
@@ -75,8 +75,7 @@ def kept(features):
     return (
         features.present,
         features.fingerprint,
-        features.level,
-        features.saturated_share,
+        list(features.brightness.values()),
         [features.returns],
         [np.nan if x is None else x for x in taken],
     )

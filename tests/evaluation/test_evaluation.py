@@ -256,15 +256,6 @@ def test_shares_of_a_recording_make_the_whole(drive, in_chunks, tmp_path):
     assert not run(drive, tmp_path / "shared", attack_every=2, share=1, of=3).fresh
 
 
-def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(drive, tmp_path):
-    first = run(drive, tmp_path / "audit", attack_every=4)
-    second = run(drive, tmp_path / "audit", attack_every=4, seed=1)
-    assert second.cases == first.cases - FRAMES
-    sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
-    drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
-    assert len({one["u_px"] for one in drawn if one["radius_px"] > 0}) >= 2
-
-
 @pytest.fixture
 def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
@@ -272,6 +263,16 @@ def nothing_measured(monkeypatch):
     monkeypatch.setattr(AttackedFrame, "statistics", lambda frame, *_: [None] * len(frame.sensor_checks))
     none = CaseFeatures([], [], [], [], [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
+
+
+@pytest.mark.usefixtures("nothing_measured")
+def test_another_seed_draws_other_attacks_and_measures_no_clean_frame_again(drive, tmp_path):
+    first = run(drive, tmp_path / "audit", attack_every=4)
+    second = run(drive, tmp_path / "audit", attack_every=4, seed=1)
+    assert second.cases == first.cases - FRAMES
+    sql = "SELECT DISTINCT parameters FROM cases WHERE attacked = [1] AND strength = 'mild' AND frame = 0"
+    drawn = [json.loads(row["parameters"])["S_1"] for row in run_sql(Store.open(tmp_path / "audit"), sql).to_pylist()]
+    assert len({one["u_px"] for one in drawn if one["radius_px"] > 0}) >= 2
 
 
 @pytest.mark.usefixtures("short_chunks", "nothing_measured")

@@ -6,18 +6,17 @@ import pytest
 
 from auditor.identification.faults import (
     ObservedFeatures,
-    Seen,
-    dirt,
     fault_hypotheses,
     fault_scores,
     faults_of,
-    seen_of,
     weigh,
 )
+from auditor.identification.light_causes import Seen, dirt, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import CAMERA_CHECKS, COLUMNS, sensor_checks_of
+from auditor.model.measurement import BRIGHTNESS
 from auditor.model.rig import triples_of
 from auditor.model.verdict import Alternative, Cause, Evidence, FaultHypothesis, Verdict, VerdictKind
 
@@ -50,12 +49,17 @@ HEALTHY = {
 }
 
 
-def seen(level=90.0, saturated=0.0, **changed):
+def seen(level=90.0, saturated=0.0, red=NAN, blue=NAN, **changed):
     """Healthy frames but for some columns: one value for all pairs, or one a pair."""
     columns = {name: np.tile(np.broadcast_to(changed.get(name, HEALTHY[name]), 2), (FRAMES, 1)) for name in COLUMNS}
     columns = {name: values.astype(np.float64) for name, values in columns.items()}
-    shape = FRAMES, len(CAMERAS)
-    return ObservedFeatures(PAIRS, columns, CAMERAS, np.full(shape, level), np.full(shape, saturated))
+    return ObservedFeatures(PAIRS, columns, CAMERAS, brightness(FRAMES, level, saturated, red, blue))
+
+
+def brightness(frames, level, saturated, red=NAN, blue=NAN):
+    """One value for all cameras, or one a camera."""
+    known = {"level": level, "saturated_share": saturated, "red_level": red, "blue_level": blue}
+    return {name: np.full((frames, len(CAMERAS)), known.get(name, NAN)) for name in BRIGHTNESS}
 
 
 def likeliest(**changed):
@@ -120,6 +124,13 @@ def test_each_fault_follows_from_its_features(changed, expected):
         (Cause.EXPOSURE, 2, {"level": (120.0, 90.0, 90.0)}, -np.log(4 / 3) / 2 / 0.2),
         (Cause.EXPOSURE, 1, {"level": (0.0, 90.0, 90.0)}, -np.log(90) / 0.2),
         (Cause.EXPOSURE, 1, {"level": (120.0, NAN, 90.0)}, NAN),
+        # White balance: the logarithm of red over blue, less the others' median, or less half of a lone other's.
+        (Cause.WHITE_BALANCE, 1, {"red": (120.0, 90.0, 90.0), "blue": 90.0}, np.log(4 / 3) / 0.15),
+        (Cause.WHITE_BALANCE, 3, {"red": 90.0, "blue": (80.0, 80.0, 96.0)}, -np.log(6 / 5) / 0.15),
+        (Cause.WHITE_BALANCE, 1, {"red": (120.0, NAN, 90.0), "blue": (90.0, NAN, 90.0)}, np.log(4 / 3) / 0.15),
+        (Cause.WHITE_BALANCE, 3, {"red": (120.0, NAN, 90.0), "blue": (90.0, NAN, 90.0)}, -np.log(4 / 3) / 2 / 0.15),
+        (Cause.WHITE_BALANCE, 1, {"red": (120.0, NAN, NAN), "blue": (90.0, NAN, NAN)}, np.log(4 / 3) / 0.15),
+        (Cause.WHITE_BALANCE, 2, {"red": (120.0, NAN, 90.0), "blue": (90.0, NAN, 90.0)}, NAN),
         # The LiDAR lags: the excess of points that agree with the frame before, with a pseudo-count of ten.
         (Cause.LATE, 0, {"before_only": 40, "now_only": 10}, 30 / 60 / 0.2),
         (Cause.LATE, 0, {"before_only": (40, 10), "now_only": 10}, 30 / 60 / 2 / 0.2),
@@ -154,9 +165,10 @@ def test_a_fault_score_is_a_mean_over_half_a_second():
     columns = {name: np.full((frames, 2), float(HEALTHY[name])) for name in COLUMNS}
     columns["before_only"], columns["now_only"] = np.zeros((2, frames, 2))
     columns["before_only"][20] = 90.0
-    still = np.full((frames, 3), 60.0), np.zeros((frames, 3))
     stamps_ns = np.arange(frames, dtype=np.int64) * 100_000_000
-    lagging = fault_scores(ObservedFeatures(PAIRS, columns, CAMERAS, *still), stamps_ns, SENSORS)[Cause.LATE, 0]
+    lagging = fault_scores(
+        ObservedFeatures(PAIRS, columns, CAMERAS, brightness(frames, 60.0, 0.0)), stamps_ns, SENSORS
+    )[Cause.LATE, 0]
     assert np.flatnonzero(lagging).tolist() == [18, 19, 20, 21, 22]
     assert lagging[20] == pytest.approx(0.9 / 0.2 / 5)
 
@@ -169,7 +181,7 @@ def test_a_rig_without_a_lidar_has_none_of_its_causes():
 
 
 def test_of_two_cameras_no_exposure_is_known():
-    of_two = replace(seen(), cameras=(1, 2), level=np.full((FRAMES, 2), 90.0))
+    of_two = replace(seen(), cameras=(1, 2), brightness={name: one[:, :2] for name, one in seen().brightness.items()})
     assert not [cause for cause, _ in fault_scores(of_two, STAMPS_NS, (0, 1, 2)) if cause is Cause.EXPOSURE]
     assert not [cause for cause, _ in faults_of((0, 1, 2)) if cause is Cause.EXPOSURE]
 
@@ -203,7 +215,7 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
     always = fault_scores(seen(**TILTED), STAMPS_NS, SENSORS)
     tilt = float(always[Cause.DISPLACED, 0][0])
     assert tilt > 2
-    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 3, 100), 3.0)}
+    scales = {(Cause.DISPLACED, 0): fault_scale(Cause.DISPLACED, Expected(tilt, 0.1, 0.1, 3, 100), 3.0)}
     assert not [one for frame in fault_hypotheses(always, scales) for one in frame if one.score >= 0.5]
     since = fault_scores(seen(**{**TILTED, "rotated_only": 300}), STAMPS_NS, SENSORS)
     assert {(s[0].cause, s[0].sensor, s[0].score >= 0.5) for s in fault_hypotheses(since, scales)} == {
@@ -213,13 +225,13 @@ def test_what_a_rig_has_always_shown_is_not_listed_and_what_came_since_is():
 
 
 def test_theta_of_a_fault_is_just_enough_or_what_clean_frames_seldom_exceed():
-    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 2, 20), 3.0) == Scale(1.0, 0.25, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 2, 20), 4.0) == Scale(4.0, 1.0, 2)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
+    assert fault_scale(Cause.LATE, Expected(-6.0, 0.5, 0.5, 2, 20), 3.0) == Scale(1.0, 0.25, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), 4.0) == Scale(4.0, 1.0, 2)
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 2, 20), -np.inf) == Scale(2.0, 0.5, 2)
 
 
 def test_an_exposure_is_unusual_above_and_below_what_is_usual_until_it_dazzles():
-    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 2, 20), 4.0)
+    usual = fault_scale(Cause.EXPOSURE, Expected(1.5, 0.5, 0.5, 2, 20), 4.0)
     assert usual == Scale(2.0, 0.5, 2, usual=1.5)
     scores = {(Cause.EXPOSURE, 1): np.array([1.5, 3.49, 3.51, -0.51, -0.49])}
     listed = [
@@ -239,6 +251,27 @@ def test_the_usual_exposure_is_that_of_the_rigs_own_drives_and_no_prior():
     assert (Cause.EXPOSURE, 1) not in prior
     assert (Cause.EXPOSURE, 2) not in learnt
     assert (Cause.LATE, 1) in prior
+
+
+def test_of_two_colour_cameras_the_one_whose_white_balance_changed_is_told():
+    warm = seen(red=(112.0, NAN, 90.0), blue=(72.0, NAN, 90.0))
+    as_usual, changed = (
+        fault_scores(one, STAMPS_NS, SENSORS) for one in (seen(red=90.0, blue=(90.0, NAN, 90.0)), warm)
+    )
+    clean = [CleanFrames(name, STAMPS_NS, {}, {}, as_usual) for name in "ab"]
+    learnt = thresholds_from(clean, SYSTEM.sensor_checks, 10, Decimal("0.01")).causes
+    first = fault_hypotheses(changed, learnt)[0][0]
+    assert (first.cause, first.sensor, first.score) == (Cause.WHITE_BALANCE, 1, 1.0)
+
+
+def test_no_white_balance_is_told_by_drives_measured_before_channels_were_kept():
+    as_before = fault_scores(seen(), STAMPS_NS, SENSORS)
+    warm = fault_scores(seen(red=112.0, blue=72.0), STAMPS_NS, SENSORS)
+    learnt = thresholds_from(
+        [CleanFrames("a", STAMPS_NS, {}, {}, as_before)], SYSTEM.sensor_checks, 10, Decimal("0.01")
+    ).causes
+    for scores in (as_before, warm):
+        assert not any(one.cause is Cause.WHITE_BALANCE for frame in fault_hypotheses(scores, learnt) for one in frame)
 
 
 def test_of_two_certain_causes_the_more_unusual_is_first():

@@ -8,10 +8,10 @@ import pytest
 
 from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, faults_of
 from auditor.identification.marks import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
-from auditor.identification.scores import EITHER_WAY, thresholds_from
+from auditor.identification.scores import TONES, thresholds_from
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration
 from auditor.model.checks import Check, rig_sensor_checks
-from auditor.model.measurement import Procedure
+from auditor.model.measurement import BRIGHTNESS, Procedure
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import Cause
@@ -109,7 +109,7 @@ def test_the_prior_alone_expects_something_of_every_check_and_fault():
     thresholds = thresholds_from(prior.clean, CHECKS, len(CHECKS), R, prior.calibration_id)
     assert thresholds.drives == 0
     assert set(thresholds.expected) == set(CHECKS)
-    assert set(thresholds.causes) == {fault for fault in faults_of(RIG.sensors) if fault[0] not in EITHER_WAY}
+    assert set(thresholds.causes) == {fault for fault in faults_of(RIG.sensors) if fault[0] not in TONES}
     assert (Cause.RAIN, 0) in thresholds.causes
 
 
@@ -117,7 +117,9 @@ def test_the_prior_alone_expects_something_of_every_check_and_fault():
 def test_the_faults_of_a_rig_are_those_that_scores_are_made_of(sensors):
     nothing = np.full((FRAMES, len(RIG.pairs)), np.nan)
     cameras = tuple(camera.number for camera in RIG.cameras)
-    seen = ObservedFeatures(RIG.pairs, dict.fromkeys(SCORED, nothing), cameras, *(nothing[:, : RIG.n],) * 2)
+    seen = ObservedFeatures(
+        RIG.pairs, dict.fromkeys(SCORED, nothing), cameras, dict.fromkeys(BRIGHTNESS, nothing[:, : RIG.n])
+    )
     assert set(fault_scores(seen, np.arange(FRAMES), sensors)) == set(faults_of(sensors))
 
 

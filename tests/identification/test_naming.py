@@ -34,6 +34,11 @@ def by(sensor, *others, check=LIT):
     return lambda one: one == SensorCheck(check, sensor, others)
 
 
+def of_all(sensor, check=LIT):
+    """That check of a sensor by two voters or more."""
+    return lambda one: (one.sensor, one.check) == (sensor, check) and len(one.others) > 1
+
+
 def scores(system, fired, others):
     """One frame's z: the last of `fired` that a check fits decides."""
     z = np.full((1, len(system.sensor_checks)), others)
@@ -68,6 +73,21 @@ def test_a_camera_s_own_checks_name_it(sensor, check):
 def test_the_lidar_s_checks_name_it(check):
     verdict = one({of(0, check): 4.0})
     assert (verdict.kind, verdict.attacked, verdict.evidence[0].check_name) == (VerdictKind.ATTACKED, (0,), check.value)
+
+
+def test_what_two_cameras_alone_show_names_the_one_that_the_votes_of_the_others_confirm():
+    apart = {by(1, 2): 5.0}
+    for check in (LIT, ODD):
+        verdict = one(apart | {of_all(2, check): 1.6})
+        assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, (2,))
+        assert [(e.check_name, e.i, e.k, e.score) for e in verdict.evidence] == [
+            (LIT.value, 1, 2, 5.0),
+            (check.value, 2, None, 1.6),
+        ]
+    assert one(apart | {of_all(2): 1.4}).kind is VerdictKind.UNIDENTIFIED, "less than half of the limit"
+    assert one(apart | {of_all(2): 1.6, of_all(1): 1.2}).kind is VerdictKind.UNIDENTIFIED, "the other one is as likely"
+    assert one(apart | {of_all(3): 2.9}).kind is VerdictKind.UNIDENTIFIED, "neither of the two"
+    assert one({of_all(2): 2.9}).kind is VerdictKind.CLEAN
 
 
 def test_the_states_of_triples_are_above_where_they_hold_a_named_sensor():

@@ -17,7 +17,7 @@ PAIRS = ((1, 2), (1, 3), (2, 3))
 SYSTEM = System(sensor_checks_of(PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
 LIMIT = 3.0
 THRESHOLDS = RobustThresholds(
-    "c" * 32, Decimal("0.01"), LIMIT, dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 3, 100)), {}, 3
+    "c" * 32, Decimal("0.01"), LIMIT, dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100)), {}, 3
 )
 FRAMES = 20
 

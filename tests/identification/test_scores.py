@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from auditor.errors import SettingError
 from auditor.identification.parameters import FAULT_SCALE
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import fault_scale, normalised_scores, thresholds_from, worth_localising
+from auditor.identification.scores import fault_scale, for_drive, normalised_scores, thresholds_from, worth_localising
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
@@ -68,13 +68,13 @@ def test_a_smaller_rate_never_has_a_smaller_limit_and_expects_the_same(r, other)
 
 
 def test_a_score_is_how_many_deviations_the_log_odds_lie_above_the_mean():
-    expects = [Expected(-2.0, 0.5, 1, 10), Expected(-1.0, 0.25, 1, 10), None]
+    expects = [Expected(-2.0, 0.5, 0.5, 1, 10), Expected(-1.0, 0.25, 0.25, 1, 10), None]
     statistics = np.array([[statistic_at(odds) for odds in row] for row in ([-2.0, -1.0, 0.0], [-1.0, -1.5, 0.0])])
     np.testing.assert_allclose(normalised_scores(statistics, expects), [[0, 0, np.nan], [2, -2, np.nan]], atol=1e-9)
 
 
 def test_scores_stay_between_two_limits_and_what_was_not_measured_has_none():
-    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 1, 10)])
+    z = normalised_scores(np.array([[1.0], [0.0], [np.nan]]), [Expected(-2.0, 0.1, 0.1, 1, 10)])
     assert z[:2].ravel().tolist() == [12, -4]
     assert np.isnan(z[2, 0])
 
@@ -107,15 +107,15 @@ def test_attacked_frames_among_the_clean_ones_do_not_hide_the_next_attack(check,
 
 
 def test_a_fault_s_theta_is_what_clean_frames_exceed_as_seldom_and_one_at_least():
-    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 4, 10), 3.0)
+    quiet = fault_scale(Cause.LATE, Expected(-2.0, 0.3, 0.3, 4, 10), 3.0)
     assert quiet == Scale(1.0, FAULT_SCALE.scale, 4)
-    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 4, 10), 3.0)
+    always = fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), 3.0)
     assert always == Scale(3.5, FAULT_SCALE.scale * 3.5, 4)
-    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 4, 10), -9.0).theta == 2.0, "a limit below 0 lowers no theta"
+    assert fault_scale(Cause.LATE, Expected(2.0, 0.5, 0.5, 4, 10), -9.0).theta == 2.0, "a limit below 0 lowers no theta"
 
 
 def test_what_is_usual_of_a_fault_that_goes_either_way_is_no_part_of_its_theta():
-    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 4, 10), 3.0)
+    found = fault_scale(Cause.EXPOSURE, Expected(5.0, 0.5, 0.5, 4, 10), 3.0)
     assert found == Scale(1.5, FAULT_SCALE.scale * 1.5, 4, usual=5.0)
 
 
@@ -149,3 +149,13 @@ def test_damage_is_looked_for_in_sensors_with_an_unusual_statistic():
     assert set(worth_localising(checks, [0.1, 0.1, 0.1, 0.4, 1.0])) == set()
     assert set(worth_localising(checks, [0.11, 0.1, 0.11, 0.4, 1.0])) == {1, 3}
     assert set(worth_localising(checks, [None, 0.2, None, 0.5, None])) == {0, 2}
+
+
+def test_a_drive_s_own_statistics_change_what_is_expected_of_its_checks_and_no_cause():
+    thresholds = thresholds_from([clean("a", {LIT: 0.1}), clean("b", {LIT: 0.12})], CHECKS, 11, R)
+    own = for_drive(thresholds, [LIT], np.full((30, 1), 0.02))
+    assert own.expected[LIT].mean < thresholds.expected[LIT].mean
+    assert {check: one for check, one in own.expected.items() if check != LIT} == {
+        check: one for check, one in thresholds.expected.items() if check != LIT
+    }
+    assert (own.limit, own.causes, own.drives) == (thresholds.limit, thresholds.causes, thresholds.drives)

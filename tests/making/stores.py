@@ -90,8 +90,10 @@ def make_features(rig, frame, *, late=(), missing=()):
     return CaseFeatures(
         present=[s not in missing for s in rig.sensors],
         fingerprint=[None if s in missing else 10 * frame + s for s in rig.sensors],
-        level=[None if s == 0 else 100.0 for s in rig.sensors],
-        saturated_share=[None if s == 0 else 0.0 for s in rig.sensors],
+        brightness={
+            "level": [None if s == 0 else 100.0 for s in rig.sensors],
+            "saturated_share": [None if s == 0 else 0.0 for s in rig.sensors],
+        },
         fault_features=features,
         fault_features_after=features,
     )
@@ -111,7 +113,7 @@ def add_measurement(store, rig, frames, *, recording="a", name=None, clock="rela
     return add_frames(store, rig, recording_id, frames, **record)
 
 
-def add_frames(store, rig, recording_id, frames, **record):
+def add_frames(store, rig, recording_id, frames, *, poses=(), **record):
     settings = {"procedure": PROCEDURE, "balance": (), "versions": {}, "measured_at": NOON, "seconds": 1.0, **record}
     measurement = MeasurementRecord(recording_id, rig.rig_id, **settings)
     with store.frames_writer(measurement.measurement_id, rig) as writer:
@@ -121,6 +123,8 @@ def add_frames(store, rig, recording_id, frames, **record):
             else:
                 # Tests give statistics as shares, whatever the check.
                 writer.add(frame, [frame.shares.get(one) for one in rig_sensor_checks(rig)])
+        for pose in poses:
+            writer.add_pose(pose)
         writer.commit(measurement)
     return measurement.measurement_id
 

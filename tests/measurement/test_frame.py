@@ -5,6 +5,7 @@ import pytest
 
 from auditor.measurement import measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
+from auditor.measurement.frame import brightness
 from auditor.model.checks import Check, CountedPair, SensorCheck
 from auditor.model.frames import CameraImage, Frame
 from auditor.model.measurement import Statistic
@@ -140,3 +141,15 @@ def test_what_the_lidar_s_range_masks_change_is_measured_without_them_too() -> N
         assert np.array_equal(masked.unmasked_cells[counted].valid, alone.cells[counted].valid)
         assert np.array_equal(masked.unmasked_cells[counted].total, alone.cells[counted].total)
     assert not alone.unmasked_cells
+
+
+def test_brightness_has_the_levels_of_the_channels_of_a_colour_image():
+    image = np.zeros((4, 6, 3), dtype=np.uint8)
+    image[...] = 30, 60, 90
+    image[0, :, 2] = 250
+    greys = np.full((4, 6), 64, dtype=np.uint8)
+    greys[0, 0] = 255
+    seen = brightness(image, greys)
+    assert (seen.blue_level, seen.green_level, seen.red_level) == (30, 60, 130)
+    assert (seen.level, seen.saturated_share) == (pytest.approx(64 + 191 / 24), 1 / 24)
+    assert brightness(greys, greys) == replace(seen, blue_level=None, green_level=None, red_level=None)

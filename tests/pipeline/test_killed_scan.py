@@ -23,9 +23,9 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     """A store with thresholds, and three recordings of which one is attacked."""
     folder = tmp_path_factory.mktemp("night")
     drives = [
-        write_drive(folder / "one.mcap", count=16, seed=1),
-        write_drive(folder / "two.mcap", count=16, seed=1, start_ns=START_NS + MINUTE_NS, attacked={1: range(4, 12)}),
-        write_drive(folder / "three.bag", count=16, seed=1, start_ns=START_NS + 2 * MINUTE_NS),
+        write_drive(folder / "one.mcap", count=8, seed=1),
+        write_drive(folder / "two.mcap", count=8, seed=1, start_ns=START_NS + MINUTE_NS, attacked={1: range(2, 6)}),
+        write_drive(folder / "three.bag", count=8, seed=1, start_ns=START_NS + 2 * MINUTE_NS),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
     for table in set(TABLES) - {"calibrations"}:
@@ -33,21 +33,8 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
     return folder / "thresholds", drives
 
 
-def scan(store: Path, drives: list[Path]) -> subprocess.Popen[str]:
-    command = [
-        sys.executable,
-        "-m",
-        "auditor",
-        "scan",
-        *map(str, drives),
-        "-r",
-        "0",
-        "--store",
-        str(store),
-        "--jobs",
-        "1",
-    ]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def scan(store: Path, drives: list[Path]) -> list[str]:
+    return ["scan", *map(str, drives), "-r", "0", "--store", str(store), "--jobs", "1"]
 
 
 def tables(store: Path) -> dict[str, bytes]:
@@ -65,28 +52,27 @@ def files(store: Path) -> int:
 
 
 def test_scans_killed_at_seeded_points_of_progress_are_completed_to_the_same_bytes(
-    night: tuple[Path, list[Path]], tmp_path: Path
+    night: tuple[Path, list[Path]], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     thresholds, drives = night
     undisturbed = shutil.copytree(thresholds, tmp_path / "undisturbed")
     first = files(undisturbed)
-    with scan(undisturbed, drives) as process:
-        process.communicate()
+    assert run(scan(undisturbed, drives)) == 1
     expected = tables(undisturbed)
     assert len(expected) == 15
     points = random.Random(7).sample(range(first + 1, files(undisturbed)), KILLS)
     finished = []
     for kill, point in enumerate(points):
         store = shutil.copytree(thresholds, tmp_path / f"killed{kill}")
-        with scan(store, drives) as process:
+        program = [sys.executable, "-m", "auditor", *scan(store, drives)]
+        with subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
             while files(store) < point and process.poll() is None:
                 time.sleep(0.01)
             process.send_signal(signal.SIGKILL)
-            process.communicate()
         finished.append(len(list((store / "measurements").glob("*.parquet"))))
-        with scan(store, drives) as process:
-            _, remarks = process.communicate()
-        assert process.returncode == 1, remarks
+        capfd.readouterr()
+        code, remarks = run(scan(store, drives)), capfd.readouterr().err
+        assert code == 1, remarks
         assert remarks.count("measured before") == finished[-1], remarks
         assert tables(store) == expected
     assert 0 < sum(finished) < KILLS * len(drives), "kills fell before and after finished recordings"

@@ -30,7 +30,7 @@ WALL = Region(0, 3, (100, 80, 300, 200), 0.125, b"points", 850, Solid((8.0, -1.0
 
 def test_fault_features_come_back_by_frame_and_pair_with_how_bright_the_cameras_are(tmp_path):
     store, rig = new_store(tmp_path), make_rig(3)
-    dim = {s: Coverage(0.25, 0.5, level=10.0 * s) if s else Coverage(returns=9) for s in rig.sensors}
+    dim = {s: Coverage(0.25, 0.5, level=10.0 * s, red_level=1.0 * s) if s else Coverage(returns=9) for s in rig.sensors}
     frames = [
         replace(make_measurement(rig, 1), fault_features={(1, 3): SEEN, (2, 3): PairFaultFeatures()}, coverage=dim),
         Skipped(2, 200_000_000, "no cloud"),
@@ -45,8 +45,10 @@ def test_fault_features_come_back_by_frame_and_pair_with_how_bright_the_cameras_
     assert np.array_equal(values[1, 1], SEEN.values, equal_nan=True)
     assert np.isnan(values[0, 1]).all()
     assert np.isnan(values[1, 0]).all()
-    assert seen.level.tolist() == [[10, 20, 30]] * 2
-    assert seen.saturated.tolist() == [[0.25] * 3] * 2
+    assert seen.brightness["level"].tolist() == [[10, 20, 30]] * 2
+    assert seen.brightness["saturated_share"].tolist() == [[0.25] * 3] * 2
+    assert seen.brightness["red_level"].tolist() == [[1, 2, 3]] * 2
+    assert np.isnan(seen.brightness["blue_level"]).all()
     [row] = run_sql(
         store, "SELECT k, row_aligned, before_only, rotated FROM fault_features WHERE frame = 3"
     ).to_pylist()

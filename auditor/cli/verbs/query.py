@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from auditor.store.sql_files import SqlFile
 
 _WIDEST_LIST = 110
-_OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements)\b")
+_OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements|incidents|incident_frames)\b")
 _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 
 

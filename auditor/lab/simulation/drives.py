@@ -21,6 +21,7 @@ from auditor.lab.simulation.textures import Atlas, make_atlas
 from auditor.lab.simulation.vehicles import Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
 from auditor.model.geometry import Matrix, compose, invert, motion
+from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 
 WIDTH_PX, HEIGHT_PX = 1242, 375
@@ -29,6 +30,11 @@ START_NS = 1_600_000_000_000_000_000
 _CAMERA_HEIGHT_M = 1.65
 _SWAY = np.deg2rad([0.25, 0.35])
 _SPEEDS_M_S = (6.0, 10.0)
+_SOUTH_WEST_DEG = (49.0, 8.4)
+_GROUND_M = 115.0
+_DEGREE_M = 111_320.0
+_STREETS, _BLOCK_M = 10, 300.0
+"""The streets of a town of ten by ten blocks, by their seeds; a degree of latitude in metres."""
 _STREAMS = {"scene": 1, "camera": 2, "lidar": 3, "day": 4, "scenery": 5}
 
 
@@ -99,6 +105,16 @@ class SyntheticDrive:
         hits = cast(rays, surfaces, self.atlas, rng)
         xyz_m = echoes(rays, hits, surfaces, self._directions, flaws, rng)
         return PointCloud(self._stamp_ns(number), xyz_m)
+
+    def place(self, stamp_ns: int) -> Pose:
+        """Where the vehicle is at a stamp, by a GPS without errors: it drives north, on a street of its own."""
+        time_s = (stamp_ns - self.start_ns) / 1e9
+        east_m, up_m, north_m = self._world_SE3_rig(time_s)[:3, 3] * (1, -1, 1)
+        column, row = self.seed % _STREETS, self.seed // _STREETS % _STREETS
+        latitude = _SOUTH_WEST_DEG[0] + (row * _BLOCK_M + float(north_m)) / _DEGREE_M
+        east_degree_m = _DEGREE_M * np.cos(np.deg2rad(_SOUTH_WEST_DEG[0]))
+        longitude = _SOUTH_WEST_DEG[1] + (column * _BLOCK_M + float(east_m)) / float(east_degree_m)
+        return Pose("gps", latitude, longitude, _GROUND_M + float(up_m))
 
     @cached_property
     def _directions(self) -> Floats:

@@ -21,6 +21,9 @@ CAMERA_CALIBRATION = "foxglove.CameraCalibration"
 POINT_CLOUD = "foxglove.PointCloud"
 FRAME_TRANSFORM = "foxglove.FrameTransform"
 FRAME_TRANSFORMS = "foxglove.FrameTransforms"
+LOCATION_FIX = "foxglove.LocationFix"
+POSE_IN_FRAME = "foxglove.PoseInFrame"
+POSES_IN_FRAME = "foxglove.PosesInFrame"
 MAX_BYTES = 48 * 2**20
 
 MAX_PARTS = 100_000
@@ -111,6 +114,13 @@ LAYOUTS: dict[str, dict[int, Field]] = {
         5: Field("rotation", Kind.MESSAGE, "foxglove.Quaternion"),
     },
     FRAME_TRANSFORMS: {1: Field("transforms", Kind.MESSAGE, FRAME_TRANSFORM, repeated=True)},
+    LOCATION_FIX: {
+        **_doubles("latitude", "longitude", "altitude"),
+        6: _STAMP,
+        7: _FRAME_ID,
+    },
+    POSE_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("pose", Kind.MESSAGE, "foxglove.Pose")},
+    POSES_IN_FRAME: {1: _STAMP, 2: _FRAME_ID, 3: Field("poses", Kind.MESSAGE, "foxglove.Pose", repeated=True)},
 }
 
 

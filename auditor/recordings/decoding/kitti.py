@@ -20,8 +20,10 @@ PICTURE = "kitti/Picture"
 SCAN = "kitti/Scan"
 CALIBRATION = "kitti/Calibration"
 TRANSFORMS = "kitti/Transforms"
+OXTS = "kitti/Oxts"
 LIDAR_FRAME = "velo_link"
 POINT_BYTES = 16
+_OXTS_NUMBERS = 6
 
 
 def camera_frame(topic: str) -> str:
@@ -72,6 +74,16 @@ class KittiScanDecoder:
     def xyz_m(self, message: Message) -> NDArray[np.float32]:
         """The finite points, (N, 3) float32 metres."""
         return finite(np.ascontiguousarray(scan_points(message)[:, :3]))
+
+
+def oxts_numbers(message: Message) -> tuple[float, ...]:
+    """The first six numbers of a file of the GPS and its inertial unit: latitude and longitude (deg), altitude (m),
+    roll, pitch and yaw (rad, counter-clockwise from east). Raises ValueError where it has fewer.
+    """
+    numbers = tuple(float(word) for word in bytes(message.data).split()[:_OXTS_NUMBERS])
+    if len(numbers) < _OXTS_NUMBERS:
+        raise ValueError("it is cut")
+    return numbers
 
 
 class KittiCalibrationDecoder:

@@ -24,8 +24,9 @@ from auditor.recordings import schemas
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.clouds import finite, points_of, xyz_of
 from auditor.recordings.decoding.images import CompressedImageDecoder, RawImageDecoder
-from auditor.recordings.decoding.kitti import scan_points
+from auditor.recordings.decoding.kitti import OXTS, scan_points
 from auditor.recordings.decoding.pictures import encode_picture, inspect_picture
+from auditor.recordings.decoding.poses import PoseDecoder
 from auditor.recordings.decoding.ros import RosTypes, Types, parse_definition, registered
 from auditor.recordings.recording import Damage, Definition, Recording, Topic
 from auditor.recordings.writers.mcap_file import mcap_file
@@ -173,6 +174,7 @@ class _Copying:
         self._recording = recording
         self._maker = maker
         self._decoders = Decoders(recording.definition)
+        self._poses = PoseDecoder(self._decoders.types)
         self._stores: dict[str, Typestore] = {}
         self.left_out: dict[str, str] = {}
 
@@ -212,6 +214,9 @@ class _Copying:
 
     def _from_kitti(self, message: Message) -> tuple[str, bytes]:
         maker, decoder = self._maker, self._decoders.of(message.schema, message.encoding)
+        if message.schema == OXTS:
+            [(stamp_ns, fix)] = self._poses.poses(message)
+            return schemas.GPS_FIX, maker.fix(fix, stamp_ns)
         assert decoder is not None
         if decoder.kind == "transforms":
             transforms = decoder.transforms(message)

@@ -7,7 +7,7 @@ that is not rectified has K, D and its place in tf, and no offset.
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from auditor.model.frames import Frame
 from auditor.model.geometry import Matrix, motion
+from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 from auditor.model.verdict import AttackLabel
 from auditor.recordings import schemas
@@ -28,6 +29,10 @@ from auditor.recordings.writers.messages import Form, MessageMaker
 
 RIG_FRAME = "rig"
 TRANSFORMS_TOPIC = "/tf_static"
+FIX_TOPIC = "/gps/fix"
+
+Place = Callable[[int], Pose]
+"""The vehicle's pose in degrees at a stamp in nanoseconds."""
 
 
 class _Outgoing(NamedTuple):
@@ -46,15 +51,18 @@ def write_mcap(
     vehicle: str | None = None,
     compression: Compression = "zstd",
     image: Form = "raw",
+    place: Place | None = None,
 ) -> None:
     """Write an MCAP file of ROS 2 messages. `labels` is called after the last frame.
+
+    With a `place`, which gives the vehicle's pose in degrees at a stamp, a GPS fix is written with each frame.
 
     Raises RecordingError where it cannot be written.
     """
     maker = MessageMaker("cdr")
     last_ns = 0
     with mcap_file(path, profile="ros2", compression=compression) as file:
-        for topic, schema, stamp_ns, data in _messages(maker, rig, frames, image):
+        for topic, schema, stamp_ns, data in _messages(maker, rig, frames, image, place):
             definition = Definition("ros2msg", maker.definition(schema).encode())
             file.write(Topic(topic, schema, "cdr"), definition, stamp_ns, data)
             last_ns = max(last_ns, stamp_ns)
@@ -70,11 +78,12 @@ def write_bag(
     *,
     vehicle: str | None = None,
     image: Form = "raw",
+    place: Place | None = None,
 ) -> None:
     """Write a ROS 1 .bag; ground truth and vehicle go to a topic, since it has no attachments. See write_mcap."""
     maker = MessageMaker("ros1")
     with whole_file(path) as beside, BagWriter(beside) as writer:
-        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image, place), labels, vehicle))
 
 
 def write_db3(
@@ -85,6 +94,7 @@ def write_db3(
     *,
     vehicle: str | None = None,
     image: Form = "raw",
+    place: Place | None = None,
 ) -> None:
     """Write a rosbag2 folder with a .db3 file. Raises RecordingError where the folder exists. See write_bag."""
     maker = MessageMaker("cdr")
@@ -92,7 +102,7 @@ def write_db3(
         whole_folder(path) as beside,
         Rosbag2Writer(beside, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
     ):
-        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image), labels, vehicle))
+        _write_all(writer, maker, _with_metadata(maker, _messages(maker, rig, frames, image, place), labels, vehicle))
 
 
 def _write_all(writer: Any, maker: MessageMaker, outgoing: Iterable[_Outgoing]) -> None:  # noqa: ANN401  # two writers
@@ -117,13 +127,18 @@ def _with_metadata(
     yield _Outgoing(METADATA_TOPIC, schemas.STRING, last_ns, maker.string(json.dumps(declared)))
 
 
-def _messages(maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form) -> Iterator[_Outgoing]:
+def _messages(
+    maker: MessageMaker, rig: Rig, frames: Iterable[Frame], form: Form, place: Place | None = None
+) -> Iterator[_Outgoing]:
     frame_ids, info_topics = _frame_ids(rig), _info_topics(rig)
     placed = False
     for frame in frames:
         if not placed:
             yield _transforms(maker, rig, frame_ids, frame.stamp_ns)
             placed = True
+        if place is not None:
+            fix = maker.fix(place(frame.stamp_ns), frame.stamp_ns)
+            yield _Outgoing(FIX_TOPIC, schemas.GPS_FIX, frame.stamp_ns, fix)
         for number, image in sorted(frame.images.items()):
             camera, frame_id = rig.camera(number), frame_ids[number]
             size, at = (camera.width_px, camera.height_px), (image.stamp_ns, frame_id)

@@ -1,6 +1,7 @@
 """ROS messages made from pixels, points and geometry, for either version of ROS."""
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from rosbags.typesys.store import Typestore
 
 from auditor.model.geometry import Matrix, quaternion_from_rotation
 from auditor.model.lenses import NO_LENS, POLYNOMIAL, Lens
+from auditor.model.poses import Pose
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture
 
@@ -128,6 +130,20 @@ class MessageMaker:
             for child, matrix in children.items()
         ]
         return self.serialise(schemas.TRANSFORMS, self._made(schemas.TRANSFORMS, transforms=made))
+
+    def fix(self, pose: Pose, stamp_ns: int) -> bytes:
+        """sensor_msgs/NavSatFix of a pose with latitude and longitude; an unknown altitude is NaN, as ROS says."""
+        fix = self._made(
+            schemas.GPS_FIX,
+            header=self.header(stamp_ns, pose.frame_id),
+            status=self._made("sensor_msgs/msg/NavSatStatus", status=0, service=1),
+            latitude=pose.latitude_deg,
+            longitude=pose.longitude_deg,
+            altitude=nan if pose.altitude_m is None else pose.altitude_m,
+            position_covariance=np.zeros(9),
+            position_covariance_type=0,
+        )
+        return self.serialise(schemas.GPS_FIX, fix)
 
     def string(self, text: str) -> bytes:
         """std_msgs/String."""

@@ -25,7 +25,7 @@ _ID = {
     "calibrations": "calibration_id",
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
-    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions"), "measurement_id"),
+    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
     **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
 }
 """By table: the column that has the id of the file."""

@@ -70,6 +70,8 @@ def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
     (new / "pictures").mkdir(parents=True)
     for measurement_id in finished(old / "measurements"):
+        if not (new / "poses" / f"{measurement_id}.parquet").exists():
+            write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes

@@ -20,7 +20,7 @@ from auditor.model.frames import Message
 from auditor.model.geometry import Matrix, camera_centre, motion
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents, FileContent
-from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, PICTURE, SCAN, TRANSFORMS, camera_frame
+from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PICTURE, SCAN, TRANSFORMS, camera_frame
 from auditor.recordings.formats.unpacking import MAX_BYTES
 from auditor.recordings.recording import Clock, Damage, Definition, Topic
 
@@ -34,6 +34,7 @@ PERIOD_NS = 10**8
 _CAMERA_FILE = "calib_cam_to_cam.txt"
 _LIDAR_FILE = "calib_velo_to_cam.txt"
 SCAN_TOPIC = Topic(LIDAR_TOPIC, SCAN, "bin")
+OXTS_TOPIC = Topic("/kitti/oxts", OXTS, "txt")
 _NUMBER = re.compile(r"[0-9]{1,12}")
 _MAX_TEXT_BYTES = 16 * 2**20
 
@@ -71,7 +72,10 @@ class Stream(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """The content of a drive's folder; `others` are the files with stamps, and `contents` has what was read of it."""
+    """The content of a drive's folder; `others` are the files with stamps, and `contents` has what was read of it.
+
+    `places` are the files of its GPS. They are no part of its id: they decide nothing that is counted.
+    """
 
     folder: Path
     calibration: "Calibration"
@@ -79,6 +83,7 @@ class Drive(NamedTuple):
     others: tuple[Path, ...]
     clock: Clock
     contents: Contents
+    places: Stream = Stream(OXTS_TOPIC, ())
 
 
 class KittiRecording:
@@ -92,6 +97,7 @@ class KittiRecording:
         self.damage: tuple[Damage, ...] = ()
         self._counts: dict[str, int] = {}
         self._streams = tuple(stream for stream in drive.streams if stream.entries)
+        self._places = drive.places
         if not self._streams:
             raise RecordingError("the drive holds no pictures and no scans", where=path)
         data = (file for stream in self._streams for _, file in stream.entries)
@@ -123,7 +129,7 @@ class KittiRecording:
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics that have files."""
-        topics = [stream.topic for stream in self._streams]
+        topics = [stream.topic for stream in (*self._streams, self._places) if stream.entries]
         topics += [Topic(message.topic, message.schema, message.encoding) for message in self._calibration_messages()]
         return tuple(sorted(topics, key=lambda topic: topic.name))
 
@@ -153,7 +159,16 @@ class KittiRecording:
         for stamp_ns, topic, file in self._in_order():
             counts[topic.name] += 1
             if wanted is None or topic.name in wanted:
-                yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, self._data(file))
+                data = self._place(file) if topic == OXTS_TOPIC else self._data(file)
+                yield Message(topic.name, topic.schema, topic.encoding, stamp_ns, data)
+
+    def _place(self, file: Path) -> bytes:
+        """The bytes of a file of places; none where it cannot be read, which is no damage of what is measured."""
+        try:
+            content = self._contents.of(file)
+            return content.read() if content.size <= MAX_BYTES else b""
+        except (OSError, RecordingError):
+            return b""
 
     def _data(self, file: Path) -> bytes:
         """The bytes of a file; none, noting the damage, where it cannot be read: its message is then damaged."""
@@ -167,7 +182,8 @@ class KittiRecording:
         return b""
 
     def _in_order(self) -> list[tuple[int, Topic, Path]]:
-        entries = [(stamp_ns, stream.topic, file) for stream in self._streams for stamp_ns, file in stream.entries]
+        streams = (*self._streams, self._places)
+        entries = [(stamp_ns, stream.topic, file) for stream in streams for stamp_ns, file in stream.entries]
         return sorted(entries, key=lambda entry: (entry[0], entry[1].name))
 
     def _calibration_messages(self) -> Iterator[Message]:
@@ -192,7 +208,8 @@ def _read_drive(folder: Path, contents: Contents) -> Drive:
     streams.append(Stream(SCAN_TOPIC, tuple(_entries(folder / "velodyne_points", "*.bin", contents))))
     # The times are written without a zone, or not at all.
     others = tuple(folder.glob("*/timestamps.txt"))
-    return Drive(folder, calibration, tuple(streams), others, "unknown", contents)
+    places = Stream(OXTS_TOPIC, tuple(_places(folder / "oxts", contents)))
+    return Drive(folder, calibration, tuple(streams), others, "unknown", contents, places)
 
 
 def picture_topic(number: str) -> Topic:
@@ -216,6 +233,18 @@ def _entries(folder: Path, pattern: str, contents: Contents) -> Iterator[tuple[i
             yield stamps[number] or 0, file
         else:
             raise RecordingError(f"there is no time for file {number}", where=folder / "timestamps.txt")
+
+
+def _places(folder: Path, contents: Contents) -> Iterator[tuple[int, Path]]:
+    """Stamp and path of the files of places; without a time a place is of no use, and no reason to read nothing."""
+    try:
+        stamps = _read_stamps(folder / "timestamps.txt", contents) or []
+    except RecordingError:
+        return
+    for number, file in numbered_files(folder / "data", "*.txt"):
+        stamp_ns = stamps[number] if number < len(stamps) else None
+        if stamp_ns is not None:
+            yield stamp_ns, file
 
 
 def _read_stamps(path: Path, contents: Contents) -> list[int | None] | None:

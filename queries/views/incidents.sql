@@ -3,6 +3,9 @@
 -- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
+-- column incident_id: The judgement of its first frame and the number of that frame; other parameters make other incidents of an id.
+-- column judgement_id: The judgement of its first frame; the parts have those of the others.
+-- column rig_id: The rig.
 -- column kind: What the verdicts are: attacked, unidentified or suspect.
 -- column attacked: The attacked sensors; empty unless kind is attacked.
 -- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
@@ -17,6 +20,7 @@
 -- column parts: What each recording has of it, in order.
 -- column strongest_frame: Number of the frame with the largest gap.
 -- column strongest_name: The recording that it is in.
+-- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
@@ -97,6 +101,7 @@ part AS (
             recording_id: any_value(recording_id),
             name: any_value(name),
             measurement_id: any_value(measurement_id),
+            judgement_id: any_value(judgement_id),
             frames: count(*),
             first_frame: min(frame),
             last_frame: max(frame),
@@ -137,10 +142,13 @@ carried AS (
     GROUP BY ALL
 )
 SELECT
+    any_value(whole.parts[1].judgement_id || '.' || whole.parts[1].first_frame) AS incident_id,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
     any_value(whole.parts[1].measurement_id) AS measurement_id,
+    any_value(whole.parts[1].judgement_id) AS judgement_id,
+    any_value(incident.rig_id) AS rig_id,
     incident.kind,
     incident.attacked,
     any_value(names_of(incident.attacked, rig.sensors)) AS attacked_names,
@@ -155,6 +163,8 @@ SELECT
     -- of equal gaps the last frame's
     arg_max(frame, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_frame,
     arg_max(incident.name, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_name,
+    arg_max(incident.measurement_id, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+        AS strongest_measurement_id,
     max(gap) AS largest_gap,
     any_value(carried.evidence) AS evidence,
     alternatives_in_words(

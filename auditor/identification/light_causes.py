@@ -1,0 +1,77 @@
+"""What the light checks of a camera say of causes: dirt, exposures and white balance do not change it as light does."""
+
+from collections.abc import Mapping
+from math import nan
+from typing import NamedTuple
+
+from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.systems import System
+from auditor.model.arrays import Floats
+from auditor.model.checks import CAMERA_CHECKS
+from auditor.model.rig import LIDAR
+from auditor.model.verdict import Cause, FaultHypothesis, Verdict
+
+
+class Seen(NamedTuple):
+    """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
+
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturation` are
+    the half px that saturate where light was added.
+    """
+
+    added: float
+    removed: float
+    inconsistent: float
+    darker: float
+    saturation: float = nan
+
+
+def seen_of(
+    verdict: Verdict, z: Floats, statistics: Floats, system: System, saturation: Mapping[int, float] | None = None
+) -> dict[int, Seen]:
+    """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
+
+    `saturation` is the added saturation by camera, where it is known.
+    """
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    found = {}
+    for sensor in sorted(named):
+        columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))
+        own = {
+            one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
+        }
+        added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
+        if added is not None and removed is not None and inconsistent is not None:
+            darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
+            saturated = (saturation or {}).get(sensor, nan)
+            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, saturated)
+    return found
+
+
+def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
+    """The cameras that changed without light being thrown into them.
+
+    An attack by light adds it, and seems to remove less beside it. What a camera lacks light by is likely dirt; where
+    it only does not see what the others see, that is just enough for dirt. Light that saturates nothing is none that
+    outshines the scene: glare where what is seen is the same, and else what a drop on the lens shows.
+    """
+    found = []
+    for sensor, one in seen.items():
+        if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
+            found.append(FaultHypothesis(Cause.SOILED, sensor))
+        elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
+            found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+        elif one.added >= LIGHT_OF_CAUSES.least_added and one.saturation < LIGHT_OF_CAUSES.least_saturation:
+            veiled = one.inconsistent < LIGHT_OF_CAUSES.unchanged
+            found.append(FaultHypothesis(Cause.GLARE if veiled else Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+    return tuple(found)
+
+
+def by_tone(seen: Seen, limit: float) -> bool:
+    """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
+
+    Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
+    little brighter than predicted.
+    """
+    unchanged = seen.inconsistent < LIGHT_OF_CAUSES.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
+    return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added

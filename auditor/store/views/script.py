@@ -1,0 +1,120 @@
+"""The views of a store as SQL text that DuckDB runs without auditor: `auditor views`.
+
+The text lists no files. When it is run, it looks up which files are finished, as the program does: the ids of the rows
+of a manifest name the files of other tables. So one text stays right after new recordings and judgements.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from auditor import __version__
+from auditor.store.connection import LARGE, connected, constants, in_order
+from auditor.store.marker import MARKER
+from auditor.store.schema import SCHEMA_VERSION, TABLES, TableSchema, table_schema
+from auditor.store.sql_files import macros, views
+from auditor.store.views.comments import comments, literal
+
+_HEAD = f"""\
+-- The views of a store of auditor {__version__}, schema version {SCHEMA_VERSION}, for DuckDB without auditor.
+--
+-- On a command line: duckdb -init views.sql
+-- In Python:         duckdb.connect().execute(open("views.sql").read())
+--
+-- The text reads which files of the store are finished whenever it is run: run it again after a scan or a judgement.
+-- It need not be written again, except after an upgrade of the store. If the store was moved, change its folder below.
+-- Nothing is written; all views, tables and macros are temporary. What a view or column means stands in
+-- duckdb_views() and duckdb_columns().
+"""
+_IDS = "[0-9a-f]{8,64}"
+
+
+def views_script(folder: Path) -> str:
+    """The SQL text for a store in a folder. The store is not read."""
+    parts = [_HEAD, _store(folder), *map(_stored, map(table_schema, TABLES)), _PICTURES, *_macros(), *_views()]
+    return "\n".join(parts)
+
+
+def _store(folder: Path) -> str:
+    pattern = r"regexp_replace(getvariable('auditor_store'), '([*?\[])', '[\1]', 'g')"
+    version = rf'"schema_version": *{SCHEMA_VERSION}\b'
+    lines = [
+        f"SET VARIABLE auditor_store = {literal(str(folder))};\n",
+        "-- The same as a pattern that matches nothing else; an error where no store of this version is there.",
+        "SET VARIABLE auditor_pattern = (",
+        "    SELECT CASE",
+        "        WHEN count(*) = 0 THEN error('there is no store in this folder')",
+        f"        WHEN regexp_matches(any_value(content), {literal(version)}) THEN {pattern}",
+        "        ELSE error('the store has another schema version: write this text again with auditor views')",
+        f"    END FROM read_text({pattern} || '/{MARKER}')",
+        ");",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _stored(schema: TableSchema) -> str:
+    """The table or view `stored_<name>`, which has all columns of its schema whatever the files have."""
+    manifest, files = LARGE.get(schema.name), f"auditor_{schema.name}"
+    mixed = f"{files}_mixed" if manifest else None
+    nothing = f"SELECT {', '.join(f'NULL::{one.type} AS {one.name}' for one in schema.columns)} WHERE false"
+    read = f"FROM read_parquet(getvariable('{files}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
+    source = (
+        f"CASE WHEN len({_variable(files)}) > 0 THEN {literal(f'{read} UNION ALL BY NAME ')} ELSE '' END"
+        f" || {literal(nothing)}"
+    )
+    columns = ", ".join(f"{one.name}::{one.type} AS {one.name}" for one in schema.columns)
+    what = "VIEW" if schema.name in LARGE else "TABLE"
+    query = f"SELECT {columns} FROM query({source})"  # noqa: S608 - our own names
+    lines = [
+        f"-- {schema.sentence}",
+        f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
+        *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
+        f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _of_manifest(schema: TableSchema, manifest: str) -> str:
+    """The files of a table that the rows of a manifest name."""
+    [row_id] = re.findall(r"<(\w+)>", schema.file)
+    path = f"{_variable('auditor_pattern')} || '/{schema.name}/' || {row_id} || '.parquet'"
+    return f"SELECT list({path} ORDER BY {row_id}) FROM stored_{manifest}"  # noqa: S608 - our own names
+
+
+def _in_folder(schema: TableSchema) -> str:
+    """The files of a table that are whole where they are there."""
+    folder = f"{_variable('auditor_pattern')} || '/{schema.name}/"
+    path = f"{folder}' || parse_filename(file, true) || '.parquet'"
+    return (
+        f"SELECT list({path} ORDER BY file) FROM glob({folder}*.parquet')"  # noqa: S608 - our own names
+        f" WHERE regexp_full_match(parse_filename(file, true), '{_IDS}')"
+    )
+
+
+def _differ(manifest: str) -> str:
+    """Whether the files of a manifest were written with more than one version, so that their columns may differ."""
+    versions = "COLUMNS('^(schema|experiments)_version$')"
+    return f"SELECT count(*) > 1 FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608 - our own names
+
+
+_PICTURES = """\
+CREATE OR REPLACE TEMP TABLE stored_pictures AS
+SELECT regexp_extract(file, 'pictures/[^/]+/[^/]+$') AS file
+FROM glob(getvariable('auditor_pattern') || '/pictures/*/*');
+"""
+
+
+def _macros() -> Iterator[str]:
+    for macro in (*constants(), *macros()):
+        yield re.sub(r"^CREATE MACRO ", "CREATE OR REPLACE TEMP MACRO ", macro, flags=re.MULTILINE) + "\n"
+
+
+def _views() -> Iterator[str]:
+    for view in in_order(set(views())):
+        yield f"CREATE OR REPLACE TEMP VIEW {view} AS\n{views()[view].sql.strip()};\n"
+    with connected(None) as connection:
+        yield comments(connection) + "\n"
+
+
+def _variable(name: str) -> str:
+    return f"getvariable('{name}')"
