@@ -19,20 +19,21 @@ WITH mine AS (
 ),
 found AS (
     SELECT
-        first_stamp_ns AS from_ns,
-        last_stamp_ns AS to_ns,
+        mine.first_stamp_ns AS from_ns,
+        mine.last_stamp_ns AS to_ns,
         'recorded' AS what,
         CASE
-            WHEN judgement_id IS NULL THEN format('{} frames, not judged', measured)
+            WHEN judgement.judgement_id IS NULL THEN format('{} frames, not judged', mine.measured)
             ELSE format(
                 '{} frames: {} clean, {} attacked, {} unidentified, {} suspect, {} not auditable',
-                measured, clean, attacked, unidentified, suspect, not_auditable
+                mine.measured, judgement.clean, judgement.attacked, judgement.unidentified, judgement.suspect,
+                judgement.not_auditable
             )
         END AS found,
-        measured AS frames,
-        measurement_id
-    FROM summary
-    WHERE vehicle = $vehicle AND measurement_id IS NOT NULL
+        mine.measured AS frames,
+        mine.measurement_id
+    FROM mine
+    LEFT JOIN judgements AS judgement ON judgement.measurement_id = mine.measurement_id AND judgement.current
     UNION ALL BY NAME
     SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS found, evidence, frames, first_frame, measurement_id
     FROM incidents
