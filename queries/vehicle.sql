@@ -24,10 +24,13 @@ found AS (
         'recorded' AS what,
         CASE
             WHEN judgement.judgement_id IS NULL THEN format('{} frames, not judged', mine.measured)
-            ELSE format(
-                '{} frames: {} clean, {} attacked, {} unidentified, {} suspect, {} not auditable',
-                mine.measured, judgement.clean, judgement.attacked, judgement.unidentified, judgement.suspect,
-                judgement.not_auditable
+            ELSE mine.measured || ' frames: ' || concat_ws(
+                ', ',
+                nullif(judgement.clean, 0) || ' clean',
+                nullif(judgement.attacked, 0) || ' attacked',
+                nullif(judgement.unidentified, 0) || ' unidentified',
+                nullif(judgement.suspect, 0) || ' suspect',
+                nullif(judgement.not_auditable, 0) || ' not auditable'
             )
         END AS found,
         mine.measured AS frames,

@@ -28,9 +28,6 @@ from auditor.store.versions.history import first_histories, history_rows
 
 _Row = dict[str, Any]
 
-_NOT_KEPT = "poses"
-"""The table that older measurements lack: its files are there, and empty."""
-
 
 @dataclass(frozen=True)
 class Upgraded:
@@ -77,13 +74,14 @@ def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
     (new / "pictures").mkdir(parents=True)
     for measurement_id in finished(old / "measurements"):
+        if not (new / "poses" / f"{measurement_id}.parquet").exists():
+            write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
         (new / table).mkdir(exist_ok=True)
         for row_id in _finished(old, table):
-            path = old / table / f"{row_id}.parquet"
-            rows = _rows(path) if path.is_file() else iter(())
+            rows = _rows(old / table / f"{row_id}.parquet")
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
             write_rows(table, new / table / f"{row_id}.parquet", rows)
@@ -118,8 +116,6 @@ def _finished_outputs(new: Path) -> list[Output]:
 
 def _finished(old: Path, table: str) -> list[str]:
     """The ids of a table's finished files: those that its manifest names, too, where it has one."""
-    if table == _NOT_KEPT:
-        return finished(old / MANIFESTS[table])
     manifest = MANIFESTS.get(table)
     known = set(finished(old / manifest)) if manifest else None
     return [row_id for row_id in finished(old / table) if known is None or row_id in known]
