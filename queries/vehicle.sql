@@ -8,9 +8,7 @@
 -- column seconds: How long it took.
 -- column what: recorded, incident, not audited, or calibration changed.
 -- column found: What was found, why something was not audited, or which sensors a rig has.
--- column evidence: Of an incident, what exceeded its threshold, in words.
--- column latitude_deg: Where the vehicle was when it began, by GPS.
--- column longitude_deg: Where the vehicle was when it began, by GPS.
+-- column place: Where the vehicle was when it began: latitude and longitude in degrees, by GPS.
 -- column frames: How many frames it has.
 -- column from_ns: Stamp at which it began.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
@@ -38,7 +36,7 @@ found AS (
     FROM mine
     LEFT JOIN judgements AS judgement ON judgement.measurement_id = mine.measurement_id AND judgement.current
     UNION ALL BY NAME
-    SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS found, evidence, frames, first_frame, measurement_id
+    SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS found, frames, first_frame, measurement_id
     FROM incidents
     WHERE vehicle = $vehicle
     UNION ALL BY NAME
@@ -62,9 +60,7 @@ SELECT
     (found.to_ns - found.from_ns) / 1e9 AS seconds,
     found.what,
     found.found,
-    found.evidence,
-    round(place.latitude_deg, 6) AS latitude_deg,
-    round(place.longitude_deg, 6) AS longitude_deg,
+    format('{:.6f}, {:.6f}', place.latitude_deg, place.longitude_deg) AS place,
     found.frames,
     mine.name,
     found.from_ns,

@@ -126,9 +126,9 @@ def test_what_happened_to_a_vehicle_is_told_in_its_order(store):
         ("incident", "attacked: S_2 cam2", 1, "b.mcap"),
     ]
     [recorded, incident, *_] = run_query(store, "vehicle", {"vehicle": "alder"}).to_pylist()
-    assert (recorded["latitude_deg"], recorded["longitude_deg"]) == (49.0, 8.4)
+    assert recorded["place"] == "49.000000, 8.400000"
     assert str(incident["from_utc"])[:21] == "2026-01-05 12:00:00.2"
-    assert (incident["seconds"], incident["latitude_deg"]) == (0.1, 49.0)
+    assert (incident["seconds"], incident["place"]) == (0.1, recorded["place"])
 
 
 def test_a_vehicle_is_asked_for_between_two_times(store):
