@@ -271,6 +271,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         absent_sensors=tuple(row["absent_sensors"] or ()),
         drives=row["drives"],
         marks=_marks(row),
+        incidents_per_hour=row.get("incidents_per_hour"),
     )
 
 
