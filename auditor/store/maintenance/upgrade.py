@@ -74,8 +74,6 @@ def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
     (new / "pictures").mkdir(parents=True)
     for measurement_id in finished(old / "measurements"):
-        if not (new / "poses" / f"{measurement_id}.parquet").exists():
-            write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
@@ -85,6 +83,9 @@ def _write(old: Path, new: Path) -> Upgraded:
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
             write_rows(table, new / table / f"{row_id}.parquet", rows)
+        if table in MANIFESTS and not (old / table).is_dir():  # what was not kept then is empty
+            for row_id in finished(old / MANIFESTS[table]):
+                write_rows(table, new / table / f"{row_id}.parquet", ())
     for history in first_histories(_calibrations(new)):
         place = new / "calibration_history" / f"{history.history_id}.parquet"
         write_rows("calibration_history", place, history_rows(history))
