@@ -32,6 +32,7 @@ VERBS = (
     "report",
     "parameters",
     "store",
+    "verify",
     "weights",
     "train-matcher",
 )
@@ -104,8 +105,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = auditor.main(arguments, standalone_mode=False)
+        code = auditor.main(given, standalone_mode=False, obj=given)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         return Exit.FAILED

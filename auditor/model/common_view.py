@@ -7,7 +7,9 @@ and none needs a mask.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +66,16 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
         rotated = compose(motion(view_SO3_rig, np.zeros(3)), lidar.rig_SE3_lidar)
         lidar = replace(lidar, rig_SE3_lidar=rotated)
     return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
+
+
+@lru_cache(maxsize=64)
+def view_size_px(rig: Rig) -> tuple[int, int]:
+    """Width and height of the largest image that a rig's counts can be of: recorded, or rectified."""
+    cameras = list(rig.cameras)
+    if not rig.is_rectified:
+        with suppress(RigError):  # nothing is measured in a view that does not exist
+            cameras += common_view(rig).rig.cameras
+    return max(camera.width_px for camera in cameras), max(camera.height_px for camera in cameras)
 
 
 def _orientation(rig: Rig) -> Matrix:

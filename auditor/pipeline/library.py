@@ -42,6 +42,7 @@ from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, list_queries, list_views, run_query, run_sandboxed
 from auditor.store import query as find_query
 from auditor.store.export import Table
+from auditor.store.log import logged
 from auditor.store.maintenance.relations import relate
 
 PathLike = str | Path
@@ -154,13 +155,14 @@ def calibrate(
     folder, stores = Path(store), [Store.open(path) for path in paths if Store.is_at(path)]
     settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     batch = find_batch([path for path in paths if not Store.is_at(path)], folder, settings)
-    outcomes = list(measure_all(batch, on_progress or _silent))
     kept = Store.open(folder, create=True)
-    relate(kept)
-    given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
-    clean = choose_clean(given, stores)
-    calibration = calibrate_on(clean, frames)
-    kept.write_calibration(calibration)
+    with logged(kept.folder):
+        outcomes = list(measure_all(batch, on_progress or _silent))
+        relate(kept)
+        given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
+        clean = choose_clean(given, stores)
+        calibration = calibrate_on(clean, frames)
+        kept.write_calibration(calibration)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
     return Calibrated(calibration, clean.left_out, (*batch.errors, *failed))
 
@@ -205,13 +207,14 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
         return
     store = Store.open(batch.tasks[0].store)
     judge = Judge(store, judging)
-    for outcome in measure_all(batch, on_progress):
-        if outcome.result is None:
-            yield Scanned(str(outcome.item), error=outcome.error)
-        else:
-            relate(store)
-            judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
-            yield Scanned(str(outcome.item), outcome.result, judged)
+    with logged(store.folder):
+        for outcome in measure_all(batch, on_progress):
+            if outcome.result is None:
+                yield Scanned(str(outcome.item), error=outcome.error)
+            else:
+                relate(store)
+                judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
+                yield Scanned(str(outcome.item), outcome.result, judged)
 
 
 def judge(

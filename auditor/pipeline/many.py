@@ -9,6 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
+from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
@@ -26,6 +27,7 @@ from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.store.log import logged
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
 _NO_THRESHOLDS = (
@@ -59,7 +61,7 @@ class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
     `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
-    what the store has.
+    what the store has. `pictures` are those that the store keeps.
     """
 
     matcher: str = "sgbm"
@@ -69,6 +71,7 @@ class MeasureSettings:
     limits: LimitsOf = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     again: bool = False
+    pictures: Pictures = Pictures.ALL
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
             settings.rig,
             settings.origin_of(location.first),
             again=settings.again,
+            pictures=settings.pictures,
         )
         for location in found.recordings
     )
@@ -301,7 +305,12 @@ class Judge:
 def judge_all(store: Store, measurements: Iterable[str], settings: JudgeSettings) -> Iterator[Judged]:
     """Judge measurements of a store one by one."""
     judge = Judge(store, settings)
-    return (judge.judge(measurement) for measurement in measurements)
+    return _judge_all(judge, store, measurements)
+
+
+def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Iterator[Judged]:
+    with logged(store.folder):
+        yield from map(judge.judge, measurements)
 
 
 def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:

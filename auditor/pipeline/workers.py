@@ -24,6 +24,7 @@ from typing import Any, Generic, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from auditor.errors import AuditorError, LimitError
+from auditor.store.log import Run, adopt, current_runs
 
 MEMORY_MB = 4096
 """Memory that one task may take by default."""
@@ -189,7 +190,11 @@ class _Run(Generic[Item, Result]):
             writer,
             # A process for each task: what one leaves in memory does not count for the next.
             ProcessPool(
-                max_workers=self._jobs, max_tasks=1, context=context, initializer=_start_worker, initargs=[writer]
+                max_workers=self._jobs,
+                max_tasks=1,
+                context=context,
+                initializer=_start_worker,
+                initargs=[writer, current_runs()],
             ) as pool,
         ):
             futures: dict[Future[Any], int] = {}
@@ -280,9 +285,10 @@ def _uninterrupted() -> Iterator[None]:
         signal.raise_signal(number)  # what a shell starts in the background ignores Ctrl-C
 
 
-def _start_worker(progress: "Connection[Any, Any]") -> None:
+def _start_worker(progress: "Connection[Any, Any]", runs: Sequence[Run]) -> None:
     global _progress_pipe  # noqa: PLW0603 - a worker has no other place to keep it
     _progress_pipe = progress
+    adopt(runs)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -18,6 +18,7 @@ from auditor.model.measurement import BRIGHTNESS, COUNTING_VERSION, Procedure, S
 from auditor.model.rig import LIDAR, Triple
 from auditor.model.rig_kind import RigKind
 from auditor.model.verdict import Cause, CauseIn
+from auditor.store.files import Announce
 from auditor.store.records import content_id, to_utc
 from auditor.store.tables import Row, read_rows, write_rows
 
@@ -89,11 +90,11 @@ def make_calibration(rig_kind: RigKind, procedure: Procedure, clean: Iterable[Cl
     return replace(unnamed, calibration_id=calibration_id(unnamed))
 
 
-def write_calibration(calibration: Calibration, path: Path) -> None:
-    """Write a calibration to a file of its own. Raises StoreError."""
+def write_calibration(calibration: Calibration, path: Path, announce: Announce | None = None) -> None:
+    """Write a calibration to a file of its own; `announce` tells of it. Raises StoreError."""
     if calibration.calibration_id != calibration_id(calibration):
         raise StoreError("its id is not that of its content", where=f"calibration {calibration.calibration_id}")
-    write_rows("calibrations", path, _rows(calibration))
+    write_rows("calibrations", path, _rows(calibration), announce)
 
 
 def read_calibration(path: Path) -> Calibration:

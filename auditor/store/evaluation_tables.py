@@ -11,10 +11,11 @@ from typing import ClassVar, Protocol
 
 from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
 from auditor.model.verdict import FaultHypothesis, VerdictKind
+from auditor.store.log import Output
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
-from auditor.store.tables import Row, TableWriter, read_rows, write_rows, writing
+from auditor.store.tables import Row, TableWriter, read_rows, writing
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class PartWriter:
         evaluated_at: datetime,
     ) -> None:
         """Put the cases in their place, then write the row that makes them finished."""
-        self._table.commit()
+        written = Output.of_written(self._table.commit(), self._store.folder)
         part = self._part
         row = {
             **vars(part),
@@ -92,8 +93,9 @@ class PartWriter:
             "versions": dict(sorted(versions.items())),
             "evaluated_at": to_utc(evaluated_at),
             "schema_version": SCHEMA_VERSION,
+            "outputs": [written.fields],
         }
-        write_rows(part.manifest, self._store.path(part.manifest, part.evaluation_id), [row])
+        self._store.write(part.manifest, part.evaluation_id, [row])
 
 
 @contextmanager
@@ -240,7 +242,7 @@ def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[Cas
         }
         for one in verdicts
     )
-    write_rows("case_verdicts", store.path("case_verdicts", evaluation_id), rows)
+    store.write("case_verdicts", evaluation_id, rows)
 
 
 @dataclass(frozen=True)

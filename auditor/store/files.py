@@ -5,12 +5,14 @@ it. What a killed writer left has lost its lock, and what is still being written
 """
 
 import fcntl
+import hashlib
 import os
 import re
 import secrets
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,6 +20,9 @@ from auditor.errors import StoreError
 
 ABANDONED_AFTER_S = 60.0
 """A younger file under way may have been made so recently that its writer has not locked it yet."""
+
+_BLOCK = 1 << 20
+_OWNERS_FOLDER, _OWNERS_FILE = 0o700, 0o600
 
 _ID = re.compile(r"[0-9a-f]{8,64}")
 _PART = re.compile(r"\..+\.[0-9a-f]{16}\.part")
@@ -30,6 +35,19 @@ def checked_id(text: str) -> str:
     return text
 
 
+@dataclass(frozen=True)
+class Written:
+    """A file that was written: its place, its size in bytes and its sha256."""
+
+    path: Path
+    size: int
+    sha256: str
+
+
+Announce = Callable[[Written], AbstractContextManager[None]]
+"""Tells of a file before it is given its place, which happens inside the block of what it returns."""
+
+
 class PartFile:
     """A file under way: `commit` puts it in the place of `target`, `discard` leaves no trace of it.
 
@@ -40,7 +58,7 @@ class PartFile:
         self._target = target
         self._part: Path | None = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
         with self.reporting():
-            target.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(target.parent)
             self.file = open_part(self._part)
         try:
             with self.reporting():
@@ -49,16 +67,20 @@ class PartFile:
             self.discard()
             raise
 
-    def commit(self) -> None:
-        """Make what was written durable and give it its place."""
+    def commit(self, announce: "Announce | None" = None) -> Written:
+        """Make what was written durable and give it its place, within the block of `announce`."""
         assert self._part is not None, "the file has found its end"
         with self.reporting():
             self.file.flush()
             os.fsync(self.file.fileno())
+            with self._part.open("rb") as content:
+                written = Written(self._target, *hash_stream(content))
+        with announce(written) if announce is not None else nullcontext(), self.reporting():
             self._part.replace(self._target)
             self._part = None
             self.file.close()
             _sync_folder(self._target.parent)
+        return written
 
     def discard(self) -> None:
         """Remove what was written, unless it has been committed."""
@@ -105,17 +127,48 @@ def part_file(target: Path) -> Iterator[PartFile]:
         part.discard()
 
 
-def write_whole(target: Path, content: bytes) -> None:
-    """Write a small file in one go. Raises StoreError."""
+def hash_stream(file: BinaryIO) -> tuple[int, str]:
+    """Size and sha256 of what a file holds from its place on. Raises OSError."""
+    digest, size = hashlib.sha256(), 0
+    while block := file.read(_BLOCK):
+        digest.update(block)
+        size += len(block)
+    return size, digest.hexdigest()
+
+
+def write_whole(target: Path, content: bytes, announce: "Announce | None" = None) -> Written:
+    """Write a small file in one go, and give it its place within the block of `announce`. Raises StoreError."""
     with part_file(target) as part:
         with part.reporting():
             part.file.write(content)
-        part.commit()
+        return part.commit(announce)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above that are missing, for their owner alone; what is there stays as it is."""
+    if not folder.is_dir():
+        make_folder(folder.parent)
+        folder.mkdir(_OWNERS_FOLDER, exist_ok=True)
 
 
 def open_part(path: Path) -> BinaryIO:
-    """A new file to write to."""
-    return path.open("xb")
+    """A new file to write to, for its owner alone."""
+    return open(path, "xb", opener=for_owner)
+
+
+def for_owner(path: str, flags: int) -> int:
+    """An opener for `open`: a file that it makes is its owner's alone."""
+    return os.open(path, flags, _OWNERS_FILE)
+
+
+def close_to_others(folder: Path) -> None:
+    """Leave a folder and all that is in it to their owner alone."""
+    folder.chmod(_OWNERS_FOLDER)
+    for above, folders, names in os.walk(folder):
+        for name in folders:
+            (Path(above) / name).chmod(_OWNERS_FOLDER)
+        for name in names:
+            (Path(above) / name).chmod(_OWNERS_FILE)
 
 
 def remove_abandoned(folder: Path) -> None:

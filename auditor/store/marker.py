@@ -16,9 +16,6 @@ UPGRADED = ".upgraded"
 """The folder inside a store that an upgrade writes its files into."""
 
 UPGRADED_FROM = SCHEMA_VERSION - 1
-_NO_TABLES = ("pair_checks",)
-"""Folders of the version before that hold no table of this one."""
-
 _FORMAT = "auditor store"
 
 
@@ -32,8 +29,13 @@ class Marker:
 
 def write_marker(folder: Path, *, moving: bool = False) -> None:
     """Mark a folder as a store of this version. Raises StoreError."""
+    write_whole(folder / MARKER, marker_content(moving=moving))
+
+
+def marker_content(*, moving: bool = False) -> bytes:
+    """What the marker of a store of this version holds."""
     content = {"format": _FORMAT, "schema_version": SCHEMA_VERSION, **({"moving": True} if moving else {})}
-    write_whole(folder / MARKER, json.dumps(content).encode() + b"\n")
+    return json.dumps(content).encode() + b"\n"
 
 
 def read_marker(folder: Path) -> Marker:
@@ -93,9 +95,6 @@ def move_upgraded(folder: Path) -> None:
                 if (folder / name).is_dir():
                     shutil.rmtree(folder / name)
                 (new / name).rename(folder / name)
-        for name in _NO_TABLES:
-            if (folder / name).is_dir():
-                shutil.rmtree(folder / name)
         shutil.rmtree(new, ignore_errors=True)
     except OSError as error:
         raise StoreError(

@@ -2,7 +2,7 @@
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.common_view import view_size_px
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     BRIGHTNESS,
@@ -31,9 +32,10 @@ from auditor.model.measurement import (
 )
 from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
+from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row
-from auditor.store.tables import Row, TableWriter, read_table, stream_rows, write_rows
+from auditor.store.tables import Row, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
 """The number of a frame, and its counts by what they are of."""
@@ -161,6 +163,8 @@ _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_
 _COVERAGE = ("textureless_share", "unmatched_share", *BRIGHTNESS, "returns")
 
 
+_ALTERED = "auditor verify says what was altered"
+
 _PIXELS = {
     Statistic.PLAIN: ("valid_px", "inconsistent_px"),
     Statistic.GATED: ("gated_valid_px", "gated_inconsistent_px"),
@@ -218,6 +222,11 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     F, T, S = len(table), len(rig.measured_triples), len(rig.sensors)
     # NULL becomes NaN, which is never >= MIN_VALID_PX.
     pixels, flagged = (_padded(table[name], T, len(rig.triples), path) for name in (valid, inconsistent))
+    width, height = view_size_px(rig)
+    if ((flagged > pixels) | (flagged < 0) | (pixels > width * height)).any():
+        raise StoreError(
+            f"it counts more pixels than are in its images of {width} x {height} px", where=path, remedy=_ALTERED
+        )
     E = np.full((F, T), np.nan)
     np.divide(flagged, pixels, out=E, where=pixels >= MIN_VALID_PX)
     return FrameErrors(
@@ -307,11 +316,15 @@ WRITTEN = ("cells", "fault_features", "regions", "poses", "frames")
 """The tables that a measurement fills, in the order in which they are finished."""
 
 
+Finish = Callable[[str, Row, Sequence[Written]], None]
+"""Makes a measurement finished: its id, its row, and the files that this row finishes."""
+
+
 class FramesWriter:
     """Takes the frames of one measurement in their order, and makes them finished with `commit`."""
 
-    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], manifest: Path) -> None:
-        self._manifest = manifest
+    def __init__(self, measurement_id: str, rig: Rig, tables: Mapping[str, TableWriter], finish: Finish) -> None:
+        self._finish = finish
         self._measurement_id = measurement_id
         self._rig = rig
         self._tables = tables
@@ -362,8 +375,8 @@ class FramesWriter:
         """Take a pose of a measured frame."""
         self._tables["poses"].add(pose_row(self._measurement_id, placed))
 
-    def commit(self, measurement: MeasurementRecord) -> None:
-        """Put all tables in their place, then write the row that makes the measurement finished.
+    def commit(self, measurement: MeasurementRecord, pictures: Sequence[Written] = ()) -> None:
+        """Put all tables in their place, then write the row that makes them and the pictures finished.
 
         Raises StoreError where the record is of another measurement.
         """
@@ -372,8 +385,7 @@ class FramesWriter:
                 f"the record is of measurement {measurement.measurement_id}",
                 where=f"measurement {self._measurement_id}",
             )
-        for table in WRITTEN:
-            self._tables[table].commit()
+        written = [self._tables[table].commit() for table in WRITTEN]
         row = {
             **measurement_row(measurement),
             "frames": self._measured + self._skipped.total(),
@@ -382,7 +394,7 @@ class FramesWriter:
             "first_stamp_ns": self._first_stamp_ns,
             "last_stamp_ns": self._last_stamp_ns,
         }
-        write_rows("measurements", self._manifest, [row])
+        self._finish(self._measurement_id, row, [*written, *pictures])
 
     def _note(self, stamp_ns: int) -> None:
         stamps = [stamp for stamp in (self._first_stamp_ns, stamp_ns, self._last_stamp_ns) if stamp is not None]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from auditor.store.files import checked_id, write_whole
+from auditor.store.files import Written, checked_id, write_whole
 
 _MASK = re.compile(r"(\d+)_S(\d+)\.png")
 _VIEW = re.compile(r"(\d+)_S(\d+)\.jpg")
@@ -24,12 +24,11 @@ class Picture:
     mask_png: bytes
 
 
-def write_picture(folder: Path, measurement_id: str, picture: Picture) -> None:
+def write_picture(folder: Path, measurement_id: str, picture: Picture) -> tuple[Written, ...]:
     """Keep the picture of a frame; its mask comes last and makes it finished. Raises StoreError."""
     pictures = folder / checked_id(measurement_id)
-    for sensor, jpeg in picture.views.items():
-        write_whole(pictures / f"{picture.frame}_S{sensor}.jpg", jpeg)
-    write_whole(pictures / f"{picture.frame}_S{picture.reference}.png", picture.mask_png)
+    views = [write_whole(pictures / f"{picture.frame}_S{sensor}.jpg", jpeg) for sensor, jpeg in picture.views.items()]
+    return *views, write_whole(pictures / f"{picture.frame}_S{picture.reference}.png", picture.mask_png)
 
 
 def read_picture(folder: Path, measurement_id: str, frame: int) -> Picture | None:

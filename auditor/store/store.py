@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC
 from pathlib import Path
@@ -15,7 +15,8 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import checked_id, finished, is_part, remove_abandoned
+from auditor.store.files import Written, checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.log import Output, logged
 from auditor.store.marker import MARKER, check_marker, write_marker
 from auditor.store.measurement_tables import (
     WRITTEN,
@@ -51,7 +52,7 @@ from auditor.store.rows import (
     verdict_row,
 )
 from auditor.store.schema import TABLES
-from auditor.store.tables import read_rows, read_table, write_rows, writing
+from auditor.store.tables import Row, read_rows, read_table, write_rows, writing
 
 MANIFESTS = {
     "frames": "measurements",
@@ -109,11 +110,28 @@ class Store:
         for folder in (self.folder, *(self.folder / table for table in TABLES), *self.folder.glob("pictures/*")):
             remove_abandoned(folder)
 
+    def write(self, table: str, row_id: str, rows: Iterable[Row]) -> None:
+        """Put a file of a table in its place; the log says so. Raises StoreError."""
+        with logged(self.folder) as entry:
+            write_rows(table, self.path(table, row_id), rows, entry.announce)
+
+    def write_page(self, path: Path, content: bytes) -> None:
+        """Put a page in its place; the log says so where that is in the store. Raises StoreError."""
+        if path.resolve().is_relative_to(self.folder):
+            with logged(self.folder) as entry:
+                write_whole(path.resolve(), content, entry.announce)
+        else:
+            write_whole(path, content)
+
+    def _outputs(self, written: Iterable[Written]) -> list[Row]:
+        """Files as the column `outputs` has them."""
+        return [Output.of_written(one, self.folder).fields for one in written]
+
     # Recordings, rigs, labels
 
     def write_recording(self, recording: RecordingRecord) -> None:
         """Keep what is known of a recording."""
-        write_rows("recordings", self.path("recordings", recording.recording_id), [recording_row(recording)])
+        self.write("recordings", recording.recording_id, [recording_row(recording)])
 
     def recordings(self) -> list[RecordingRecord]:
         """All recordings, by id."""
@@ -138,9 +156,10 @@ class Store:
 
     def write_rig(self, rig: Rig) -> None:
         """Keep a rig, its triples and its sensor checks."""
-        write_rows("sensor_checks", self.path("sensor_checks", rig.rig_id), sensor_check_rows(rig))
-        write_rows("triples", self.path("triples", rig.rig_id), triple_rows(rig))
-        write_rows("rigs", self.path("rigs", rig.rig_id), [rig_row(rig)])
+        with logged(self.folder):
+            self.write("sensor_checks", rig.rig_id, sensor_check_rows(rig))
+            self.write("triples", rig.rig_id, triple_rows(rig))
+            self.write("rigs", rig.rig_id, [rig_row(rig)])
 
     def rig(self, rig_id: str) -> Rig:
         """The rig of an id."""
@@ -164,7 +183,7 @@ class Store:
             }
             for label in labels
         ]
-        write_rows("labels", self.path("labels", recording_id), rows)
+        self.write("labels", recording_id, rows)
 
     def labels(self, recording_id: str) -> list[AttackLabel]:
         """The ground truth that a recording carries; none where it carries none."""
@@ -184,7 +203,7 @@ class Store:
     def write_given_labels(self, recording_id: str, labels: Iterable[GivenLabel]) -> None:
         """Keep all labels that persons gave to a recording, in place of those of before."""
         rows = [{**vars(label), "recording_id": recording_id, "given_at": to_utc(label.given_at)} for label in labels]
-        write_rows("given_labels", self.path("given_labels", recording_id), rows)
+        self.write("given_labels", recording_id, rows)
 
     def given_labels(self, recording_id: str) -> list[GivenLabel]:
         """The labels that persons gave to a recording."""
@@ -205,7 +224,10 @@ class Store:
         """Write the frames of a measurement; without a `commit` inside the block, nothing of them stays."""
         with ExitStack() as stack:
             tables = {table: stack.enter_context(writing(table, self.path(table, measurement_id))) for table in WRITTEN}
-            yield FramesWriter(measurement_id, rig, tables, self.path("measurements", measurement_id))
+            yield FramesWriter(measurement_id, rig, tables, self._finish_measurement)
+
+    def _finish_measurement(self, measurement_id: str, row: Row, written: Sequence[Written]) -> None:
+        self.write("measurements", measurement_id, [{**row, "outputs": self._outputs(written)}])
 
     def has_measurement(self, measurement_id: str) -> bool:
         """True where a measurement was finished."""
@@ -255,7 +277,8 @@ class Store:
 
     def write_calibration(self, calibration: Calibration) -> None:
         """Keep a calibration."""
-        write_calibration(calibration, self.path("calibrations", calibration.calibration_id))
+        with logged(self.folder) as entry:
+            write_calibration(calibration, self.path("calibrations", calibration.calibration_id), entry.announce)
 
     def calibration(self, calibration_id: str) -> Calibration:
         """The calibration of an id. Raises ThresholdsError where there is none."""
@@ -299,9 +322,9 @@ class Store:
                 counts[verdict.kind] += 1
                 in_incidents += verdict.finding is not None if robust else verdict.kind in FINDINGS
                 table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
-            table.commit()
+            written = table.commit()
         row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}
-        write_rows("judgements", self.path("judgements", judgement_id), [row])
+        self.write("judgements", judgement_id, [{**row, "outputs": self._outputs([written])}])
         return stored_judgement(row)
 
     def judgements(self) -> list[StoredJudgement]:
@@ -318,9 +341,12 @@ class Store:
 
     # Pictures
 
-    def write_picture(self, measurement_id: str, picture: Picture) -> None:
-        """Keep what the cameras saw in a frame, and the mask of its inconsistent pixels."""
-        write_picture(self.folder / "pictures", measurement_id, picture)
+    def write_picture(self, measurement_id: str, picture: Picture) -> tuple[Written, ...]:
+        """Keep what the cameras saw in a frame, and the mask of its inconsistent pixels.
+
+        Its files are finished by the measurement's row, which is to name them.
+        """
+        return write_picture(self.folder / "pictures", measurement_id, picture)
 
     def picture(self, measurement_id: str, frame: int) -> Picture | None:
         """The picture of a frame; None where none was kept."""

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
 from auditor.model.text import storable
-from auditor.store.files import PartFile, part_file
+from auditor.store.files import Announce, PartFile, Written, part_file
 from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
 
 Row = Mapping[str, object]
@@ -45,13 +45,13 @@ class TableWriter:
         if len(self._rows) == BATCH_ROWS:
             self._make_batch()
 
-    def commit(self) -> None:
-        """Write what is left and the footer, and give the file its place."""
+    def commit(self, announce: Announce | None = None) -> Written:
+        """Write what is left and the footer, and give the file its place within the block of `announce`."""
         self._make_batch()
         self._write_group()
         with self._part.reporting():
             self._parquet.close()
-        self._part.commit()
+        return self._part.commit(announce)
 
     def abandon(self) -> None:
         """Let go of the file, whatever state it is in."""
@@ -100,12 +100,12 @@ def writing(table: str, path: Path) -> Iterator[TableWriter]:
             writer.abandon()
 
 
-def write_rows(table: str, path: Path, rows: Iterable[Row]) -> None:
-    """Write a file of a table in one go. Raises StoreError."""
+def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce | None = None) -> Written:
+    """Write a file of a table in one go, and give it its place within the block of `announce`. Raises StoreError."""
     with writing(table, path) as writer:
         for row in rows:
             writer.add(row)
-        writer.commit()
+        return writer.commit(announce)
 
 
 def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> pa.Table:

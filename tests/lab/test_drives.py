@@ -7,7 +7,7 @@ import pytest
 from auditor.errors import SettingError
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.lab.simulation.streets import STYLES
-from auditor.lab.simulation.vehicles import CameraFlaws, LidarFlaws
+from auditor.lab.simulation.vehicles import CameraFlaws, LidarFlaws, make_rig, make_vehicle
 from auditor.model.frames import SensorState
 from auditor.model.rig import LIDAR
 
@@ -58,7 +58,8 @@ def test_drives_of_one_vehicle_share_its_calibration_and_its_flaws() -> None:
 
 
 def test_every_vehicle_has_a_calibration_of_its_own_and_all_are_of_one_kind() -> None:
-    rigs = [make_drive(1, 1, vehicle=vehicle).rig for vehicle in range(30)]
+    designed = make_rig(3, lidar=True, width_px=1242, height_px=375)
+    rigs = [make_vehicle(designed, vehicle).rig for vehicle in range(30)]
     assert len({rig.rig_id for rig in rigs}) == 30
     assert all(a.kind.matches(b.kind) for a in rigs for b in rigs)
     assert np.ptp([rig.camera(1).focal_px for rig in rigs]) > 5

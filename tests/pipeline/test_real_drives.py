@@ -1,6 +1,7 @@
 """The whole chain on real frames: KITTI drives 0009 and 0001, from the folder that AUDITOR_TEST_DATA names."""
 
 import json
+import shutil
 from collections import defaultdict
 from itertools import islice
 from pathlib import Path
@@ -18,25 +19,34 @@ from tests.benchmarks.real_drives import frames
 
 DEPTH_FRAMES = (5, 25, 45, 65, 85)
 ANNOTATED_PER_METRE = 256
+ATTACKED_EVERY = 4
+VERDICTS = "SELECT frame, kind FROM verdicts"
 
 
 @pytest.fixture(scope="module")
 def converted(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Drive 0009, and beside it the store in which it was measured."""
     folder = tmp_path_factory.mktemp("converted")
-    for number in ("0009", "0001"):
-        source = real_data / f"kitti_raw_2011_09_26_drive_{number}"
-        assert run(["convert", str(source), str(folder / f"{number}.mcap")]) == 0
+    source, drive = real_data / "kitti_raw_2011_09_26_drive_0009", str(folder / "0009.mcap")
+    assert run(["convert", str(source), drive]) == 0
+    assert run(["scan", drive, "--measure-only", "--store", str(folder / "audit")]) == 3
     return folder
 
 
+@pytest.fixture
+def store(converted: Path, tmp_path: Path) -> Path:
+    """A store of the test's own, in which drive 0009 was measured."""
+    return shutil.copytree(converted / "audit", tmp_path / "audit")
+
+
 def test_a_drive_calibrated_on_its_first_half_is_audited_whole(
-    converted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    converted: Path, store: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store, recording = str(tmp_path / "audit"), str(converted / "0009.mcap")
-    assert run(["calibrate", recording, "--frames", "0:20", "-r", "0", "--store", store]) == 0
-    code = run(["scan", recording, "-r", "0", "--store", store])
+    recording = str(converted / "0009.mcap")
+    assert run(["calibrate", recording, "--frames", "0:20", "-r", "0", "--store", str(store)]) == 0
+    code = run(["scan", recording, "-r", "0", "--store", str(store)])
     capfd.readouterr()
-    assert run(["query", "--store", store, "--format", "json", "--sql", "SELECT frame, kind FROM verdicts"]) == 0
+    assert run(["query", "--store", str(store), "--format", "json", "--sql", VERDICTS]) == 0
     raised = [row["frame"] for row in json.loads(capfd.readouterr().out) if row["kind"] != "clean"]
     assert not [frame for frame in raised if frame < 20]
     assert len(raised) <= 4
@@ -44,9 +54,9 @@ def test_a_drive_calibrated_on_its_first_half_is_audited_whole(
 
 
 def test_four_cameras_name_the_attacked_one_and_the_page_tells_it(
-    converted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    converted: Path, store: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    store, clean, attacked = tmp_path / "audit", converted / "0009.mcap", tmp_path / "attacked.mcap"
+    clean, attacked = converted / "0009.mcap", tmp_path / "attacked.mcap"
     assert run(["attack", str(clean), str(attacked), "--on", "S_2", "--from", "1", "--to", "3"]) == 0
     assert run(["calibrate", str(clean), "--store", str(store)]) == 0
     assert run(["scan", str(attacked), "-r", "0.01", "--store", str(store)]) == 1
@@ -70,7 +80,7 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
     for frame in islice(stream, 0, None, 2):
         clean[frame.number] = identification.disparity_errors(frame, rig)
         rng = np.random.default_rng(frame.number)
-        for sensor in rig.sensors:
+        for sensor in rig.sensors if frame.number % ATTACKED_EVERY == 0 else ():
             changed = identification.attacked(frame, rig, sensor, "opaque", rng)
             cases.append((frame.number, sensor, identification.disparity_errors(changed, rig)))
     named = {mode: defaultdict(int) for mode in ("in sample", "left out")}
@@ -79,9 +89,9 @@ def test_algorithm_2_names_the_attacked_sensor_on_real_frames(real_data: Path) -
             block = range(number // 10 * 10, number // 10 * 10 + 10) if mode == "left out" else ()
             theta = identification.maxima([E for other, E in clean.items() if other not in block])
             counts[sensor] += identification.named(E, theta, rig) == (sensor,)
-    assert len(cases) == 80
-    assert sum(named["in sample"].values()) >= 0.94 * 80, named
-    assert sum(named["left out"].values()) >= 0.88 * 80, named
+    assert len(cases) == 40
+    assert sum(named["in sample"].values()) >= 0.94 * 40, named
+    assert sum(named["left out"].values()) >= 0.88 * 40, named
 
 
 @pytest.mark.parametrize("check", [1, 2])

@@ -150,22 +150,23 @@ def test_all_marks_lie_inside_their_panels(page):
 
 
 def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
-    assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), frames=4, seen=1.0)).setups[0].unseen == ()
-    blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), frames=4, seen=0.2)).setups[0].unseen
+    how = {"names": ("a.mcap",), "frames": 4}
+    assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), seen=1.0, **how)).setups[0].unseen == ()
+    blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), seen=0.2, **how)).setups[0].unseen
     assert any(s.startswith("A bogus wall, 0.5 m wide, on the LiDAR was detected in") for s in blind)
     assert any(s.startswith("Scenario 2: attacks with opaque faculas on S_1") for s in blind)
 
 
 @pytest.mark.parametrize(("n", "lidar"), [(2, True), (3, True), (3, False), (4, False)])
 def test_rigs_of_every_make_have_a_page(tmp_path, n, lidar):
-    store = evaluated(tmp_path, make_rig(n, lidar=lidar), frames=3)
+    store = evaluated(tmp_path, make_rig(n, lidar=lidar), names=("a.mcap",), frames=3)
     shown = Page(render_evaluation(load_evaluation(store)))
     assert ("Identification (Table II)" in shown.text) == (n + lidar >= 4)
     assert ("Wall on the LiDAR" in shown.text) == lidar
 
 
 def test_an_evaluation_that_has_only_begun_has_a_page(tmp_path):
-    store = evaluated(tmp_path, make_rig(3), experiments=EXPERIMENTS[:1])
+    store = evaluated(tmp_path, make_rig(3), names=("a.mcap",), frames=4, experiments=EXPERIMENTS[:1])
     assert "False alarms" in Page(render_evaluation(load_evaluation(store))).text
 
 

@@ -450,7 +450,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from auditor.store import measurement_tables, store
+from auditor.store import store
 from tests.making.stores import *
 point, rows = sys.argv[3], 10_000
 die = lambda: os.kill(os.getpid(), signal.SIGKILL)
@@ -461,12 +461,12 @@ def frames(rig):
             die()
         yield make_measurement(rig, number, [number % 90, None, 5])
 
-def write_rows(table, path, content, write=store.write_rows):
+def write_rows(table, path, content, announce, write=store.write_rows):
     if point == f"before {table}":
         die()
-    write(table, path, content)
+    write(table, path, content, announce)
 
-store.write_rows = measurement_tables.write_rows = write_rows
+store.write_rows = write_rows
 rig = make_rig(3)
 store = new_store(Path(sys.argv[2]))
 if store.ids("measurements"):

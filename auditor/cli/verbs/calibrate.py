@@ -1,6 +1,7 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
 from collections.abc import Collection
+from contextlib import nullcontext
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
@@ -10,6 +11,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit, Tally
+from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
 from auditor.errors import SettingError
 
@@ -89,24 +91,26 @@ def command(
     stores = [path for path in sources if Store.is_at(path)]
     recordings = [path for path in sources if path not in stores]
     opened = [Store.open(path) for path in stores]
-    measured: list[Measured] = []
-    given: list[tuple[Store, str]] = []
-    if recordings:
-        measured = show_measuring(find_batch(recordings, store, measuring), tally)
-        given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
-    if Store.is_at(store):
-        _tell_relations(Store.open(store), {one.recording_id for one in measured}, tally)
-    clean = choose_clean(given, opened)
-    for reason in clean.left_out:
-        say(reason)
-    calibration = calibrate_on(clean, frames, recount=recount)
-    one, known = clean.chosen[0]
-    system = system_of(one.rig(one.measurement(known).rig_id))
-    _check_rate(calibration, system, r, method, strict=strict)
-    kept = Store.open(store, create=True)
-    kept.write_calibration(calibration)
-    if out:
-        write_calibration(calibration, out)
+    batch = find_batch(recordings, store, measuring) if recordings else None
+    with logged(store) if (batch and batch.tasks) or Store.is_at(store) else nullcontext():
+        measured: list[Measured] = []
+        given: list[tuple[Store, str]] = []
+        if batch is not None:
+            measured = show_measuring(batch, tally)
+            given = [(Store.open(store), known) for one in measured for known in one.measurement_ids]
+        if Store.is_at(store):
+            _tell_relations(Store.open(store), {one.recording_id for one in measured}, tally)
+        clean = choose_clean(given, opened)
+        for reason in clean.left_out:
+            say(reason)
+        calibration = calibrate_on(clean, frames, recount=recount)
+        one, known = clean.chosen[0]
+        system = system_of(one.rig(one.measurement(known).rig_id))
+        _check_rate(calibration, system, r, method, strict=strict)
+        kept = Store.open(store, create=True)
+        kept.write_calibration(calibration)
+        if out:
+            write_calibration(calibration, out)
     if method == "robust":
         show_robust(calibration, system, r, form)
     else:

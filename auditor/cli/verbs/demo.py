@@ -12,6 +12,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
 from auditor.cli.output import answer, print_rows, progress, say
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ _MADE = re.compile(
     r"""\.auditor-demo
     | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
     | audit/(
-        store\.json | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
+        store\.json | log/[\w.-]+\.jsonl | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
         | reports/(incident|evaluation)\.html
     )
     """,
@@ -64,17 +65,18 @@ def command(folder: Path, method: str, jobs: int) -> int:
     of_clean, tally = Tally(), Tally()
     _record((*clean, *suspected), jobs)
     measuring = MeasureSettings(limits=lambda _: Limits(), jobs=jobs)
-    references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
-    kept = Store.open(store)
-    calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
-    kept.write_calibration(calibration)
-    audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
-    r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
-    judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)
-    show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
-    show_audit(kept, "table", tally, {one.recording_id for one in audited})
-    exact = _compare(kept, suspected)
-    page = render_incident_report(kept, out=store / "reports" / "incident.html")
+    kept = Store.open(store, create=True)
+    with logged(store):
+        references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
+        calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
+        kept.write_calibration(calibration)
+        audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
+        r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
+        judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)
+        show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
+        show_audit(kept, "table", tally, {one.recording_id for one in audited})
+        exact = _compare(kept, suspected)
+        page = render_incident_report(kept, out=store / "reports" / "incident.html")
     answer(f"The incident page: {page}")
     answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
     return Exit.CLEAN if exact and not (of_clean.failed or tally.failed) else Exit.FINDINGS

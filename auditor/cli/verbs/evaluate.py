@@ -8,6 +8,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
 from auditor.cli.output import emit, format_option, progress, say
 from auditor.errors import SettingError
 
@@ -122,23 +123,24 @@ def command(
     sources += [Street(_FIRST_STREET + number, _STREET_FRAMES) for number in range(synthetic or 0)]
     if not sources:
         return Exit.FAILED
-    Store.open(store, create=True)
+    kept = Store.open(store, create=True)
     network, jobs = share_threads(network, jobs)
     shares = -(-jobs // len(sources))  # few recordings are shared among all processes
     how = partial(Task, matcher=matcher, network=network, seed=seed, draws=draws, attack_every=attack_every, of=shares)
     tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
-    measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
-    done = _evaluate_all(evaluate_source, measured, jobs, limits)
-    if detectors:
-        found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
-        done &= _evaluate_all(evaluate_objects, found_by, jobs, limits)
-    kept = Store.open(store)
+    with logged(store):
+        measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
+        done = _evaluate_all(evaluate_source, measured, jobs, limits)
+        if detectors:
+            found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
+            done &= _evaluate_all(evaluate_objects, found_by, jobs, limits)
+        old = judge_cases(kept) if kept.ids("evaluations") else 0
+    if old:
+        say(
+            f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
+            "evaluate their recordings again"
+        )
     if kept.ids("evaluations"):
-        if old := judge_cases(kept):
-            say(
-                f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
-                "evaluate their recordings again"
-            )
         emit(run_query(kept, "evaluation_summary", {"left_out": leave_out or "all"}), form)
     return Exit.CLEAN if done and not found.errors else Exit.FAILED
 

@@ -7,6 +7,7 @@ import click
 from click.core import ParameterSource
 
 from auditor.cli import options
+from auditor.cli.logged import logged
 from auditor.cli.output import format_option
 
 
@@ -38,6 +39,7 @@ def command(place: Path | None, store: Path, form: str, **judging: Any) -> int: 
     if place is not None and click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
         raise click.UsageError("name the store once, with --store")
     kept, tally = Store.open(place or store), Tally()
-    judged = show_judging(judge(kept, **judging), kept, tally)
+    with logged(kept.folder):
+        judged = show_judging(judge(kept, **judging), kept, tally)
     show_audit(kept, form, tally, judged=judged)
     return tally.exit_code()

@@ -1,11 +1,13 @@
 """`auditor label`: ground truth for attacks that somebody else made."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from auditor.cli import options
+from auditor.cli.logged import logged
 from auditor.cli.output import print_rows, say
 
 if TYPE_CHECKING:
@@ -63,12 +65,13 @@ def command(
         raise click.UsageError("an attack has a name (--attack), and either --sensor or --topic")
     kept = Store.open(store)
     known = recording_called(kept, recording)
-    if attack is not None:
-        label_attack(kept, known, attack, sensor=sensor, topic=topic, first=first, last=last)
-    elif clean:
-        label_clean(kept, known)
-    elif remove is not None:
-        remove_label(kept, known, remove)
+    with nullcontext() if listed else logged(kept.folder):
+        if attack is not None:
+            label_attack(kept, known, attack, sensor=sensor, topic=topic, first=first, last=last)
+        elif clean:
+            label_clean(kept, known)
+        elif remove is not None:
+            remove_label(kept, known, remove)
     _list(kept, known)
 
 

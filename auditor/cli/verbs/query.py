@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from auditor.cli import options
+from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import reading, tell_altered
 from auditor.cli.output import answer, emit, format_option, say
 from auditor.errors import QueryError
 
@@ -35,6 +37,7 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
     metavar="FILE",
     help="As --sql, from a file; - is the standard input.",
 )
+@click.option("--verify", is_flag=True, help="Hash every file of the store first, not only those that changed.")
 @click.option("--describe", is_flag=True, help="Say what the query answers, its parameters and columns; views too.")
 @click.option(
     "--time-limit",
@@ -59,12 +62,12 @@ def command(
     store: Path,
     sql: str | None,
     source: BinaryIO | None,
-    time_limit: float,
-    memory_limit: float,
     form: str,
     *,
     describe: bool,
-) -> None:
+    verify: bool,
+    **limits: float,
+) -> Exit:
     """Query the store; without a name, list its queries and views.
 
     \b
@@ -87,15 +90,22 @@ def command(
         sql = _read(source)
     if sql is not None:
         kept = Store.open(store)
-        _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
+        altered = tell_altered(kept, every=verify)
+        with reading(kept.folder):
+            _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(limits["time_limit"], limits["memory_limit"])), form)
     elif name is None:
         _list()
+        return Exit.CLEAN
     elif describe:
         _describe(name)
+        return Exit.CLEAN
     else:
         values = _values(parameters, queries().get(name))
-        answer = query(store, name, **values)
-        _show(Store.open(store), find_query(name).sql, answer, form)
+        text, kept = find_query(name).sql, Store.open(store)
+        altered = tell_altered(kept, every=verify)
+        with reading(kept.folder):
+            _show(kept, text, query(kept, name, **values), form)
+    return Exit.INCOMPLETE if altered else Exit.CLEAN
 
 
 def _read(source: BinaryIO) -> str:

@@ -1,11 +1,13 @@
 """`auditor scan`: the main job."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from auditor.cli import options
+from auditor.cli.logged import logged
 from auditor.cli.output import format_option, say
 
 if TYPE_CHECKING:
@@ -48,19 +50,22 @@ def command(
 
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
     tally, judged = Tally(), list[str]()
-    measured = show_measuring(find_batch(recordings, store, measuring), tally)
-    kept = Store.open(store) if measured else None
-    if kept is not None:
-        for superseded in relate(kept):
-            say(str(superseded))
-    if kept is not None and not measure_only:
-        ids = [known for one in measured for known in one.measurement_ids]
-        judged = show_judging(judge_all(kept, ids, settings), kept, tally)
-    elif kept is not None:
-        say("measured only: no verdicts were reached; auditor judge reaches them")
-        tally.incomplete = True
-        tally.not_audited += [
-            NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only") for one in measured
-        ]
-    show_audit(kept, form, tally, {one.recording_id for one in measured}, judged)
+    batch = find_batch(recordings, store, measuring)
+    with logged(store) if batch.tasks else nullcontext():
+        measured = show_measuring(batch, tally)
+        kept = Store.open(store) if measured else None
+        if kept is not None:
+            for superseded in relate(kept):
+                say(str(superseded))
+        if kept is not None and not measure_only:
+            ids = [known for one in measured for known in one.measurement_ids]
+            judged = show_judging(judge_all(kept, ids, settings), kept, tally)
+        elif kept is not None:
+            say("measured only: no verdicts were reached; auditor judge reaches them")
+            tally.incomplete = True
+            tally.not_audited += [
+                NotAudited(storable(one.recording.name), storable(str(one.recording)), "measured only")
+                for one in measured
+            ]
+        show_audit(kept, form, tally, {one.recording_id for one in measured}, judged)
     return tally.exit_code()

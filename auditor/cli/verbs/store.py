@@ -7,6 +7,7 @@ import click
 
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, say, shown
 
 _store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
@@ -39,7 +40,9 @@ def list_recordings(store: Path, form: str) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store, run_query  # noqa: PLC0415 - keeps --help quick
 
-    emit(run_query(Store.open(store), "contents", {}), form)
+    kept = Store.open(store)
+    with reading(kept.folder):
+        emit(run_query(kept, "contents", {}), form)
 
 
 @command.command("remove", short_help="Remove recordings from a store.")
@@ -65,15 +68,17 @@ def remove(recordings: tuple[str, ...], store: Path, *, yes: bool) -> Exit:
     if not yes and sys.stdin.isatty() and not click.confirm(shown(f"remove {names} from {store}?"), err=True):
         say("nothing was removed; --yes removes without asking")
         return Exit.FAILED
-    removed = remove_recordings(kept, [one.recording_id for one in found])
+    with logged(kept.folder):
+        removed = remove_recordings(kept, [one.recording_id for one in found])
+        superseded = relate(kept)
     say(
         f"{store}: removed {names}: {removed.measurements} measurements, {removed.judgements} judgements, "
         f"{removed.parts} parts of evaluations"
     )
     for calibration in removed.calibrations:
         say(f"calibration {calibration} was made of what is removed; it stays")
-    for superseded in relate(kept):
-        say(str(superseded))
+    for one in superseded:
+        say(str(one))
     return Exit.CLEAN
 
 
@@ -119,7 +124,8 @@ def upgrade(store: Path) -> None:
     from auditor.store.marker import UPGRADED_FROM  # noqa: PLC0415
     from auditor.store.schema import SCHEMA_VERSION  # noqa: PLC0415
 
-    done = upgrade_store(store)
+    command = click.get_current_context().find_root().obj
+    done = upgrade_store(store, ["auditor", *command])
     if done is None:
         say(f"{store}: it has schema version {SCHEMA_VERSION} already")
         return
@@ -127,8 +133,3 @@ def upgrade(store: Path) -> None:
         f"{store}: upgraded from schema version {UPGRADED_FROM} to {SCHEMA_VERSION}: {done.measurements} measurements, "
         f"{done.judgements} judgements, {done.parts} parts of evaluations"
     )
-    if done.measurements:
-        say(
-            "counts on grids and their statistics are left out: they are of an earlier way of counting. Disparity "
-            "errors and verdicts stay; auditor scan --measure-again measures recordings anew so that they can be judged"
-        )

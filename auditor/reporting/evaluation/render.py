@@ -9,7 +9,6 @@ from auditor.reporting.evaluation.page import EvaluationPage, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, WIDTH_PX
 from auditor.reporting.page_text import shown_on_page
 from auditor.resources import resource_folder
-from auditor.store.files import write_whole
 from auditor.store.store import Store
 
 NO_BREAK_SPACE = "\u00a0"
@@ -20,7 +19,7 @@ def render_evaluation_report(store: Store, *, out: Path) -> Path:
 
     Raises StoreError where nothing was evaluated or the page cannot be written.
     """
-    write_whole(out, render_evaluation(load_evaluation(store)).encode())
+    store.write_page(out, render_evaluation(load_evaluation(store)).encode())
     return out
 
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 from auditor.errors import StoreError
 from auditor.model.calibration import PRIOR
 from auditor.store.files import finished, is_part
+from auditor.store.log import LOG
 from auditor.store.marker import MARKER, UPGRADED
 from auditor.store.schema import TABLES
 from auditor.store.store import Store
@@ -45,8 +46,8 @@ _NAMED = {
 }
 """By table: the columns that name rows of other tables."""
 
-_BESIDE = ("pictures", "reports")
-"""Folders that are no tables; what lies in `reports` is nobody's business here."""
+_BESIDE = ("pictures", "reports", LOG)
+"""Folders that are no tables; what lies in `reports` is nobody's business here, and `auditor verify` checks the log."""
 
 _KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
 
@@ -55,12 +56,17 @@ def check(store: Store) -> Iterator[str]:
     """One line for each thing that is wrong with a store."""
     for table in TABLES:
         for row_id in store.ids(table):
-            path = store.path(table, row_id)
-            try:
-                yield from (f"{_short(store, path)}: {problem}" for problem in _of_file(store, table, row_id))
-            except StoreError as error:
-                yield f"{_short(store, path)}: {error.what}"
+            place = _short(store, store.path(table, row_id))
+            yield from (f"{place}: {problem}" for problem in check_file(store, table, row_id))
     yield from _of_folder(store)
+
+
+def check_file(store: Store, table: str, row_id: str) -> Iterator[str]:
+    """One sentence for each thing that is wrong with a finished file."""
+    try:
+        yield from _of_file(store, table, row_id)
+    except StoreError as error:
+        yield error.what
 
 
 def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:

@@ -19,6 +19,7 @@ from auditor.model.frames import SensorState
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import Rig
 from auditor.store.files import locked
+from auditor.store.log import Kind, logged
 from auditor.store.records import RecordingRecord, StoredMeasurement
 from auditor.store.store import Store
 from auditor.store.tables import read_table
@@ -98,8 +99,11 @@ def relate(store: Store) -> tuple[Superseded, ...]:
         for one, other in _of_one_time(records, new):
             for changed in comparison.compare(found.get(one, records[one]), found.get(other, records[other])):
                 found[changed.recording_id] = changed
-        for changed in found.values():
-            store.write_recording(changed)
+        with logged(store.folder) as entry:
+            for known, changed in found.items():
+                store.write_recording(changed)
+                if changed.superseded_by is not None and changed.superseded_by != records[known].superseded_by:
+                    entry.say(Kind.SUPERSEDED, {"earlier": known, "later": changed.superseded_by})
     return tuple(
         Superseded(changed, found.get(changed.superseded_by, records[changed.superseded_by]))
         for known, changed in sorted(found.items())

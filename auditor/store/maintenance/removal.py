@@ -4,12 +4,14 @@ The rows that make other files finished go first: a removal that is killed leave
 """
 
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auditor.errors import StoreError
 from auditor.store.files import locked
+from auditor.store.log import logged
+from auditor.store.log.outputs import place_in
 from auditor.store.records import RecordingRecord
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.tables import read_table
@@ -47,7 +49,7 @@ def find_removable(store: Store, wanted: Collection[str]) -> list[RecordingRecor
 def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
     """Remove recordings; those that they superseded count again. Raises StoreError."""
     gone = set(recording_ids)
-    with locked(store.folder):
+    with locked(store.folder), logged(store.folder) as entry:
         calibrations = [known for known, used in store.calibration_recordings().items() if gone & set(used)]
         measurements = [one.measurement_id for one in store.measurements() if one.recording_id in gone]
         judgements = _remove_measurements(store, measurements)
@@ -55,8 +57,10 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
         for table, known in parts:
             _remove(store, table, known)
         for known in gone:
-            for table in ("labels", "given_labels", "recordings"):
-                _unlink(store.path(table, known))
+            paths = [store.path(table, known) for table in ("labels", "given_labels", "recordings")]
+            with entry.removing(_places(store, paths), f"recording {known} was removed"):
+                for path in paths:
+                    _unlink(path)
         for record in store.recordings():
             if gone & {record.superseded_by, *(record.conflicts or ())}:
                 # It is compared anew: another recording may hold its frames, too.
@@ -101,8 +105,14 @@ def _remove(store: Store, manifest: str, row_id: str) -> None:
     dependent = [table for table, of in MANIFESTS.items() if of == manifest]
     if manifest == "evaluations":
         dependent.append("case_verdicts")
-    for table in (manifest, *dependent):
-        _unlink(store.path(table, row_id))
+    paths = [store.path(table, row_id) for table in (manifest, *dependent)]
+    with logged(store.folder) as entry, entry.removing(_places(store, paths), f"{manifest} {row_id} was removed"):
+        for path in paths:
+            _unlink(path)
+
+
+def _places(store: Store, paths: Iterable[Path]) -> list[str]:
+    return [place_in(store.folder, path) for path in paths if path.exists()]
 
 
 def _unlink(path: Path) -> None:

@@ -5,9 +5,8 @@ whose upgrade was killed before that is as it was, and one whose upgrade was kil
 opened next. No other command may use the store meanwhile.
 """
 
-import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,18 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
-from auditor.model.rig import Rig
-from auditor.store.files import finished, locked
+from auditor.store.files import close_to_others, finished, locked, make_folder
+from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
-from auditor.store.rows import sensor_check_rows
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.store import MANIFESTS
 from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
 
 _Row = dict[str, Any]
-
-_COUNTED_ANEW = frozenset({"cells"})
-"""Tables whose old rows are of another way of counting; their files are there, and empty."""
 
 
 @dataclass(frozen=True)
@@ -39,16 +34,16 @@ class Upgraded:
     parts: int
 
 
-def upgrade(folder: Path) -> Upgraded | None:
-    """Upgrade the store in a folder; None where it is of this version already.
+def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | None:
+    """Upgrade the store in a folder; None where it is of this version already. The log has the command.
 
     All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
-    lacks are empty. What an earlier way of counting gave, and today's checks cannot be computed from, is left out: the
-    counts on grids. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
+    lacks are empty. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
     written.
     """
     with locked(folder):
         version = read_marker(folder).version
+        close_to_others(folder)  # stores of earlier versions were made as the umask said
         if version == SCHEMA_VERSION:
             move_upgraded(folder)
             return None
@@ -66,31 +61,44 @@ def upgrade(folder: Path) -> Upgraded | None:
                 where=folder,
                 remedy="make room; the store is as it was",
             ) from error
-        write_marker(folder, moving=True)
-        move_upgraded(folder)
+        with run(folder, command or this_program()) as entry, entry.writing(_finished_outputs(new), Kind.UPGRADED):
+            write_marker(folder, moving=True)
+            move_upgraded(folder)
     return done
 
 
 def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
-    for table in TABLES:
-        (new / table).mkdir(parents=True)
-        for row_id in _finished(old, table):
-            name = f"{row_id}.parquet"
-            write_rows(table, new / table / name, () if table in _COUNTED_ANEW else _rows(old / table / name))
-    for rig_id in finished(old / "rigs"):
-        (row,) = _rows(old / "rigs" / f"{rig_id}.parquet")
-        checks = sensor_check_rows(Rig.from_dict(json.loads(row["description"])))
-        write_rows("sensor_checks", new / "sensor_checks" / f"{rig_id}.parquet", checks)
-    (new / "pictures").mkdir()
+    make_folder(new / "pictures")
     for measurement_id in finished(old / "measurements"):
         if not (new / "poses" / f"{measurement_id}.parquet").exists():
             write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
+    for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
+        make_folder(new / table)
+        for row_id in _finished(old, table):
+            rows = _rows(old / table / f"{row_id}.parquet")
+            if table in MANIFESTS.values():
+                rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
+            write_rows(table, new / table / f"{row_id}.parquet", rows)
     count = {table: len(finished(new / table)) for table in TABLES}
     parts = count["evaluations"] + count["object_evaluations"]
     return Upgraded(count["measurements"], count["judgements"], parts)
+
+
+def _outputs(new: Path, manifest: str, row_id: str) -> list[_Row]:
+    """The files that a row of a manifest finishes."""
+    files = [new / table / f"{row_id}.parquet" for table, of in MANIFESTS.items() if of == manifest]
+    if manifest == "measurements":
+        files += sorted((new / "pictures" / row_id).glob("*"))
+    return [output_of(file, new).fields for file in files if file.is_file()]
+
+
+def _finished_outputs(new: Path) -> list[Output]:
+    """The files that the log itself has the hashes of: all that no row names."""
+    tables = (table for table in TABLES if table not in MANIFESTS)
+    return [output_of(path, new) for table in tables for path in sorted((new / table).glob("*.parquet"))]
 
 
 def _finished(old: Path, table: str) -> list[str]:

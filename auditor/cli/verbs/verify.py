@@ -1,0 +1,71 @@
+"""`auditor verify`: whether a store is as it was written."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
+from auditor.cli.output import say, shown
+
+if TYPE_CHECKING:
+    from auditor.store.maintenance.verify import Verified
+
+_key = click.Path(path_type=Path, exists=True, dir_okay=False)
+
+
+@click.command("verify", short_help="Is a store as it was written?")
+@click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
+@click.option("--public-key", type=_key, help="Also check that the holder of this Ed25519 key (PEM) signed everything.")
+@click.option(
+    "--private-key",
+    type=_key,
+    envvar="AUDITOR_SIGNING_KEY",
+    show_envvar=True,
+    help="Sign the log with this Ed25519 key (PEM) where nothing differs; with the variable set, every run signs.",
+)
+def command(store: Path, public_key: Path | None, private_key: Path | None) -> Exit:
+    """Check that every file of a store is as the run that wrote it left it, and that its log is whole.
+
+    \b
+    auditor verify
+    auditor verify night/audit --public-key auditor.pem
+
+    Each file is hashed and compared with the log of runs, or with the row that finished it: tables, pictures, pages.
+    One line for each file that differs, is missing or was added, for each line of the log that was changed or is gone,
+    and for counts that no image can give. Whoever may write to the store could write all of it anew, log included:
+    only signatures show that, or heads of the log that were kept elsewhere.
+
+    Exits with 0 where everything is as it was written, 1 where something differs, and 3 where a killed run left
+    something that nobody reads.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.log.signatures import public_key as read_key  # noqa: PLC0415
+    from auditor.store.maintenance.verify import verify  # noqa: PLC0415
+
+    key = read_key(public_key) if public_key is not None else None
+    kept = Store.open(store)
+    found = verify(kept, key)
+    for problem in found.problems:
+        click.echo(shown(str(problem)))
+    for run in found.open_runs:
+        what = " ".join(run.what.get("command", ()))
+        say(f"under way, or killed: {what} since {run.at[:19]}Z on {run.what.get('host')}")
+    if private_key is not None and not found.grave:
+        with logged(kept.folder, private_key):
+            say(f"{store}: signed with {private_key}")
+    say(f"{store}: {_summary(found, signed=public_key is not None)}")
+    if found.grave:
+        return Exit.FINDINGS
+    return Exit.INCOMPLETE if found.problems else Exit.CLEAN
+
+
+def _summary(found: "Verified", *, signed: bool) -> str:
+    """One line on everything."""
+    grave, left = len(found.grave), len(found.problems) - len(found.grave)
+    what = f"{grave} problem{'s' * (grave != 1)}" if grave else "everything is as it was written"
+    what += f", {left} left by killed runs" if left else ""
+    what += " and signed" if signed and not grave else ""
+    return f"{what}; {found.files} files, {found.entries} entries of {found.chains} chains"

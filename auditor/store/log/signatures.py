@@ -1,0 +1,106 @@
+"""Signatures of the heads of a store's chains by Ed25519: they cover every entry, and so every file.
+
+Keys are PEM files, as `openssl genpkey -algorithm ed25519` makes them.
+"""
+
+import base64
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auditor.errors import SettingError
+from auditor.store.log.chains import LOG, Chain
+from auditor.store.log.entry import Entry, Kind
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+KEY_VARIABLE = "AUDITOR_SIGNING_KEY"
+"""The environment variable that may name the file of a private key: then every run signs at its end."""
+
+Signer = Callable[[Mapping[str, str]], str]
+"""Signs heads, the hashes of the last entries by chain; gives the signature in base64."""
+
+_FORMAT = "auditor heads 1"
+
+
+def signer_of(key: Path | None) -> Signer | None:
+    """Signs by the private key of a file, or of the one that the environment names; None without any.
+
+    Raises SettingError where it cannot be read, is none, or the package for it is missing.
+    """
+    named = os.environ.get(KEY_VARIABLE)
+    path = key if key is not None else Path(named) if named else None
+    if path is None:
+        return None
+    try:
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415 - an extra
+        from cryptography.hazmat.primitives.serialization import load_pem_private_key  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise _not_installed() from error
+    try:
+        private = load_pem_private_key(path.read_bytes(), password=None)
+    except (OSError, ValueError, TypeError) as error:
+        raise SettingError(f"it is no private key that can be read ({error})", where=path, remedy=_HOW) from error
+    if not isinstance(private, Ed25519PrivateKey):
+        raise SettingError("it is no Ed25519 key", where=path, remedy=_HOW)
+    return lambda heads: base64.b64encode(private.sign(_signed(heads))).decode()
+
+
+_HOW = "openssl genpkey -algorithm ed25519 -out private.pem makes one"
+
+
+def public_key(path: Path) -> "Ed25519PublicKey":
+    """The public key of a PEM file. Raises SettingError."""
+    try:
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey  # noqa: PLC0415 - an extra
+        from cryptography.hazmat.primitives.serialization import load_pem_public_key  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise _not_installed() from error
+    remedy = "openssl pkey -in private.pem -pubout -out public.pem makes it from a private key"
+    try:
+        key = load_pem_public_key(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise SettingError(f"it is no public key that can be read ({error})", where=path, remedy=remedy) from error
+    if not isinstance(key, Ed25519PublicKey):
+        raise SettingError("it is no Ed25519 key", where=path, remedy=remedy)
+    return key
+
+
+def unsigned(chains: Sequence[Chain], key: "Ed25519PublicKey") -> Iterator[tuple[str, str]]:
+    """Places in the store, each with what of it the holder of a key did not sign."""
+    signed = {entry.sha256: entry for chain in chains for entry in chain.entries if _is_signed(entry, key)}
+    covered = {(name, head) for entry in signed.values() for name, head in entry.what["heads"].items()}
+    if not signed:
+        yield LOG, "nothing in it is signed by this key"
+        return
+    for chain in chains:
+        behind = 0
+        for entry in reversed(chain.entries):
+            if (chain.name, entry.sha256) in covered:
+                break
+            behind += entry.sha256 not in signed
+        if behind:
+            yield f"{LOG}/{chain.name}.jsonl", f"its last {behind} entries are not signed by this key"
+
+
+def _is_signed(entry: Entry, key: "Ed25519PublicKey") -> bool:
+    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415 - an extra
+
+    if entry.kind != Kind.SIGNED:
+        return False
+    try:
+        key.verify(base64.b64decode(entry.what["signature"]), _signed(entry.what["heads"]))
+    except (InvalidSignature, ValueError, KeyError, TypeError):
+        return False
+    return True
+
+
+def _signed(heads: Mapping[str, str]) -> bytes:
+    return json.dumps({"format": _FORMAT, "heads": dict(heads)}, sort_keys=True, separators=(",", ":")).encode()
+
+
+def _not_installed() -> SettingError:
+    return SettingError("signatures need the package cryptography", remedy="pip install 'auditor[signing]'")

@@ -1,0 +1,255 @@
+"""Verifying a store: its log is whole, and every file is as the log and the rows that finish files say.
+
+The log has the hashes of the files that no row names; rows of manifests, which are such files, have those of the rest.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from auditor.store.files import is_part
+from auditor.store.log.chains import LOG, Chain, chain_paths, heads, in_order, read_chains
+from auditor.store.log.entry import Entry
+from auditor.store.log.expected import expected
+from auditor.store.log.outputs import Output
+from auditor.store.log.signatures import unsigned
+from auditor.store.maintenance.check import check_file
+from auditor.store.maintenance.hashes import Hashes, read_checked, stamps
+from auditor.store.maintenance.plausibility import implausible
+from auditor.store.marker import MARKER, UPGRADED, marker_content
+from auditor.store.schema import TABLES
+from auditor.store.store import MANIFESTS, Store
+from auditor.store.tables import read_rows
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+_MANIFESTS = frozenset(MANIFESTS.values())
+_AT_MOST = 3
+_REPORTS = "reports"
+_PICTURES = "pictures"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something that is not as it should be: where, and what. One that is not `grave` was left by a killed run."""
+
+    place: str
+    what: str
+    grave: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}"
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What was found: problems, how much was looked at, and runs that are under way."""
+
+    problems: tuple[Problem, ...]
+    files: int
+    entries: int
+    chains: int
+    open_runs: tuple[Entry, ...]
+
+    @property
+    def grave(self) -> tuple[Problem, ...]:
+        """The problems but for what killed runs left."""
+        return tuple(problem for problem in self.problems if problem.grave)
+
+
+def verify(store: Store, key: "Ed25519PublicKey | None" = None) -> Verified:
+    """Look at every file of a store, and at its signatures where a key is given.
+
+    What runs write meanwhile is looked at again. Raises StoreError.
+    """
+    return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified(key, deep=True))
+
+
+def verify_hashes(store: Store) -> Verified:
+    """Hash every file of a store, and nothing else. Raises StoreError."""
+    return _settled(store, lambda: _Verification(store, Hashes(store.folder, {})).verified())
+
+
+def verify_changes(store: Store) -> Verified | None:
+    """Look at the files of a store that have changed since they were last looked at; None where none have.
+
+    Raises StoreError.
+    """
+    checked, there = read_checked(store.folder), stamps(store.folder)
+    places = {place for place in checked.keys() | there.keys() if not place.startswith(f"{_REPORTS}/")}
+    changed = {place for place in places if place not in checked or checked[place].stamp != there.get(place)}
+    if not changed:
+        return None
+    touched = {_row_id(place) for place in changed}
+    return _settled(store, lambda: _Verification(store, Hashes(store.folder, checked), touched).verified())
+
+
+def _settled(store: Store, look: Callable[[], Verified]) -> Verified:
+    """What was found while no run wrote to the store, or at the last try."""
+    for _ in range(_AT_MOST):
+        before = heads(store.folder)
+        found = look()
+        if not found.grave or heads(store.folder) == before:
+            break
+    return found
+
+
+def _row_id(place: str) -> str:
+    """The id of the row that a file of a table, or a picture, belongs to."""
+    parts = place.split("/")
+    return parts[1].removesuffix(".parquet") if len(parts) > 1 else place
+
+
+class _Verification:
+    """One look at a store; at all of it, or at the rows `touched` of manifests."""
+
+    def __init__(self, store: Store, hashes: Hashes, touched: set[str] | None = None) -> None:
+        self._store = store
+        self._hashes = hashes
+        self._touched = touched
+        self._chains = read_chains(store.folder)
+        self._entries = in_order(self._chains)
+        self._log = expected(self._entries)
+        self._seen: set[str] = set()
+        self._wrong: set[str] = set()
+
+    def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
+        """What is found; `deep` looks into the files, too."""
+        problems = list(self._problems())
+        if deep and self._entries:
+            problems += self._inside()
+        if key is not None:
+            problems += (Problem(place, what) for place, what in unsigned(self._chains, key))
+        self._keep()
+        return Verified(tuple(problems), len(self._seen), len(self._entries), len(self._chains), self._log.open_runs)
+
+    def _problems(self) -> Iterator[Problem]:
+        yield from log_problems(self._chains)
+        yield from self._of_marker()
+        if not self._entries:
+            yield Problem(LOG, "there is no entry in it: nothing says how the files should be")
+            return
+        for place in sorted(self._log.places):
+            yield from self._noted(self._of_logged(place))
+        for manifest in sorted(_MANIFESTS):
+            for row_id in self._store.ids(manifest):
+                place = f"{manifest}/{row_id}.parquet"
+                wanted = self._touched is None or row_id in self._touched
+                if wanted and place in self._log.places and place not in self._wrong:
+                    yield from self._noted(self._of_row(manifest, row_id))
+        yield from self._noted(self._added())
+
+    def _keep(self) -> None:
+        """Keep what was found right, to be hashed again only once it changes."""
+        for path in chain_paths(self._store.folder):
+            self._hashes.of(f"{LOG}/{path.name}")
+        self._hashes.of(MARKER)
+        self._hashes.keep(self._wrong)
+
+    def _inside(self) -> Iterator[Problem]:
+        """What does not fit inside the files that are as they were finished."""
+        for table in TABLES:
+            for row_id in self._store.ids(table):
+                place = f"{table}/{row_id}.parquet"
+                if place not in self._wrong:
+                    yield from self._noted(Problem(place, what) for what in check_file(self._store, table, row_id))
+        yield from self._noted(self._implausible())
+
+    def _noted(self, problems: Iterator[Problem]) -> Iterator[Problem]:
+        for problem in problems:
+            self._wrong.add(problem.place)
+            yield problem
+
+    def _of_marker(self) -> Iterator[Problem]:
+        self._seen.add(MARKER)
+        if (self._store.folder / MARKER).read_bytes() != marker_content():
+            yield Problem(MARKER, "it is not as auditor writes it")
+
+    def _of_logged(self, place: str) -> Iterator[Problem]:
+        known = self._log.places[place]
+        path = self._store.folder / place
+        if not path.is_file():
+            if not known.accepts(None):
+                yield Problem(place, f"it is missing: {self._log.told(place)} wrote it")
+            return
+        self._seen.add(place)
+        if known.accepted == (None,):
+            yield Problem(place, f"it was added: {self._log.told(place)} removed it")
+        elif not known.accepts(self._hashes.of(place)):
+            yield Problem(place, f"it is not as {self._log.told(place)} wrote it")
+
+    def _of_row(self, manifest: str, row_id: str) -> Iterator[Problem]:
+        """The files that a row finishes."""
+        place = f"{manifest}/{row_id}.parquet"
+        rows = read_rows(manifest, self._store.path(manifest, row_id))
+        for output in outputs_of(rows):
+            path = self._store.folder / output.path
+            self._seen.add(output.path)
+            if not path.is_file():
+                yield Problem(output.path, f"it is missing: {place} names it")
+            elif self._hashes.of(output.path) != output:
+                yield Problem(output.path, f"it is not as it was when {place} finished it")
+
+    def _added(self) -> Iterator[Problem]:
+        """Files that neither the log nor a row knows."""
+        known = {MARKER, *(place for place in self._log.places), *self._seen}
+        known |= {f"{LOG}/{path.name}" for path in chain_paths(self._store.folder)}
+        for path in sorted(self._store.folder.rglob("*")):
+            place = path.relative_to(self._store.folder).as_posix()
+            if place in known or (path.is_dir() and not path.is_symlink()) or place.startswith(f"{_REPORTS}/"):
+                continue
+            if is_part(path) or place.startswith(f"{UPGRADED}/"):
+                yield Problem(place, "left by a run that was killed, or is being written: nobody reads it", grave=False)
+            elif self._is_of_finished(place):
+                yield Problem(place, "it was added: no run wrote it")
+            elif _is_unfinished(place):
+                what = "it was added, or left by a run that was killed: no row finishes it, and nobody reads it"
+                yield Problem(place, what, grave=False)
+            else:
+                yield Problem(place, "it was added: no run wrote it")
+
+    def _is_of_finished(self, place: str) -> bool:
+        """Whether a file of a table or a picture belongs to a finished row, which does not name it."""
+        table, _, rest = place.partition("/")
+        manifest = "measurements" if table == _PICTURES else MANIFESTS.get(table, "")
+        row_id = rest.partition("/")[0].removesuffix(".parquet")
+        return bool(manifest) and f"{manifest}/{row_id}.parquet" in self._seen
+
+    def _implausible(self) -> Iterator[Problem]:
+        tables = [table for table, manifest in MANIFESTS.items() if manifest == "measurements"]
+        for known in self._store.ids("measurements"):
+            row = self._store.measurement(known) if f"measurements/{known}.parquet" not in self._wrong else None
+            needed = {f"{table}/{known}.parquet" for table in tables}
+            if row is not None and not self._wrong & {*needed, f"rigs/{row.rig_id}.parquet"}:
+                for table, what in implausible(self._store, known):
+                    yield Problem(f"{table}/{known}.parquet", what)
+
+
+def outputs_of(rows: list[dict[str, object]]) -> list[Output]:
+    """The files that the rows of a manifest's file finish."""
+    found = (row["outputs"] or () for row in rows)
+    return [Output.of_fields(one) for outputs in found for one in outputs]  # type: ignore[attr-defined]
+
+
+def log_problems(chains: list[Chain]) -> Iterator[Problem]:
+    """What is wrong with the chains: lines that were changed, and entries that another chain saw and that are gone."""
+    hashes = {chain.name: {entry.sha256 for entry in chain.entries} for chain in chains}
+    broken = set()
+    for chain in chains:
+        for problem in chain.problems:
+            broken.add(chain.name)
+            yield Problem(f"{LOG}/{chain.name}.jsonl", problem)
+    for chain in chains:
+        for entry in chain.entries:
+            for name, sha256 in entry.what.get("heads", {}).items():
+                if name not in broken and sha256 not in hashes.get(name, ()):
+                    broken.add(name)
+                    what = "entries are gone" if name in hashes else "it is missing"
+                    yield Problem(f"{LOG}/{name}.jsonl", f"{what}: {chain.name} saw them at {entry.at[:19]}Z")
+
+
+def _is_unfinished(place: str) -> bool:
+    """Whether it is a file of a table, or a picture, that a row of another table would have to finish."""
+    table, _, rest = place.partition("/")
+    return (table in MANIFESTS or table == _PICTURES) and bool(rest)
