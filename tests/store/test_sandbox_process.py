@@ -53,7 +53,7 @@ limit(60, 1 << 33)
 folder = Path(sys.argv[1])
 kept = folder / "kept"
 assert kept.read_text() == "kept"
-def grows(): 
+def grows():
     with kept.open("ab") as file:
         file.write(b"x")
 def makes():

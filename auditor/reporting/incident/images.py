@@ -22,9 +22,9 @@ def incident_views(
 ) -> tuple[View, ...]:
     """The pictured frames of an incident: all, the strongest alone (`incidents`), or none.
 
-    Of each frame the reference view with inconsistent pixels comes first, then the named ones. Where no camera is named,
-    every other camera is shown, and the reference view itself where there is none. What an attacked sensor lost is drawn
-    in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
+    Of each frame the reference view with inconsistent pixels comes first, then the named ones. Where no camera is
+    named, every other camera is shown, and the reference view itself where there is none. What an attacked sensor lost
+    is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
     """
     inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
     pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
