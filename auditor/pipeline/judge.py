@@ -155,11 +155,7 @@ def _clean_frames(
             for name in SCORED
             for pair, column in zip(features.pairs, features.columns[name][chosen].T, strict=True)
         },
-        brightness={
-            (name, camera): column
-            for name, values in features.brightness.items()
-            for camera, column in zip(features.cameras, values[chosen].T, strict=True)
-        },
+        brightness={key: column[chosen] for key, column in features.by_camera.items()},
         returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
         versions={name: measurement.versions[name] for name in MACHINE if name in measurement.versions},
     )
@@ -335,7 +331,7 @@ def _judge_robust(
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
     series = FrameSeries.of_recording(
-        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.added_saturation
+        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.by_camera
     )
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))

@@ -20,6 +20,8 @@ from auditor.store.records import (
     StoredMeasurement,
     measurement_id,
 )
+from auditor.store.sandbox.limits import SqlLimits
+from auditor.store.sandbox.process import run_sandboxed
 from auditor.store.store import Store
 from auditor.store.views.plain import Connection, plain_connection
 from auditor.store.views.script import views_script
@@ -39,6 +41,7 @@ __all__ = [
     "Picture",
     "RecordingRecord",
     "Sighting",
+    "SqlLimits",
     "Store",
     "StoredJudgement",
     "StoredMeasurement",
@@ -52,6 +55,7 @@ __all__ = [
     "read_calibration",
     "rows_of",
     "run_query",
+    "run_sandboxed",
     "run_sql",
     "table_of",
     "views_script",

@@ -1,10 +1,14 @@
-"""A DuckDB connection that sees the finished files of one store through its views, and nothing else."""
+"""A DuckDB connection that sees the finished files of one store through its views, and nothing else.
+
+No file can be written through it, by what it is and not by what it is told: the file systems that can write are closed
+before the first table is read, and the one that is left can only read (`sandbox/read_only_files.py`). No list of
+statements or functions decides.
+"""
 
 import re
 from collections.abc import Iterable
 from contextlib import ExitStack
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import duckdb
 
@@ -13,6 +17,8 @@ from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
 from auditor.store.pictures import picture_files
+from auditor.store.sandbox.limits import SqlLimits
+from auditor.store.sandbox.read_only_files import ReadOnlyFiles
 from auditor.store.schema import TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
@@ -22,6 +28,7 @@ _SHUT: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
     "autoload_known_extensions": False,
     "python_enable_replacements": False,  # a name in SQL is never a variable of ours
+    "allow_persistent_secrets": False,
     "temp_directory": "",  # nothing is written, not even what does not fit into memory
 }
 _CONSTANTS = {
@@ -43,22 +50,27 @@ def constants() -> list[str]:
     return [f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()]
 
 
-def connected(store: Store | None, text: str = "") -> duckdb.DuckDBPyConnection:
+def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
     """A connection with the views that a SQL text names (all, where it names none), then locked; for a `with`.
 
     Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
+    files = ReadOnlyFiles()
     with ExitStack() as on_error:
         connection = on_error.enter_context(duckdb.connect(config=_SHUT))
+        connection.register_filesystem(files)
+        connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
+        if limits is not None:
+            connection.execute("SET memory_limit = ?", [f"{limits.memory_bytes}B"])
         for macro in (*constants(), *macros()):
             connection.execute(macro)
         readable: list[str] = []
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
-                paths = store.finished_paths(table) if store else []
-                _create_stored(connection, table_schema(table), paths)
-                readable += [name for path in paths for name in (str(path), _literal(path)) if table in LARGE]
+                names = files.names(store.finished_paths(table)) if store else []
+                _create_stored(connection, table_schema(table), names)
+                readable += names if table in LARGE else []
             if "stored_pictures" in needed:
                 _create_pictures(connection, picture_files(store.folder / "pictures") if store else [])
             for view in in_order(needed):
@@ -75,26 +87,30 @@ def connected(store: Store | None, text: str = "") -> duckdb.DuckDBPyConnection:
 
 
 def in_one_line(error: Exception) -> str:
-    """DuckDB's message and suggestion on one line, without its drawing of the place."""
+    """DuckDB's message and suggestion on one line, without its drawing of the place, or Python's of its calls."""
     text = re.split(r"\n\s*\n|\nLINE \d+:", str(error).strip())[0]
+    if text.startswith("Traceback"):  # DuckDB 2 hands on what our files raise with all calls before it
+        text = text.splitlines()[-1]
     return " ".join(text.split())
 
 
-def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, paths: list[Path]) -> None:
+def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, names: list[str]) -> None:
     """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
     Small tables are read here and now: thousands of files of one row each would else be opened whenever a view over
     them is made. Files of large tables are all opened only where their manifest shows that their columns differ.
     """
     present: set[str] = set()
-    if paths:
+    if names:
         manifest = LARGE.get(schema.name)
         mixed = manifest is None or _versions(connection, manifest) > 1
-        raw = connection.read_parquet([_literal(path) for path in paths], union_by_name=mixed)
-        raw.create_view(f"raw_{schema.name}")
-        present = set(raw.columns)
+        # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
+        listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
+        raw = f"raw_{schema.name}"
+        connection.execute(f"CREATE VIEW {raw} AS FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
+        present = {name for name, *_ in connection.execute(f"DESCRIBE {raw}").fetchall()}
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
-    source = f"FROM raw_{schema.name}" if paths else "WHERE false"
+    source = f"FROM raw_{schema.name}" if names else "WHERE false"
     what = "VIEW" if schema.name in LARGE else "TABLE"
     connection.execute(f"CREATE {what} stored_{schema.name} AS SELECT {columns} {source}")  # our own names
 
@@ -110,11 +126,6 @@ def _versions(connection: duckdb.DuckDBPyConnection, manifest: str) -> int:
     distinct = f"SELECT count(*) FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608  # our own name
     [(versions,)] = connection.execute(distinct).fetchall()
     return int(versions)
-
-
-def _literal(path: Path) -> str:
-    """A path as a pattern that matches nothing but itself."""
-    return re.sub(r"[*?\[]", r"[\g<0>]", str(path))
 
 
 def _shows_comments(text: str) -> bool:

@@ -1,18 +1,20 @@
 """Questions to a store: the queries that come with auditor, and the user's own SQL in a sandbox."""
 
-import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import duckdb
 import pyarrow as pa
 
 from auditor.errors import QueryError
 from auditor.store.connection import connected, in_one_line
+from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sql_files import SqlFile, Value, bind, queries
 from auditor.store.store import Store
 
-_READING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}
-"""What a statement may be made of. DuckDB 2 lets a SELECT statement hold COPY, INSERT, UPDATE and DELETE as well."""
+_BATCH_ROWS = 100_000
+_OUT_OF_MEMORY = "Out of Memory Error"
+"""How DuckDB begins what it says there; inside an answer the error's class is Arrow's."""
 
 
 def list_queries() -> list[SqlFile]:
@@ -43,45 +45,56 @@ def run_query(store: Store, name: str, parameters: Mapping[str, object] | None =
 
 
 def run_sql(store: Store, text: str) -> pa.Table:
-    """The answer to one SELECT statement of the user's own, over the views.
+    """The answer to one SELECT statement of our own, over the views, in this process; `sandbox` runs those of users.
 
     It can read the store's finished files and nothing else, and write nothing. Raises QueryError where it is no single
     SELECT, is not allowed, or fails, and StoreError where a file of the store cannot be read.
     """
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise QueryError("it is not UTF-8", where="SQL", remedy="auditor query lists the views") from error
     return _run(store, text, {}, "SQL")
 
 
+@contextmanager
+def stream_sql(store: Store, text: str, limits: SqlLimits) -> Iterator[pa.RecordBatchReader]:
+    """As `run_sql`, the answer batch by batch, never all of it in memory. Raises also LimitError."""
+    with _asked(store, text, {}, "SQL", limits) as answer:
+        reading = getattr(answer, "to_arrow_reader", None) or answer.fetch_arrow_reader  # its name before DuckDB 1.5
+        yield reading(_BATCH_ROWS)
+
+
 def _run(store: Store, text: str, values: Mapping[str, Value], where: str) -> pa.Table:
-    with connected(store, text) as connection:
+    with _asked(store, text, values, where) as answer:
+        return answer.to_arrow_table()
+
+
+@contextmanager
+def _asked(
+    store: Store, text: str, values: Mapping[str, Value], where: str, limits: SqlLimits | None = None
+) -> Iterator[duckdb.DuckDBPyRelation]:
+    """One SELECT statement, ready to be run; errors of DuckDB inside the block are ours, in one line."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise QueryError("it is not UTF-8", where=where, remedy="auditor query lists the views") from error
+    with connected(store, text, limits) as connection:
         try:
             statements = connection.extract_statements(text)
-            if [statement.type for statement in statements] != [duckdb.StatementType.SELECT]:
+            kinds = [_kind(statement) for statement in statements]
+            if kinds != [duckdb.StatementType.SELECT.name]:
                 raise QueryError(
-                    f"only one SELECT statement can be run, not {_kinds(statements)}",
+                    f"only one SELECT statement can be run, not {' and '.join(kinds) or 'nothing'}",
                     where=where,
                     remedy="ask one question at a time; nothing can be changed from SQL",
                 )
-            if not _only_reads(connection, text):
-                raise QueryError(
-                    "only one SELECT statement that reads can be run",
-                    where=where,
-                    remedy="leave out what copies, inserts, updates or deletes; nothing can be changed from SQL",
-                )
-            return connection.sql(text, params=values).to_arrow_table()
+            connection.execute("BEGIN TRANSACTION READ ONLY")  # DuckDB 2 lets a SELECT hold INSERT, UPDATE and DELETE
+            yield connection.sql(text, params=values)
         except (duckdb.Error, pa.ArrowException) as error:  # Arrow's where it cannot hold what DuckDB gives
+            if limits is not None and _OUT_OF_MEMORY in str(error):
+                raise limits.out_of_memory() from error
             raise QueryError(in_one_line(error), where=where, remedy="auditor query lists the views") from error
 
 
-def _only_reads(connection: duckdb.DuckDBPyConnection, text: str) -> bool:
-    """True where no part of a SELECT statement, however deep, writes."""
-    [(tree,)] = connection.execute("SELECT json_serialize_sql(?)", [text]).fetchall()
-    nodes = set(re.findall(r'"type":"(\w+_NODE)"', tree))  # quotes of the text's own are escaped there
-    return bool(nodes) and nodes <= _READING_NODES
-
-
-def _kinds(statements: list[duckdb.Statement]) -> str:
-    return " and ".join(statement.type.name for statement in statements) or "nothing"
+def _kind(statement: duckdb.Statement) -> str:
+    try:
+        return statement.type.name
+    except ValueError:  # DuckDB has statements that its Python package has no name for
+        return "another"

@@ -70,7 +70,6 @@ def test_the_views_answer(store):
         "SELECT * FROM read_parquet('https://example.org/x.parquet')",
         "SELECT * FROM query('SELECT * FROM read_text(''{secret}'')')",
         "SELECT getenv('HOME')",
-        "SELECT * FROM duckdb_secrets()",
         "SELECT * FROM text",
         "SELECT * FROM store",
         "SELECT $a",

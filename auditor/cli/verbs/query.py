@@ -3,7 +3,7 @@
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
@@ -11,6 +11,7 @@ from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import reading, tell_altered
 from auditor.cli.output import answer, emit, format_option, say
+from auditor.errors import QueryError
 
 if TYPE_CHECKING:
     from auditor.store import Store
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from auditor.store.sql_files import SqlFile
 
 _WIDEST_LIST = 110
+_LONGEST_SQL = 1 << 20
 _OF_VERDICTS = re.compile(r"\b(verdicts|findings|judgements|incidents|incident_frames)\b")
 _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 
@@ -26,15 +28,42 @@ _SENTENCE_END = r"(?<!Fig)\.(?: |$)"
 @click.argument("name", required=False)
 @click.argument("parameters", nargs=-1, metavar="[[PARAMETER=]VALUE]...")
 @options.store_option
-@click.option("--sql", help="Your own SQL over the store's views, in a sandbox.")
+@click.option("--sql", help="Your own SQL over the store's views: one SELECT, in a sandbox.")
+@click.option(
+    "--file",
+    "-f",
+    "source",
+    type=click.File("rb"),
+    metavar="FILE",
+    help="As --sql, from a file; - is the standard input.",
+)
 @click.option("--verify", is_flag=True, help="Hash every file of the store first, not only those that changed.")
 @click.option("--describe", is_flag=True, help="Say what the query answers, its parameters and columns; views too.")
+@click.option(
+    "--time-limit",
+    type=options.FiniteRange(min=0, min_open=True),
+    default=300,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time that your own SQL may take.",
+)
+@click.option(
+    "--memory-limit",
+    type=options.FiniteRange(min=0, min_open=True),
+    default=4096,
+    show_default=True,
+    metavar="MB",
+    help="Memory that your own SQL may take, and its answer.",
+)
 @format_option
 def command(
     name: str | None,
     parameters: tuple[str, ...],
     store: Path,
     sql: str | None,
+    source: BinaryIO | None,
+    time_limit: float,
+    memory_limit: float,
     form: str,
     *,
     describe: bool,
@@ -48,19 +77,23 @@ def command(
     auditor query frame drive_0009.mcap 120
     auditor query identification_rate --describe
     auditor query --sql "SELECT name, count(*) FROM verdicts WHERE kind = 'attacked' GROUP BY name"
+    auditor query --file question.sql --format csv
+    echo "FROM verdicts" | auditor query --file -
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.pipeline.library import query  # noqa: PLC0415 - heavy
-    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store import SqlLimits, Store, run_sandboxed  # noqa: PLC0415
     from auditor.store import query as find_query  # noqa: PLC0415
     from auditor.store.sql_files import queries  # noqa: PLC0415
 
+    if (name is not None) + (sql is not None) + (source is not None) > 1:
+        raise click.UsageError("give one of a query's name, --sql and --file")
+    if source is not None:
+        sql = _read(source)
     if sql is not None:
-        if name is not None:
-            raise click.UsageError("give a query's name or --sql, not both")
         kept = Store.open(store)
         altered = tell_altered(kept, every=verify)
         with reading(kept.folder):
-            _show(kept, sql, query(kept, sql=sql), form)
+            _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
     elif name is None:
         _list()
         return Exit.CLEAN
@@ -74,6 +107,17 @@ def command(
         with reading(kept.folder):
             _show(kept, text, query(kept, name, **values), form)
     return Exit.INCOMPLETE if altered else Exit.CLEAN
+
+
+def _read(source: BinaryIO) -> str:
+    """The SQL in a file. Raises QueryError where it is too long for any, or no text."""
+    content = source.read(_LONGEST_SQL + 1)
+    if len(content) > _LONGEST_SQL:
+        raise QueryError(f"it is longer than {_LONGEST_SQL} bytes, which no SQL is", where=source.name)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise QueryError("it is not UTF-8", where=source.name, remedy="name a file that holds one SELECT") from error
 
 
 def _show(store: "Store", sql: str, answer: "Table", form: str) -> None:
@@ -95,7 +139,7 @@ def _list() -> None:
     from auditor.store import list_queries, list_views  # noqa: PLC0415 - heavy
 
     page = click.HelpFormatter(width=min(shutil.get_terminal_size().columns, _WIDEST_LIST))
-    for heading, entries in (("Queries", list_queries()), ("Views for --sql", list_views())):
+    for heading, entries in (("Queries", list_queries()), ("Views for --sql and --file", list_views())):
         with page.section(heading):
             page.write_dl([(entry.name, re.split(_SENTENCE_END, entry.text)[0]) for entry in entries])
     click.echo(page.getvalue().lstrip("\n"))

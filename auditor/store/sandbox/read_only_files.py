@@ -1,0 +1,108 @@
+"""Finished files of a store as DuckDB opens them: for reading, under names of their own, and no others."""
+
+import os
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from fsspec import AbstractFileSystem
+
+PROTOCOL = "store"
+_PREFIX = f"{PROTOCOL}://"
+
+
+class ReadOnlyFile:
+    """One open file, unbuffered: DuckDB reads blocks. It drops its handles without closing them."""
+
+    __slots__ = ("_descriptor", "_place")
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        self._place = 0
+
+    def read(self, size: int = -1) -> bytes:
+        """At most `size` bytes from here on; all that are left where it is negative."""
+        content = os.pread(self._descriptor, size if size >= 0 else os.fstat(self._descriptor).st_size, self._place)
+        self._place += len(content)
+        return content
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place, and return it."""
+        if whence == os.SEEK_END:
+            offset += os.fstat(self._descriptor).st_size
+        self._place = offset + (self._place if whence == os.SEEK_CUR else 0)
+        return self._place
+
+    def tell(self) -> int:
+        """The place."""
+        return self._place
+
+    def seekable(self) -> bool:
+        """True: it is a file."""
+        return True
+
+    def close(self) -> None:
+        """Close it; what is closed stays closed."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    __del__ = close
+
+
+class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships no type information
+    """Files by the names `store://<table>/<id>.parquet`.
+
+    It can open, list and describe the files that it was given. Whatever would write, move or remove one raises OSError
+    or NotImplementedError: there is no code here that could.
+    """
+
+    protocol = PROTOCOL
+    cachable = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._files: dict[str, tuple[Path, os.stat_result]] = {}
+
+    def names(self, paths: Iterable[Path]) -> list[str]:
+        """Take files of the store in, and return the names that DuckDB may open them by."""
+        known = {f"{_PREFIX}{path.parent.name}/{path.name}": path for path in paths}
+        self._files |= {name: (path, path.stat()) for name, path in known.items()}
+        return [*known]
+
+    def open(self, path: str, mode: str = "rb", **_: object) -> ReadOnlyFile:
+        """A file. Raises OSError for another mode than reading."""
+        if mode != "rb":
+            raise OSError(f"files of a store can only be read, not opened as {mode!r}: {path}")
+        return ReadOnlyFile(self._known(path)[0])
+
+    def info(self, path: str, **_: object) -> dict[str, object]:
+        """Name, kind and size of a file."""
+        return {"name": path, "type": "file", "size": self.size(path)}
+
+    def size(self, path: str) -> int:
+        """Bytes of a file; DuckDB asks at every opening, so it was looked up once."""
+        return self._known(path)[1].st_size
+
+    def modified(self, path: str) -> datetime:
+        """When a file was last written to."""
+        return datetime.fromtimestamp(self._known(path)[1].st_mtime, UTC)
+
+    def glob(self, path: str, **_: object) -> list[str]:
+        """The one file of a name, if there is one: names are no patterns here."""
+        return [path] if self.exists(path) else []
+
+    def exists(self, path: str, **_: object) -> bool:
+        """True where a file of this name may be read."""
+        return _named(path) in self._files
+
+    def _known(self, path: str) -> tuple[Path, os.stat_result]:
+        try:
+            return self._files[_named(path)]
+        except KeyError:
+            raise FileNotFoundError(path) from None
+
+
+def _named(path: str) -> str:
+    """A name as it was given out: some versions of DuckDB and fsspec take its beginning away."""
+    return path if path.startswith(_PREFIX) else _PREFIX + path
