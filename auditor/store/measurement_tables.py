@@ -34,7 +34,7 @@ from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
-from auditor.store.rows import measurement_row
+from auditor.store.rows import measurement_row, pose_row
 from auditor.store.tables import Row, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
@@ -147,13 +147,6 @@ def _region(row: Mapping[str, Any]) -> Region:
     left, top, right, bottom = (row[name] for name in _BOX)
     box = left, top, right, bottom
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
-
-
-def pose_row(measurement_id: str, placed: FramePose) -> Row:
-    """The row of one frame and topic."""
-    row = {**vars(placed), **vars(placed.pose), "measurement_id": measurement_id}
-    del row["pose"]
-    return row
 
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")
