@@ -32,7 +32,7 @@ found AS (
         measured AS frames,
         measurement_id
     FROM summary
-    WHERE vehicle = $vehicle AND measurement_id IS NOT NULL
+    JOIN (SELECT measurement_id, first_stamp_ns, last_stamp_ns FROM mine) USING (measurement_id)
     UNION ALL BY NAME
     SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS note, evidence, frames, first_frame, measurement_id
     FROM incidents

@@ -44,6 +44,7 @@ HOMES = {
     "click": ("cli/",),
     "rich": ("cli/",),
     "pebble": ("pipeline/workers.py",),
+    "cryptography": ("store/log/signatures.py", "store/maintenance/verify.py"),
 }
 """Where each heavy library lives."""
 

@@ -45,6 +45,7 @@ PARAMETER_FILES = (
     "measurement/parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
+    "identification/refresh_parameters.py",
 )
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",

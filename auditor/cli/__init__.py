@@ -23,6 +23,8 @@ VERBS = (
     "convert",
     "attack",
     "calibrate",
+    "calibration",
+    "refresh",
     "scan",
     "judge",
     "label",

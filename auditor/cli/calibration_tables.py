@@ -63,13 +63,15 @@ def show_paper(calibration: "Calibration", store: "Store", r: Decimal, form: str
 
 
 def show_left_out(
-    calibration: "Calibration", system: "System", r: Decimal, form: str, names: Mapping[str, str]
+    calibration: "Calibration", robust: "Sequence[LeftOut]", r: Decimal, form: str, names: Mapping[str, str]
 ) -> None:
-    """How many frames of each clean recording are not clean by thresholds of the others; `names` are by id."""
-    from auditor.identification.cross_validation import leave_one_out_paper, leave_one_out_robust  # noqa: PLC0415 - NumPy is heavy
+    """How many frames of each clean recording are not clean by thresholds of the others; `names` are by id.
+
+    `robust` says it for the robust method.
+    """
+    from auditor.identification.cross_validation import leave_one_out_paper  # noqa: PLC0415 - NumPy is heavy
     from auditor.model.measurement import Statistic  # noqa: PLC0415
 
-    robust = leave_one_out_robust(calibration, system, r)
     if len(calibration.recordings) < 2:
         say(f"one clean recording: no other can judge it; by the prior alone {_share(robust)} at r = {r}")
         _warn_of_incidents(robust, names, "the prior")

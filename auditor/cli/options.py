@@ -292,7 +292,7 @@ def judging_options(command: Decorated) -> Decorated:
         click.option(
             "--calibration",
             metavar="ID|FILE",
-            help="Thresholds to judge by.  [default: the store's newest that fits, or the prior]",
+            help="Thresholds to judge by.  [default: the one in force that fits, or the prior]",
         ),
         click.option(
             "--statistic",

@@ -131,7 +131,7 @@ class CaseSeries:
             self._of_sensors(self._cases.present, places, system),
             np.concatenate([self._frozen(part.places, system) for part in parts]),
             fault_scores(seen, stamps, system.sensors, runs),
-            seen.added_saturation,
+            seen.by_camera,
         )
         starts = np.cumsum([0, *lengths[:-1]]).tolist()
         return series, [start + part.judged for start, part in zip(starts, parts, strict=True)]

@@ -7,6 +7,7 @@ from math import isnan, nan
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
+from auditor.measurement.fault_features.added_light import AddedLight
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Coverage
@@ -39,11 +40,8 @@ class FeaturesOfCases:
         fault_features = {pair: attacked_frame.fault_features(pair, attacks, before[pair]) for pair in pairs}
         later = after.pairs(experiment.triples(attacked_frame.rig)) if after and attacks else []
         features_after = {pair: attacked_frame.fault_features_after(pair, attacks, after) for pair in later if after}
-        saturating = attacked_frame.added_saturation(attacks, experiment.triples(attacked_frame.rig))
-        coverage = [
-            replace(_coverage(attacked_frame, sensor, attacks), added_saturation=saturating.get(sensor))
-            for sensor in attacked_frame.rig.sensors
-        ]
+        lights = attacked_frame.added_light(attacks, experiment.triples(attacked_frame.rig))
+        coverage = [_coverage(attacked_frame, sensor, attacks, lights) for sensor in attacked_frame.rig.sensors]
         return CaseFeatures(
             present=[sensor in attacked_frame.sensors for sensor in attacked_frame.rig.sensors],
             fingerprint=[_fingerprint(attacked_frame, sensor, attacks) for sensor in attacked_frame.rig.sensors],
@@ -84,10 +82,15 @@ def _fingerprint(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -
     return None if known == NO_FINGERPRINT else known
 
 
-def _coverage(attacked_frame: AttackedFrame, sensor: int, attacks: Attacks) -> Coverage:
-    return (
-        attacked_frame.coverage(sensor, attacks) if sensor != LIDAR and sensor in attacked_frame.sensors else Coverage()
-    )
+def _coverage(
+    attacked_frame: AttackedFrame, sensor: int, attacks: Attacks, lights: Mapping[int, AddedLight]
+) -> Coverage:
+    if sensor == LIDAR or sensor not in attacked_frame.sensors:
+        return Coverage()
+    known = attacked_frame.coverage(sensor, attacks)
+    if sensor not in lights:
+        return known
+    return replace(known, lit_px=lights[sensor].lit, saturated_px=lights[sensor].saturated)
 
 
 def _in_order(

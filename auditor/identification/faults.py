@@ -21,7 +21,7 @@ from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
 from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
-from auditor.model.measurement import NO_FINGERPRINT, SATURATION
+from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
     FINDINGS,
@@ -65,9 +65,13 @@ class ObservedFeatures:
     brightness: Mapping[str, Floats]
 
     @property
-    def added_saturation(self) -> dict[int, Floats]:
-        """(F,) the added saturation by camera."""
-        return dict(zip(self.cameras, self.brightness[SATURATION].T, strict=True))
+    def by_camera(self) -> dict[tuple[str, int], Floats]:
+        """(F,) values of the brightness by name and camera."""
+        return {
+            (name, camera): column
+            for name, values in self.brightness.items()
+            for camera, column in zip(self.cameras, values.T, strict=True)
+        }
 
 
 def faults_of(sensors: Collection[int]) -> tuple[CauseIn, ...]:

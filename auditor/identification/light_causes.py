@@ -15,23 +15,37 @@ from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
-    `darker` is how many times as large as added light removed light is, of the statistics themselves. `saturation` are
-    the half px that saturate where light was added.
+    `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
+    `saturated_px` are those of Coverage, NaN where they are not known.
     """
 
     added: float
     removed: float
     inconsistent: float
     darker: float
-    saturation: float = nan
+    lit_px: float = nan
+    saturated_px: float = nan
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether the camera still sees what the others see."""
+        return self.inconsistent < LIGHT_OF_CAUSES.unchanged
+
+    @property
+    def dim(self) -> bool:
+        """Whether light was added that saturates nothing; where nothing else changed, little of what it lights."""
+        veil = LIGHT_OF_CAUSES.veil * self.lit_px if self.unchanged else 0.0
+        return self.added >= LIGHT_OF_CAUSES.least_added and self.saturated_px < max(
+            LIGHT_OF_CAUSES.least_saturated, veil
+        )
 
 
 def seen_of(
-    verdict: Verdict, z: Floats, statistics: Floats, system: System, saturation: Mapping[int, float] | None = None
+    verdict: Verdict, z: Floats, statistics: Floats, system: System, brightness: Mapping[tuple[str, int], float]
 ) -> dict[int, Seen]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
-    `saturation` is the added saturation by camera, where it is known.
+    `brightness` is what is known of BRIGHTNESS by name and camera.
     """
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
     found = {}
@@ -43,8 +57,8 @@ def seen_of(
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            saturated = (saturation or {}).get(sensor, nan)
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, saturated)
+            lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
+            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, lit, saturated)
     return found
 
 
@@ -61,9 +75,9 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
             found.append(FaultHypothesis(Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
-        elif one.added >= LIGHT_OF_CAUSES.least_added and one.saturation < LIGHT_OF_CAUSES.least_saturation:
-            veiled = one.inconsistent < LIGHT_OF_CAUSES.unchanged
-            found.append(FaultHypothesis(Cause.GLARE if veiled else Cause.SOILED, sensor, FAULT_HYPOTHESES.enough))
+        elif one.dim:
+            cause = Cause.GLARE if one.unchanged else Cause.SOILED
+            found.append(FaultHypothesis(cause, sensor, FAULT_HYPOTHESES.enough))
     return tuple(found)
 
 
@@ -73,5 +87,5 @@ def by_tone(seen: Seen, limit: float) -> bool:
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
     little brighter than predicted.
     """
-    unchanged = seen.inconsistent < LIGHT_OF_CAUSES.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
+    unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added

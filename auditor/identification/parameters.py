@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
-    ADDED_SATURATION,
+    ADDED_LIGHT,
     DISPARITY_ERROR_SAMPLES,
     PAIR_DEPTH,
     POINT_EXCESS,
@@ -158,7 +158,9 @@ class TemporalWindow:
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
     limit_share: float = parameter(
-        0.5, unit="of a frame's limit that the mean z of the window must exceed", source="demo and streets 2000 to 2053"
+        0.65,
+        unit="of a frame's limit that the mean z of the window must exceed",
+        source="demo, streets 2000 to 2053, 800 frames of long streets",
     )
     incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
@@ -231,8 +233,13 @@ class LightOfCauses:
         2.0, unit="z of added light, below which an exposure explains what is seen", source=_BENIGN
     )
     unchanged: float = parameter(1.0, unit="z of inconsistency, below which what is seen is the same", source=_BENIGN)
-    least_saturation: float = parameter(
+    least_saturated: float = parameter(
         20.0, unit="half px that saturate in the light, below which it is none that was thrown in", source=_LIT
+    )
+    veil: float = parameter(
+        0.06,
+        unit="share of lit half px that saturate, below which it is a veil where nothing else changed",
+        source=_LIT,
     )
     unchanged_gap: float = parameter(
         2.0, unit="z above the limit that added light may have where what is seen is the same", source=_BENIGN
@@ -297,7 +304,7 @@ JUDGING = (
     TEMPORAL_WINDOW,
     FROZEN,
     POINT_EXCESS,
-    ADDED_SATURATION,
+    ADDED_LIGHT,
     FAULT_SCORES,
     FAULT_SCALE,
     FAULT_HYPOTHESES,

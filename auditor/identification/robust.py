@@ -21,7 +21,6 @@ from auditor.identification.statistics import runs_of, window_means
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.measurement import SATURATION
 from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict
 
 
@@ -32,7 +31,7 @@ class FrameSeries:
     `stamps_ns` are (F,), and `runs` (F,) number the runs without a gap that they belong to. `statistics` are (F, M) by
     sensor check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
     whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor, and
-    `added_saturation` by camera.
+    `brightness` by the names of BRIGHTNESS and camera.
     """
 
     stamps_ns: Integers
@@ -41,7 +40,7 @@ class FrameSeries:
     present: Flags
     frozen: Flags
     fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
-    added_saturation: Mapping[int, Floats] = field(default_factory=dict)
+    brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
 
     @classmethod
     def of_recording(
@@ -51,11 +50,11 @@ class FrameSeries:
         present: Flags,
         fingerprints: Integers,
         fault_scores: Mapping[CauseIn, Floats],
-        added_saturation: Mapping[int, Floats] | None = None,
+        brightness: Mapping[tuple[str, int], Floats] | None = None,
     ) -> "FrameSeries":
         """All frames of a recording; equal `fingerprints` (F, S) of a sensor are equal data."""
         still = frozen(fingerprints, present)
-        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, still, fault_scores, added_saturation or {})
+        return cls(stamps_ns, runs_of(stamps_ns), statistics, present, still, fault_scores, brightness or {})
 
     @classmethod
     def of_clean(cls, clean: CleanFrames, system: System) -> "FrameSeries":
@@ -66,12 +65,13 @@ class FrameSeries:
             for of_sensor in (clean.missing, clean.frozen)
         )
         statistics = clean.statistics_of(system.sensor_checks)
-        saturation = {sensor: values for (name, sensor), values in clean.brightness.items() if name == SATURATION}
-        return cls(clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths, saturation)
+        return cls(
+            clean.stamps_ns, runs_of(clean.stamps_ns), statistics, ~missing, still, clean.strengths, clean.brightness
+        )
 
-    def saturation_in(self, frame: int) -> dict[int, float]:
-        """The added saturation in the frame at this place, by camera."""
-        return {camera: float(values[frame]) for camera, values in self.added_saturation.items()}
+    def brightness_in(self, frame: int) -> dict[tuple[str, int], float]:
+        """What is known of the cameras' brightness in the frame at this place."""
+        return {key: float(values[frame]) for key, values in self.brightness.items()}
 
 
 def judge_frames(
@@ -103,7 +103,7 @@ def judge_frames(
 
     def weighed(verdicts: Sequence[Verdict], scores: Floats, statistics: Floats, limit: float) -> list[Verdict]:
         seen = (
-            seen_of(verdict, scores[f], statistics[f], system, series.saturation_in(f)) if verdict.evidence else {}
+            seen_of(verdict, scores[f], statistics[f], system, series.brightness_in(f)) if verdict.evidence else {}
             for f, verdict in zip(judged.tolist(), verdicts, strict=True)
         )
         return [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
-from auditor.measurement.fault_features.added_saturation import added_saturation
+from auditor.measurement.fault_features.added_light import added_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
@@ -192,13 +192,14 @@ def _compare(prepared: _PreparedFrame, maps: Sequence[Maps]) -> Measured:
 def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Coverage]:
     own = {pair: part.own.maps[OF_TWO] for pair, part in arrays.pairs.items()}
     maps: Maps = own or arrays.maps
-    saturating = added_saturation(arrays.frame_checks.cells, prepared.half_res)
+    lights = added_light(arrays.frame_checks.cells, prepared.half_res)
     coverage = {
         number: replace(
             brightness(prepared.frame.images[number].pixels, pixels),
             textureless_share=1.0 - _share(prepared.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
-            added_saturation=saturating.get(number),
+            lit_px=lights[number].lit if number in lights else None,
+            saturated_px=lights[number].saturated if number in lights else None,
         )
         for number, pixels in prepared.greys.items()
     }

@@ -102,9 +102,9 @@ class Coverage:
     """How much of one sensor could be used in one frame.
 
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
-    leftmost), their mean grey `level`, and of colour cameras the mean of each channel; `added_saturation`, the half px
-    that saturate near its most added light and in most other cameras do not. LiDAR: `returns`, the points that fall
-    into the leftmost camera's view.
+    leftmost), their mean grey `level`, and of colour cameras the mean of each channel. `lit_px` are half px where all
+    others say that light was added, `saturated_px` those that saturate near most of it and in most other cameras do
+    not. LiDAR: `returns`, the points that fall into the leftmost camera's view.
     """
 
     saturated_share: float | None = None
@@ -114,14 +114,12 @@ class Coverage:
     blue_level: float | None = None
     green_level: float | None = None
     red_level: float | None = None
-    added_saturation: float | None = None
+    lit_px: float | None = None
+    saturated_px: float | None = None
     returns: int | None = None
 
 
-SATURATION = "added_saturation"
-"""The one of BRIGHTNESS that a verdict asks for where light was added."""
-
-BRIGHTNESS = ("level", "saturated_share", "blue_level", "green_level", "red_level", SATURATION)
+BRIGHTNESS = ("level", "saturated_share", "blue_level", "green_level", "red_level", "lit_px", "saturated_px")
 """What causes are told by of each camera: fields of Coverage."""
 
 

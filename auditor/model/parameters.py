@@ -91,11 +91,13 @@ class PointExcess:
 
 
 @dataclass(frozen=True)
-class AddedSaturation:
+class AddedLight:
     """Where a camera has most added light, and what of it saturates: no count follows from it."""
 
     window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source="the checks' windows")
     fewest: int = parameter(200, unit="half px of a pair", source="the checks' windows")
+    pseudo_count: int = parameter(200, unit="half px", source="the checks' windows")
+    lit_from: float = parameter(0.1, unit="mean residual of a window, from which on it is lit", source=_LIT)
     voters: int = parameter(2, unit="cameras, where there are two", source="the checks' votes")
     near_px: tuple[int, int] = parameter((60, 80), unit="half px up and down, and to both sides", source=_LIT)
     beside_px: tuple[int, int] = parameter((9, 25), unit="half px, rows and columns", source=_LIT)
@@ -121,5 +123,5 @@ REGION_MASK = RegionMask()
 DISPARITY_ERROR_SAMPLES = DisparityErrorSamples()
 STORED_RESIDUALS = StoredResiduals()
 POINT_EXCESS = PointExcess()
-ADDED_SATURATION = AddedSaturation()
+ADDED_LIGHT = AddedLight()
 RIG_KIND_TOLERANCE = RigKindTolerance()

@@ -119,6 +119,14 @@ def calibrate(
     return make_calibration(kinds[0], procedures[0], clean)
 
 
+def clean_frames_of(
+    store: Store, measurement: str, frames: range | None = None, *, recount: bool = False
+) -> CleanFrames:
+    """What a calibration keeps of a measurement, see `calibrate`."""
+    stored = store.measurement(measurement)
+    return _clean_frames(store, stored, store.rig(stored.rig_id), frames, recount=recount)
+
+
 def _clean_frames(
     store: Store, measurement: StoredMeasurement, rig: Rig, frames: range | None, *, recount: bool
 ) -> CleanFrames:
@@ -147,11 +155,7 @@ def _clean_frames(
             for name in SCORED
             for pair, column in zip(features.pairs, features.columns[name][chosen].T, strict=True)
         },
-        brightness={
-            (name, camera): column
-            for name, values in features.brightness.items()
-            for camera, column in zip(features.cameras, values[chosen].T, strict=True)
-        },
+        brightness={key: column[chosen] for key, column in features.by_camera.items()},
         returns=frames_of.returns[chosen] if LIDAR in rig.sensors else np.zeros(0),
         versions={name: measurement.versions[name] for name in MACHINE if name in measurement.versions},
     )
@@ -227,7 +231,7 @@ def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[C
     """The calibration, of some, that a measurement is judged by: made of measurements of the same procedure.
 
     One of its rig kind goes first, then that of a rig with the fewest additional sensors, then those of similar kinds;
-    of several the newest.
+    of several, which are of rig kinds apart, that of the smallest id.
     """
     stored = store.measurement(measurement)
     rig = store.rig(stored.rig_id)
@@ -235,7 +239,7 @@ def fitting_calibration(store: Store, measurement: str, calibrations: Sequence[C
     ranked = [(closeness(calibration, rig), calibration) for calibration in alike]
     closest = min((rank for rank, _ in ranked if rank is not None), default=None)
     fitting = [calibration for rank, calibration in ranked if rank is not None and rank == closest]
-    return max(fitting, key=_made_at, default=None)
+    return min(fitting, key=lambda calibration: calibration.calibration_id, default=None)
 
 
 def prior_for(store: Store, measurement: str, criteria: Criteria) -> Calibration | None:
@@ -244,10 +248,6 @@ def prior_for(store: Store, measurement: str, criteria: Criteria) -> Calibration
     if criteria.method is not Method.ROBUST or stored.procedure.matcher != PRIOR_MATCHER:
         return None
     return prior_calibration(store.rig(stored.rig_id).kind, stored.procedure)
-
-
-def _made_at(calibration: Calibration) -> tuple[datetime, str]:
-    return calibration.calibrated_at or datetime.min.replace(tzinfo=UTC), calibration.calibration_id
 
 
 def judge_measurement(
@@ -331,7 +331,7 @@ def _judge_robust(
     present, features = frames.states == SensorState.PRESENT, _observed_features(store, measurement)
     scores = fault_scores(features, frames.stamps_ns, rig.sensors)
     series = FrameSeries.of_recording(
-        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.added_saturation
+        frames.stamps_ns, frames.statistics, present, frames.fingerprints, scores, features.by_camera
     )
     verdicts = judge_frames(series, system_of(rig), thresholds)
     return list(zip(frames.frames.tolist(), frames.stamps_ns.tolist(), verdicts, strict=True))

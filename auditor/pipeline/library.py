@@ -37,6 +37,7 @@ from auditor.pipeline.many import (
     named_calibration,
 )
 from auditor.pipeline.measure import Measured, in_force, rigs_through
+from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, list_queries, list_views, run_query, run_sandboxed
@@ -51,6 +52,9 @@ Rate = Decimal | float | str
 Choice = TypeVar("Choice", Method, Statistic)
 Progress = Callable[[object, str, int], None]
 """Called with a recording, what is being done, and the number of frames done (0: it is a remark)."""
+
+_USUAL_R = Decimal("0.01")
+"""The r that a calibration's rates by others are kept for."""
 
 
 # Reading and measuring
@@ -148,7 +152,8 @@ def calibrate(
 ) -> Calibrated:
     """Make thresholds from recordings that are known to be clean, or from the clean measurements of stores.
 
-    They are measured into `store`, which keeps the calibration. `frames` restricts it to these frame numbers of each.
+    They are measured into `store`, which keeps the calibration; the first of a rig kind is in force, later ones are
+    once somebody promotes them. `frames` restricts it to these frame numbers of each.
     Raises ThresholdsError where nothing clean remains or rig kinds differ, SettingError, RigError and StoreError.
     """
     paths = _paths(sources)
@@ -162,7 +167,7 @@ def calibrate(
         given = [(kept, one) for outcome in outcomes if outcome.result for one in outcome.result.measurement_ids]
         clean = choose_clean(given, stores)
         calibration = calibrate_on(clean, frames)
-        kept.write_calibration(calibration)
+        keep_calibrated(kept, calibration, clean, _USUAL_R, frames=frames)
     failed = (outcome.error for outcome in outcomes if outcome.error is not None)
     return Calibrated(calibration, clean.left_out, (*batch.errors, *failed))
 
@@ -186,10 +191,10 @@ def scan(
 ) -> Iterator[Scanned]:
     """Audit recordings (files, or folders of them) and yield what became of each as soon as it is known.
 
-    `calibration` is an id of the store's, the beginning of one, or a file; None takes the newest that fits, or the
-    prior where none does. `jobs` recordings (None: as many as cores) are measured at a time, each in a process of its
-    own that may take `memory_limit` MB and `time_limit` seconds. What the store has measured already is not measured
-    again, unless `measure_again`; then the earlier measurement goes, with its judgements.
+    `calibration` is an id of the store's, the beginning of one, or a file; None takes the one in force that fits, or
+    the prior where none does. `jobs` recordings (None: as many as cores) are measured at a time, each in a process of
+    its own that may take `memory_limit` MB and `time_limit` seconds. What the store has measured already is not
+    measured again, unless `measure_again`; then the earlier measurement goes, with its judgements.
 
     A recording that fails is a `Scanned` with its error; the others go on. What is wrong with the call itself raises
     before any work: SettingError, ThresholdsError, RigError, StoreError.

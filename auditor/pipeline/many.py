@@ -28,6 +28,7 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 from auditor.store.log import logged
+from auditor.store.versions.history import calibrations_in_force
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
 _NO_THRESHOLDS = (
@@ -146,10 +147,15 @@ def was_examined(error: AuditorError) -> bool:
 
 @dataclass(frozen=True)
 class CleanMeasurements:
-    """Measurements to calibrate on, each with its store, and a sentence for each that is left out."""
+    """Measurements to calibrate on, each with its store, and those that are left `out`, each with the reason."""
 
     chosen: tuple[tuple[Store, str], ...]
-    left_out: tuple[str, ...]
+    out: tuple[tuple[Store, str, str], ...]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """A sentence for each measurement that is left out."""
+        return tuple(f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in self.out)
 
 
 def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) -> CleanMeasurements:
@@ -162,10 +168,11 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
     reasons = [(store, one, reason) for store in stores for one, reason in _of_store(store, known)]
-    reasons += [(store, one, _attacked(store, one) or _superseded(store, one, among=named)) for store, one in given]
+    reasons += [
+        (store, one, attacked_by_labels(store, one) or superseded_by(store, one, among=named)) for store, one in given
+    ]
     chosen = tuple((store, one) for store, one, reason in reasons if not reason)
-    left_out = (f"{recording_name(store, one)}: left out: {reason}" for store, one, reason in reasons if reason)
-    return CleanMeasurements(chosen, tuple(left_out))
+    return CleanMeasurements(chosen, tuple(one for one in reasons if one[2]))
 
 
 def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recount: bool = False) -> Calibration:
@@ -182,12 +189,13 @@ def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     judgements = store.current_judgements()
     for measurement in store.ids("measurements"):
         if measurement not in given:
-            reason = _attacked(store, measurement) or _superseded(store, measurement)
+            reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
             yield measurement, reason or _in_incidents(judgements.get(measurement))
 
 
-def _attacked(store: Store, measurement: str) -> str:
+def attacked_by_labels(store: Store, measurement: str) -> str:
+    """That labels say that the recording of a measurement was attacked; empty where none does."""
     recording_id = store.measurement(measurement).recording_id
     if store.labels(recording_id):
         return "it carries the ground truth of an attack"
@@ -195,7 +203,8 @@ def _attacked(store: Store, measurement: str) -> str:
     return "it was labelled as attacked" if given else ""
 
 
-def _superseded(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+def superseded_by(store: Store, measurement: str, among: Collection[str] | None = None) -> str:
+    """That another recording, `among` some, holds every frame of a measurement's; empty where none does."""
     later = store.recording(store.measurement(measurement).recording_id).superseded_by
     if later is None or (among is not None and later not in among):
         return ""
@@ -218,7 +227,7 @@ def _in_incidents(judgement: StoredJudgement | None) -> str:
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """How measurements are judged. Without a `calibration` each is judged by the store's newest that fits it, or by the
+    """How measurements are judged. Without a `calibration` each is judged by the one in force that fits it, or by the
     prior where none does.
 
     Below `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
@@ -258,7 +267,7 @@ class Judge:
     def __init__(self, store: Store, settings: JudgeSettings) -> None:
         self._store = store
         self._settings = settings
-        self._calibrations = [] if settings.calibration else store.calibrations()
+        self._calibrations = [] if settings.calibration else calibrations_in_force(store)
         self._current = store.current_judgements()
         self._usual = UsualRigs(store)
 
@@ -267,7 +276,7 @@ class Judge:
         store, criteria = self._store, self._settings.criteria
         stored = store.measurement(measurement)
         recording = store.recording(stored.recording_id)
-        name, reading = recording.name, _reading(stored, self._settings.min_coverage)
+        name, reading = recording.name, reading_of(stored, self._settings.min_coverage)
         told = (*reading.remarks, *self._missing(recording, stored))
         try:
             refuse_earlier_counting(store, measurement)
@@ -313,7 +322,8 @@ def _judge_all(judge: Judge, store: Store, measurements: Iterable[str]) -> Itera
         yield from map(judge.judge, measurements)
 
 
-def _reading(measurement: StoredMeasurement, min_coverage: float) -> Reading:
+def reading_of(measurement: StoredMeasurement, min_coverage: float = MIN_COVERAGE) -> Reading:
+    """Whether the recording of a measurement was read whole."""
     frames = FrameCount(measurement.measured, measurement.skipped)
     return judge_reading(frames, measurement.coverage, measurement.balance, measurement.damage, min_coverage)
 
@@ -357,17 +367,26 @@ def named_calibration(folder: Path, name: str | None) -> Calibration | None:
         return None
     if Path(name).is_file():
         return read_calibration(Path(name))
-    store = Store.open(folder) if Store.is_at(folder) else None
-    matching = store.calibrations_called(name) if store else []
-    if store is None or len(matching) != 1:
-        what = "several calibrations begin so" if matching else "no calibration has that id, and no file that name"
-        known = store is not None and bool(store.ids("calibrations"))
-        remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
-        raise ThresholdsError(what, where=name or "--calibration", remedy=remedy)
-    return store.calibration(matching[0])
+    if not Store.is_at(folder):
+        raise _no_calibration(name, folder, known=False)
+    store = Store.open(folder)
+    return store.calibration(calibration_called(store, name))
+
+
+def calibration_called(store: Store, beginning: str) -> str:
+    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
+    matching = store.calibrations_called(beginning)
+    if len(matching) != 1:
+        raise _no_calibration(beginning, store.folder, known=bool(store.ids("calibrations")), several=bool(matching))
+    return matching[0]
+
+
+def _no_calibration(name: str, folder: Path, *, known: bool, several: bool = False) -> ThresholdsError:
+    what = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
+    remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
+    return ThresholdsError(what, where=name or "--calibration", remedy=remedy)
 
 
 def listing_calibrations(folder: Path) -> str:
     """A command that lists the calibrations of a store."""
-    sql = "SELECT DISTINCT calibration_id, kind, matcher, calibrated_at FROM calibrations"
-    return f'auditor query --store {shlex.quote(str(folder))} --sql "{sql}" lists them'
+    return f"auditor calibration list --store {shlex.quote(str(folder))} lists them"

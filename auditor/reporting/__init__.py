@@ -2,5 +2,6 @@
 
 from auditor.reporting.evaluation.render import render_evaluation_report
 from auditor.reporting.incident.render import render_incident_report
+from auditor.reporting.refresh.render import render_refresh_page
 
-__all__ = ["render_evaluation_report", "render_incident_report"]
+__all__ = ["render_evaluation_report", "render_incident_report", "render_refresh_page"]

@@ -149,6 +149,16 @@ def rig_kind_fields(kind: RigKind) -> dict[str, object]:
     }
 
 
+def rig_kind_of(fields: Mapping[str, Any]) -> RigKind:
+    """The rig kind of such a STRUCT."""
+    return RigKind(
+        lidar=fields["lidar"],
+        sizes_px=tuple(zip(fields["widths_px"], fields["heights_px"], strict=True)),
+        focals_px=tuple(fields["focals_px"]),
+        baselines_m=tuple(fields["baselines_m"]),
+    )
+
+
 def _columns(clean: CleanFrames) -> Iterator[tuple[_Column, NDArray[np.float64]]]:
     """The columns of a recording with what they are of: a statistic's triple, a sensor check, or something in a sensor.
 
@@ -208,15 +218,9 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
 def calibration_of(rows: list[dict[str, Any]]) -> Calibration:
     """The calibration of the rows of its file, unchecked. Raises TypeError and ValueError where they are none."""
     first = rows[0]
-    kind = first["rig_kind"]
     return Calibration(
         calibration_id=first["calibration_id"],
-        rig_kind=RigKind(
-            lidar=kind["lidar"],
-            sizes_px=tuple(zip(kind["widths_px"], kind["heights_px"], strict=True)),
-            focals_px=tuple(kind["focals_px"]),
-            baselines_m=tuple(kind["baselines_m"]),
-        ),
+        rig_kind=rig_kind_of(first["rig_kind"]),
         procedure=Procedure(first["matcher"], first["settings"], first["counting_version"]),
         clean=tuple(_clean(list(part)) for _, part in groupby(rows, key=lambda row: row["part"])),
         calibrated_at=first["calibrated_at"] and first["calibrated_at"].replace(tzinfo=UTC),

@@ -100,9 +100,8 @@ def fault_feature_rows(
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
-    pairs = rig.pairs
-    places = {pair: place for place, pair in enumerate(pairs)}
-    columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
+    places = {pair: place for place, pair in enumerate(rig.pairs)}
+    columns = {name: np.full((len(frames), len(rig.pairs)), np.nan) for name in COLUMNS}
     table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
     row = np.searchsorted(frames, table["frame"].to_numpy())
     of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
@@ -110,8 +109,8 @@ def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFe
     for name, values in columns.items():
         values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
-    brightness = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
-    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, brightness)
+    of_cameras = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
+    return FrameFaultFeatures(frames, stamps_ns, rig.pairs, columns, cameras, of_cameras)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")

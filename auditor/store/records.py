@@ -240,7 +240,8 @@ class StoredJudgement:
     and `rules`, the digest of the parameters, None where it was judged before rules had versions. `absent_sensors` are
     what its rig lacks of the calibration's. `drives` are the clean recordings that the robust method's thresholds were
     learnt from, 0 where they are the prior; None by the paper's method, and of judgements of before there was a prior.
-    `marks` say what else is to be known of its calibration.
+    `marks` say what else is to be known of its calibration. `incidents_per_hour` were allowed on clean recordings, None
+    where that was not asked for.
     """
 
     judgement_id: str
@@ -260,6 +261,7 @@ class StoredJudgement:
     absent_sensors: tuple[str, ...] = ()
     drives: int | None = None
     marks: Marks = NO_MARKS
+    incidents_per_hour: float | None = None
 
 
 def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:

@@ -1,7 +1,7 @@
 """Records as rows of their tables, and rows as records."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from datetime import UTC
 from typing import Any
@@ -13,10 +13,11 @@ from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
-from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, AttackLabel, Verdict, VerdictKind
 from auditor.store.calibrations import rig_kind_fields
 from auditor.store.records import (
     DIGITS_OF_R,
+    GivenLabel,
     JudgementRecord,
     MeasurementRecord,
     RecordingRecord,
@@ -58,6 +59,40 @@ def stored_recording(row: Mapping[str, Any]) -> RecordingRecord:
             "conflicts": None if row["conflicts"] is None else tuple(row["conflicts"]),
         }
     )
+
+
+def label_rows(recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None) -> list[Row]:
+    """The rows of what a recording itself says was attacked; `rig` numbers the sensors."""
+    sensors = {rig.topic(sensor): sensor for sensor in rig.sensors} if rig else {}
+    return [
+        {
+            "recording_id": recording_id,
+            "topic": label.topic,
+            "sensor": sensors.get(label.topic),
+            "attack": label.attack,
+            "from_ns": label.from_ns,
+            "to_ns": label.to_ns,
+            "parameters": json.dumps(label.parameters, sort_keys=True),
+        }
+        for label in labels
+    ]
+
+
+def stored_label(row: Mapping[str, Any]) -> AttackLabel:
+    """The label of a row."""
+    known = {name: row[name] for name in ("topic", "attack", "from_ns", "to_ns")}
+    return AttackLabel(**known, parameters=json.loads(row["parameters"]))
+
+
+def given_label_rows(recording_id: str, labels: Iterable[GivenLabel]) -> list[Row]:
+    """The rows of what persons said of a recording."""
+    return [{**vars(label), "recording_id": recording_id, "given_at": to_utc(label.given_at)} for label in labels]
+
+
+def stored_given_label(row: Mapping[str, Any]) -> GivenLabel:
+    """The given label of a row."""
+    given_at = row["given_at"].replace(tzinfo=UTC)
+    return GivenLabel(given_at, **{name: row[name] for name in row if name not in {"given_at", "recording_id"}})
 
 
 def rig_row(rig: Rig) -> Row:
@@ -236,6 +271,7 @@ def stored_judgement(row: Mapping[str, Any]) -> StoredJudgement:
         absent_sensors=tuple(row["absent_sensors"] or ()),
         drives=row["drives"],
         marks=_marks(row),
+        incidents_per_hour=row.get("incidents_per_hour"),
     )
 
 

@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from datetime import UTC
 from pathlib import Path
 from typing import Any, Self
 
@@ -38,14 +37,17 @@ from auditor.store.records import (
     RecordingRecord,
     StoredJudgement,
     StoredMeasurement,
-    to_utc,
 )
 from auditor.store.rows import (
+    given_label_rows,
     judgement_row,
+    label_rows,
     recording_row,
     rig_row,
     sensor_check_rows,
+    stored_given_label,
     stored_judgement,
+    stored_label,
     stored_measurement,
     stored_recording,
     triple_rows,
@@ -170,52 +172,22 @@ class Store:
 
     def write_labels(self, recording_id: str, labels: Iterable[AttackLabel], rig: Rig | None = None) -> None:
         """Keep the ground truth of a recording. A recording without a label is not known to be clean."""
-        sensors = {rig.topic(sensor): sensor for sensor in rig.sensors} if rig else {}
-        rows = [
-            {
-                "recording_id": recording_id,
-                "topic": label.topic,
-                "sensor": sensors.get(label.topic),
-                "attack": label.attack,
-                "from_ns": label.from_ns,
-                "to_ns": label.to_ns,
-                "parameters": json.dumps(label.parameters, sort_keys=True),
-            }
-            for label in labels
-        ]
-        self.write("labels", recording_id, rows)
+        self.write("labels", recording_id, label_rows(recording_id, labels, rig))
 
     def labels(self, recording_id: str) -> list[AttackLabel]:
         """The ground truth that a recording carries; none where it carries none."""
         if not self.path("labels", recording_id).is_file():
             return []
-        return [
-            AttackLabel(
-                topic=row["topic"],
-                attack=row["attack"],
-                from_ns=row["from_ns"],
-                to_ns=row["to_ns"],
-                parameters=json.loads(row["parameters"]),
-            )
-            for row in read_rows("labels", self.path("labels", recording_id))
-        ]
+        return [stored_label(row) for row in read_rows("labels", self.path("labels", recording_id))]
 
     def write_given_labels(self, recording_id: str, labels: Iterable[GivenLabel]) -> None:
         """Keep all labels that persons gave to a recording, in place of those of before."""
-        rows = [{**vars(label), "recording_id": recording_id, "given_at": to_utc(label.given_at)} for label in labels]
-        self.write("given_labels", recording_id, rows)
+        self.write("given_labels", recording_id, given_label_rows(recording_id, labels))
 
     def given_labels(self, recording_id: str) -> list[GivenLabel]:
         """The labels that persons gave to a recording."""
         path = self.path("given_labels", recording_id)
-        rows = read_rows("given_labels", path) if path.is_file() else []
-        return [
-            GivenLabel(
-                given_at=row.pop("given_at").replace(tzinfo=UTC),
-                **{k: v for k, v in row.items() if k != "recording_id"},
-            )
-            for row in rows
-        ]
+        return [stored_given_label(row) for row in read_rows("given_labels", path)] if path.is_file() else []
 
     # Measurements
 

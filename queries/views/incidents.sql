@@ -3,7 +3,7 @@
 -- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
--- column incident_id: The judgement of its first frame and the number of that frame; other parameters make other incidents of an id.
+-- column incident_id: Hash of the judgement and the number of its first frame; other parameters make other incidents of an id.
 -- column judgement_id: The judgement of its first frame; the parts have those of the others.
 -- column rig_id: The rig.
 -- column kind: What the verdicts are: attacked, unidentified or suspect.
@@ -142,7 +142,7 @@ carried AS (
     GROUP BY ALL
 )
 SELECT
-    any_value(whole.parts[1].judgement_id || '.' || whole.parts[1].first_frame) AS incident_id,
+    any_value(md5(whole.parts[1].judgement_id || ' ' || whole.parts[1].first_frame)) AS incident_id,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,

@@ -6,9 +6,6 @@
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 -- column rig_id: The rig.
 -- column judgement_id: The current judgement; NULL where nothing was judged.
--- column judged_at: When it was judged.
--- column first_stamp_ns: Smallest stamp of a frame or skipped tick.
--- column last_stamp_ns: Largest stamp of a frame or skipped tick.
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
@@ -29,9 +26,6 @@ SELECT
     measurement.measurement_id,
     measurement.rig_id,
     judgement.judgement_id,
-    judgement.judged_at,
-    measurement.first_stamp_ns,
-    measurement.last_stamp_ns,
     rig.kind,
     measurement.frames - coalesce(measurement.skipped['edge'], 0) AS frames,
     measurement.measured,

@@ -47,7 +47,7 @@ class Blurred:
 
 @dataclass(frozen=True)
 class WetLens:
-    """Drops of water on a lens: each shows a picture of its own, upside down, blurred and somewhat darker."""
+    """Drops of water on a lens that show its picture, upside down as a whole, blurred and somewhat darker."""
 
     drops: int
     seed: int
@@ -64,6 +64,31 @@ class WetLens:
         share = share.reshape(height, width, *[1] * (image.pixels.ndim - 2))
         pixels = np.rint(image.pixels * (1 - share) + turned * share)
         return replace(image, pixels=pixels.astype(np.uint8))
+
+
+@dataclass(frozen=True)
+class RefractingDrops:
+    """Drops that each show the whole view, upside down: sky below and road above, blurred and somewhat darker."""
+
+    drops: int
+    seed: int
+
+    def apply(self, image: CameraImage) -> CameraImage:
+        height, width = image.pixels.shape[:2]
+        rng = np.random.default_rng([self.seed, image.sensor, 9])
+        turned = cv2.GaussianBlur(image.pixels[::-1, ::-1].astype(np.float32), (0, 0), 0.15 * height)
+        pixels = image.pixels.astype(np.float32)
+        for _ in range(self.drops):
+            u, v, radius = rng.uniform(0, width), rng.uniform(0, height), rng.uniform(0.015, 0.05) * width
+            right = (np.arange(width, dtype=np.float32) - u) / radius
+            down = (np.arange(height, dtype=np.float32)[:, None] - v) / (radius * rng.uniform(0.8, 1.25))
+            share = np.clip((1 - np.hypot(right, down)) / 0.25, 0, 1).astype(np.float32)
+            share = share.reshape(height, width, *[1] * (image.pixels.ndim - 2))
+            # The circle of the drop shows a circle as high as the picture.
+            column, row = np.broadcast_arrays((width + right * height) / 2, (1 + down) * height / 2)
+            shown = cv2.remap(turned, *(one.astype(np.float32) for one in (column, row)), cv2.INTER_LINEAR)
+            pixels = pixels * (1 - share) + np.float32(0.9) * shown * share
+        return replace(image, pixels=np.rint(pixels).astype(np.uint8))
 
 
 @dataclass(frozen=True)
@@ -104,6 +129,7 @@ def faults(seed: int, width_px: int, height_px: int) -> Iterator[Fault]:
     yield Fault("white balance 1.25 / 0.8", Cause.WHITE_BALANCE, Toned((0.8, 1.0, 1.25)), coloured=True)
     yield Fault("five drops of mud", Cause.SOILED, SoiledLens(5, seed))
     yield Fault("fifteen drops of water", Cause.SOILED, WetLens(15, seed))
+    yield Fault("eight drops that show the view", Cause.SOILED, RefractingDrops(8, seed))
     yield Fault("blur, 2 px", None, Blurred(2.0))
     sun = SunSeen(0.6 * width_px, 0.1 * height_px, 1.0)
     yield Fault("glare of the sun, one camera", Cause.GLARE, Glare(sun, seed))

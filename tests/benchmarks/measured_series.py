@@ -22,7 +22,7 @@ from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import COLUMNS, Pair, rig_sensor_checks
 from auditor.model.frames import Frame
-from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, SATURATION, Measurement
+from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Measurement
 from auditor.model.rig import Rig
 from auditor.model.verdict import Cause, CauseIn, Verdict
 from tests.benchmarks.lasting_faults import Happening
@@ -184,6 +184,10 @@ def judged(part: Watched, learnt: RobustThresholds, rig: Rig, absent: Collection
     present = np.tile([sensor not in absent for sensor in rig.sensors], (len(part.numbers), 1))
     scores: Mapping[CauseIn, Floats] = scores_of(part, rig, absent)
     cameras = [camera.number for camera in rig.cameras]
-    saturation = dict(zip(cameras, part.brightness[SATURATION].T, strict=True))
-    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores, saturation)
+    brightness = {
+        (name, camera): column
+        for name, values in part.brightness.items()
+        for camera, column in zip(cameras, values.T, strict=True)
+    }
+    series = FrameSeries.of_recording(part.stamps_ns, part.statistics, present, part.fingerprints, scores, brightness)
     return judge_frames(series, system_of(rig), learnt)

@@ -24,7 +24,7 @@ from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames, RobustThresholds, Thresholds
 from auditor.model.checks import COLUMNS, OF_LIDAR, rig_sensor_checks
-from auditor.model.measurement import BRIGHTNESS, SATURATION, Statistic
+from auditor.model.measurement import BRIGHTNESS, Statistic
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Verdict, VerdictKind
 from tests.benchmarks.clustered import clustered_interval
@@ -100,10 +100,13 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
     return fault_scores(ObservedFeatures(pairs, columns, cameras, brightness), stamps, system.sensors)
 
 
-def _added_saturation(cases: Sequence[Case], system: System) -> dict[int, np.ndarray]:
-    known = [case.brightness(SATURATION) for case in cases]
-    cameras = [sensor for sensor in system.sensors if sensor != LIDAR]
-    return {camera: np.array([one.get(camera) for one in known], dtype=np.float64) for camera in cameras}
+def _brightness(cases: Sequence[Case], system: System) -> dict[tuple[str, int], np.ndarray]:
+    return {
+        (name, camera): np.array([case.brightness(name).get(camera) for case in cases], dtype=np.float64)
+        for name in BRIGHTNESS
+        for camera in system.sensors
+        if camera != LIDAR
+    }
 
 
 def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, theta: Thresholds | None) -> list[Judged]:
@@ -119,7 +122,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         here,
         ~here,
         own.strengths,
-        _added_saturation(clean, system),
+        _brightness(clean, system),
     )
     thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
     verdicts = judge_frames(series, system, thresholds)
@@ -132,7 +135,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         at = [places[case.frame] for case in attacked]
         scores = {cause: values[at] for cause, values in own.strengths.items()}
         here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
-        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, _added_saturation(attacked, system))
+        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, _brightness(attacked, system))
         verdicts += judge_frames(lone, system, thresholds)
     ordered = [*clean, *attacked]
     papers = _paper(ordered, scene, system, theta)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.clustered import clustered_interval, effective_size
+from tests.benchmarks.long_drives import hourly_interval, poisson_interval
 
 
 def test_clusters_that_are_all_or_nothing_give_a_wider_interval_than_mixed_ones() -> None:
@@ -22,3 +23,15 @@ def test_a_series_that_repeats_itself_is_worth_less() -> None:
     assert effective_size(independent) > 300
     assert effective_size(np.repeat(independent[:40], 10)) < 80
     assert effective_size(np.ones(9)) == 9
+
+
+@pytest.mark.parametrize(("seen", "low", "high"), [(0, 0.0, 3.689), (1, 0.0253, 5.572), (18, 10.67, 28.45)])
+def test_the_interval_of_a_count_is_garwoods(seen: int, low: float, high: float) -> None:
+    assert poisson_interval(seen) == pytest.approx((low, high), abs=0.005)
+
+
+def test_incidents_an_hour_come_by_drives() -> None:
+    assert hourly_interval([0, 0], [0.1, 0.1]) is None
+    low, high = hourly_interval([2, 0, 0, 0, 0], [0.1] * 5) or (np.nan, np.nan)
+    assert low == 0
+    assert 4 < high <= 20

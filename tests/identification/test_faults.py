@@ -11,7 +11,7 @@ from auditor.identification.faults import (
     faults_of,
     weigh,
 )
-from auditor.identification.light_causes import Seen, dirt, seen_of
+from auditor.identification.light_causes import Seen, of_lens, seen_of
 from auditor.identification.scores import fault_scale, thresholds_from
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, Scale
@@ -343,7 +343,30 @@ DIRT = Seen(added=3.5, removed=4.0, inconsistent=4.0, darker=2.0)
     ],
 )
 def test_a_camera_that_lacks_light_or_has_none_too_much_is_soiled(seen, score):
-    assert dirt({2: seen}) == (() if score is None else ((Cause.SOILED, 2, score),))
+    assert of_lens({2: seen}) == (() if score is None else ((Cause.SOILED, 2, score),))
+
+
+LIT = Seen(added=8.0, removed=1.0, inconsistent=4.0, darker=0.2, lit_px=1000.0, saturated_px=19.0)
+VEILED = LIT._replace(inconsistent=0.9, saturated_px=59.0)
+
+
+@pytest.mark.parametrize(
+    ("seen", "cause"),
+    [
+        (LIT, Cause.SOILED),
+        (LIT._replace(saturated_px=20.0), None),
+        (LIT._replace(saturated_px=NAN), None),
+        (LIT._replace(added=1.4, inconsistent=7.0), None),
+        (LIT._replace(inconsistent=0.9), Cause.GLARE),
+        (VEILED, Cause.GLARE),
+        (VEILED._replace(saturated_px=60.0), None),
+        (VEILED._replace(inconsistent=1.0), None),
+    ],
+)
+def test_light_that_saturates_nothing_is_of_the_lens_and_a_veil_saturates_little_of_what_it_lights(seen, cause):
+    assert of_lens({2: seen}) == (() if cause is None else ((cause, 2, 0.5),))
+    weighed = weigh(verdict(lead=9.0), (), LIMIT, {1: seen})
+    assert weighed.kind is (VerdictKind.ATTACKED if cause is None else VerdictKind.SUSPECT)
 
 
 def test_dirt_explains_only_attacks_on_its_own_camera_however_strong():
@@ -388,6 +411,9 @@ def test_an_exposure_is_listed_where_no_check_fired_and_is_no_finding():
 SYSTEM = System(sensor_checks_of(((1, 2), (1, 3), (2, 3)), ((1, 3),), ()), triples_of(3, lidar=True), SENSORS)
 
 
+LIGHT = {("lit_px", 1): 640.0, ("saturated_px", 1): 12.0, ("saturated_px", 2): 99.0}
+
+
 def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
     columns = {(one.check, one.sensor, one.others): n for n, one in enumerate(SYSTEM.sensor_checks)}
     z, statistics = np.zeros((2, len(columns)))
@@ -401,12 +427,13 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
             [("removed_light", 1), ("added_light", 2), ("lidar_conflict", 0)],
         )
     )
-    assert seen_of(alone, z, statistics, SYSTEM) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32))}
-    assert seen_of(both, z, statistics, SYSTEM)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62))
+    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12)}
+    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12)
+    assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4:]).all(), "it was measured before light was kept"
     without_3 = replace(alone, out_of_system=(3,))
-    assert seen_of(without_3, z, statistics, SYSTEM)[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"
+    assert seen_of(without_3, z, statistics, SYSTEM, {})[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"
     unclear = replace(CLEAN, evidence=(Evidence("added_light", 1, None, 2, 5.0),))
-    assert seen_of(unclear, z, statistics, SYSTEM) == {}, "of two cameras neither is named"
+    assert seen_of(unclear, z, statistics, SYSTEM, {}) == {}, "of two cameras neither is named"
 
 
 def test_darkness_is_listed_where_no_check_fired_and_explains_no_light():

@@ -17,6 +17,7 @@ from auditor.reporting.incident.loading import load_page
 from auditor.store import Store, tables
 from auditor.store.queries import run_sql
 from auditor.store.tables import read_rows
+from auditor.store.versions.history import put_first_in_force
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 
 RIG = make_rig(3)
@@ -49,7 +50,7 @@ def judged(folder, count):
     store = new_store(folder)
     known = [measured(store, f"{number:x}") for number in range(count)]
     calibration = calibrate([(store, known[0])])
-    store.write_calibration(calibration)
+    put_first_in_force(store, calibration)
     for one in known:
         add_judgement(store, RIG, one, "c" * 6, calibration_id=calibration.calibration_id)
     return store, known
@@ -92,7 +93,12 @@ def test_judging_opens_no_file_twice_but_frames_for_their_statistics_and_for_the
         "frames",
         *(["fault_features"] if method is Method.ROBUST else []),
     )
-    assert Counter(path.parent.name for path in opened) == {**dict.fromkeys(of_each, 7), "rigs": 1, "calibrations": 1}
+    assert Counter(path.parent.name for path in opened) == {
+        **dict.fromkeys(of_each, 7),
+        "rigs": 1,
+        "calibrations": 1,
+        "calibration_history": 1,
+    }
     assert {(path.parent.name, times) for path, times in opened.items() if times > 1} <= {("frames", 2)}
 
 

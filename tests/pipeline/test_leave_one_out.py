@@ -13,6 +13,7 @@ from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_query
 from auditor.store.describing import describe
+from auditor.store.versions.history import put_first_in_force
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import drive_frames
 
@@ -68,7 +69,7 @@ def test_held_out_frames_and_incidents_are_those_of_a_scan(measured):
 def test_a_calibration_remembers_which_sensors_were_missing_or_frozen(measured):
     store, known = measured
     calibration = calibrate([(store, measurement) for measurement in known.values()])
-    store.write_calibration(calibration)
+    put_first_in_force(store, calibration)
     for one in (calibration, store.calibration(calibration.calibration_id)):
         missing, frozen = (
             [{s: flags.nonzero()[0].tolist() for s, flags in of_sensor.items()} for of_sensor in parts]

@@ -16,6 +16,7 @@ from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.recordings import find_rigs, open_recording, survey, synchronise, write_mcap
 from auditor.store import Store, run_sql
+from auditor.store.versions.history import put_first_in_force
 from tests.making.thinned_clouds import every_other_ring
 
 FRAMES = 12
@@ -54,7 +55,7 @@ def audit(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[St
     }
     by_name = {name: measured(path, folder / "audit") for name, path in recordings.items()}
     store = Store.open(folder / "audit")
-    store.write_calibration(calibrate([(store, by_name["calibrated"])]))
+    put_first_in_force(store, calibrate([(store, by_name["calibrated"])]))
     return store, by_name
 
 

@@ -14,6 +14,7 @@ from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import MeasureTask, measure_recording
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
 from auditor.store.maintenance.check import check
+from auditor.store.versions.history import put_first_in_force
 from tests.making.small_drives import DAY_NS, START_NS, write_drive
 
 FRAMES = 12
@@ -63,7 +64,7 @@ def test_without_any_calibration_the_prior_judges_and_every_answer_says_so(recor
 def test_where_the_store_has_thresholds_of_others_only_the_recording_is_not_fully_audited(recordings, tmp_path) -> None:
     clean, other = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "another kind"))
     store = Store.open(tmp_path / "audit")
-    store.write_calibration(calibrate([(store, clean)]))
+    put_first_in_force(store, calibrate([(store, clean)]))
     found = judged(store, other)
     assert found.judgement.calibration_id == PRIOR
     assert ALONE in found.warnings
@@ -119,7 +120,7 @@ def test_a_calibration_keeps_what_its_counts_depend_on_and_judgements_tell_where
 def test_a_recording_that_is_judged_by_itself_is_in_sample(recordings, tmp_path) -> None:
     clean, attacked = (measured(tmp_path / "audit", recordings[name]) for name in ("clean", "attacked"))
     store = Store.open(tmp_path / "audit")
-    store.write_calibration(calibrate([(store, clean)]))
+    put_first_in_force(store, calibrate([(store, clean)]))
     for criteria in (Criteria(R), Criteria(R, Method.PAPER)):
         assert "in sample: the calibration was made of it" in judged(store, clean, criteria).warnings
         assert not judged(store, attacked, criteria).judgement.marks.in_sample

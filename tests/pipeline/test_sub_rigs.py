@@ -1,7 +1,7 @@
 """Recordings that lack sensors are judged by a part of a calibration, as by one that was made without these sensors."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 
 import numpy as np
@@ -154,7 +154,7 @@ def test_a_calibration_of_the_rig_kind_goes_first_then_that_with_the_fewest_addi
     every = [clean[1,], clean[1, 0], whole]
     assert fitting_calibration(Store.open(store), attacked, every) is clean[1, 0]
     assert fitting_calibration(Store.open(store), attacked, [whole, clean[1,]]) is clean[1,]
-    newer = replace(clean[1,], calibration_id="newer", calibrated_at=datetime.now(UTC))
-    assert fitting_calibration(Store.open(store), attacked, [newer, clean[1,], whole]) is newer
+    dated = replace(clean[1,], calibration_id="z", calibrated_at=datetime.now(UTC) + timedelta(days=999))
+    assert fitting_calibration(Store.open(store), attacked, [dated, clean[1,], whole]) is clean[1,], "no date decides"
     more = measured(drives, "attacked", store)
     assert fitting_calibration(Store.open(store), more, [clean[1,], clean[1, 0]]) is None, "it has sensors without any"

@@ -1,5 +1,6 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
+import shlex
 from collections.abc import Collection
 from contextlib import nullcontext
 from decimal import Decimal
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from auditor.model.calibration import Calibration
     from auditor.pipeline.many import MeasureSettings
     from auditor.pipeline.measure import Measured
+    from auditor.pipeline.versions import Kept
     from auditor.store import Store
 
 
@@ -77,12 +79,16 @@ def command(
     is a drive, and thresholds are learnt from how much drives differ: several short ones teach more than one long one.
     Each recording is also judged by the others: the frames that are then not clean show how many of other roads will
     be.
+
+    The first calibration of a rig kind is in force: scans judge by it. Later ones are candidates, until auditor
+    calibration promote puts one in force.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
     from auditor.pipeline.judge import system_of  # noqa: PLC0415
     from auditor.pipeline.many import calibrate_on, choose_clean, find_batch  # noqa: PLC0415
+    from auditor.pipeline.versions import keep_calibrated  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:
@@ -108,15 +114,28 @@ def command(
         system = system_of(one.rig(one.measurement(known).rig_id))
         _check_rate(calibration, system, r, method, strict=strict)
         kept = Store.open(store, create=True)
-        kept.write_calibration(calibration)
+        made = keep_calibrated(kept, calibration, clean, r, frames=frames, recounted=recount)
         if out:
             write_calibration(calibration, out)
     if method == "robust":
         show_robust(calibration, system, r, form)
     else:
         show_paper(calibration, kept, r, form)
-    show_left_out(calibration, system, r, form, dict(_name(store, known) for store, known in clean.chosen))
+    show_left_out(calibration, made.left_out, r, form, dict(_name(store, known) for store, known in clean.chosen))
+    _say_in_force(made, store)
     return Exit.INCOMPLETE if tally.failed or tally.incomplete else Exit.CLEAN
+
+
+def _say_in_force(made: "Kept", store: Path) -> None:
+    """What scans judge by from now on: a later calibration is a candidate until a person promotes it."""
+    known = made.version.calibration_id[:12]
+    if made.in_force:
+        say(f"calibration {known} is in force for its rig kind: scans judge by it")
+        return
+    say(
+        f"calibration {known} is a candidate: {(made.version.parent or '')[:12]} stays in force for its rig kind; "
+        f"auditor calibration promote {known} --store {shlex.quote(str(store))} puts it in force"
+    )
 
 
 def _tell_relations(store: "Store", recording_ids: Collection[str], tally: Tally) -> None:

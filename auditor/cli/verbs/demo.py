@@ -54,7 +54,14 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.model.verdict import Method  # noqa: PLC0415
     from auditor.pipeline.demo import fleet  # noqa: PLC0415
     from auditor.pipeline.judge import Criteria, calibrate  # noqa: PLC0415
-    from auditor.pipeline.many import JudgeSettings, MeasureSettings, find_batch, judge_all  # noqa: PLC0415
+    from auditor.pipeline.many import (  # noqa: PLC0415
+        CleanMeasurements,
+        JudgeSettings,
+        MeasureSettings,
+        find_batch,
+        judge_all,
+    )
+    from auditor.pipeline.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
     from auditor.reporting import render_incident_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
@@ -68,8 +75,9 @@ def command(folder: Path, method: str, jobs: int) -> int:
     kept = Store.open(store, create=True)
     with logged(store):
         references = show_measuring(find_batch([take.file for take in clean], store, measuring), of_clean)
-        calibration = calibrate([(kept, known) for one in references for known in one.measurement_ids])
-        kept.write_calibration(calibration)
+        given = tuple((kept, known) for one in references for known in one.measurement_ids)
+        calibration = calibrate(given)
+        keep_calibrated(kept, calibration, CleanMeasurements(given, ()), _USUAL_R, made_by="demo")
         audited = show_measuring(find_batch([take.file for take in suspected], store, measuring), tally)
         r = _USUAL_R if Method(method) is Method.ROBUST else Decimal(0)
         judging = JudgeSettings(Criteria(r, Method(method), strict=True), calibration, min_coverage=1)

@@ -15,9 +15,9 @@ from auditor.cli.output import emit, format_option, print_rows
 def command(form: str) -> None:
     """List every number that decides what is found, with its unit and its source.
 
-    Such a number can change which files form a recording, a rig, a frame, a count, a warning or a verdict. What changes
-    frames or counts is bound to the counting version, what changes verdicts to the judging version. A number that can
-    change both is listed twice. Values are written as JSON.
+    Such a number can change which files form a recording, a rig, a frame, a count, a warning or a verdict, or what a
+    refresh learns from and puts in force. What changes frames or counts is bound to the counting version, what changes
+    verdicts to the judging version. A number that can change both is listed twice. Values are written as JSON.
 
     \b
     auditor parameters
@@ -35,6 +35,7 @@ def command(form: str) -> None:
 def _rows() -> Iterator[dict[str, object]]:
     """One row a parameter, those of a group one after the other."""
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
+    from auditor.identification.refresh_parameters import REFRESHING  # noqa: PLC0415
     from auditor.measurement.parameters import MEASURING  # noqa: PLC0415 - OpenCV is heavy
     from auditor.measurement.warning_parameters import WARNING  # noqa: PLC0415
     from auditor.model.parameter import list_parameters  # noqa: PLC0415
@@ -48,6 +49,7 @@ def _rows() -> Iterator[dict[str, object]]:
         ("counts", MEASURING),
         ("warnings", WARNING),
         ("verdicts", JUDGING),
+        ("refreshes", REFRESHING),
     )
     for changes, groups in parts:
         for one in list_parameters(*groups):

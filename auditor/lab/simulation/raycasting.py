@@ -11,6 +11,7 @@ from auditor.model.geometry import Matrix
 
 _NEAR_M = 0.2
 _FAR_M = 180.0
+_SLACK_M = 0.02  # that rounding may add to a piece
 _CAMERA_MARGIN = 2
 _LIDAR_MARGIN = 24  # columns: its beams do not start from one place
 _THERE = 0.5  # of a mask
@@ -73,12 +74,14 @@ def cast(rays: Rays, surfaces: Surfaces, atlas: Atlas, rng: np.random.Generator 
     planes = _planes(surfaces)
     seen = (boxes[:, 0] < boxes[:, 1]) & (boxes[:, 2] < boxes[:, 3]) & (nearest < _FAR_M)
     order = np.flatnonzero(seen)
-    for piece in order[np.argsort(nearest[order])].tolist():
-        top, bottom, left, right = boxes[piece].tolist()
-        window = (slice(top, bottom), slice(left, right))
-        # A ray is at least as long as the depth that it reaches.
-        if hits.distance[window].max() > nearest[piece]:
-            _meet(rays, surfaces, planes[piece], atlas, piece, window, hits, rng)
+    moved = _moved(rays)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for piece in order[np.argsort(nearest[order])].tolist():
+            top, bottom, left, right = boxes[piece].tolist()
+            window = (slice(top, bottom), slice(left, right))
+            # A ray is at least as long as the depth that it reaches, from where it starts.
+            if hits.distance[window].max() > nearest[piece] - moved:
+                _meet(rays, surfaces, planes[piece], atlas, piece, window, hits, rng)
     return hits
 
 
@@ -104,19 +107,21 @@ def _meet(
     corner, normal, across, up = plane
     fx, fy, fz = (_part(start, window) - at for start, at in zip(rays.origin, corner, strict=True))
     slope = normal[0] * x + normal[1] * y + normal[2] * z
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        distance = -(normal[0] * fx + normal[1] * fy + normal[2] * fz) / slope
-        s = (across[0] * x + across[1] * y + across[2] * z) * distance
-        s += across[0] * fx + across[1] * fy + across[2] * fz
-        t = (up[0] * x + up[1] * y + up[2] * z) * distance
-        t += up[0] * fx + up[1] * fy + up[2] * fz
-        met = (distance > 0) & (distance < hits.distance[window]) & (t >= 0) & (t <= 1)
-        if surfaces.oval[piece]:
-            met &= (s - 0.5) ** 2 + (t - 0.5) ** 2 <= 0.25
-        elif surfaces.taper[piece]:
-            met &= np.abs(s - 0.5) <= 0.5 - surfaces.taper[piece] * t
-        else:
-            met &= (s >= 0) & (s <= 1)
+    distance = -(normal[0] * fx + normal[1] * fy + normal[2] * fz) / slope
+    met = (distance > 0) & (distance < hits.distance[window])
+    if not met.any():
+        return
+    t = (up[0] * x + up[1] * y + up[2] * z) * distance
+    t += up[0] * fx + up[1] * fy + up[2] * fz
+    met &= (t >= 0) & (t <= 1)
+    s = (across[0] * x + across[1] * y + across[2] * z) * distance
+    s += across[0] * fx + across[1] * fy + across[2] * fz
+    if surfaces.oval[piece]:
+        met &= (s - 0.5) ** 2 + (t - 0.5) ** 2 <= 0.25
+    elif surfaces.taper[piece]:
+        met &= np.abs(s - 0.5) <= 0.5 - surfaces.taper[piece] * t
+    else:
+        met &= (s >= 0) & (s <= 1)
     if not met.any():
         return
     if surfaces.cut[piece]:
@@ -180,8 +185,7 @@ def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
     if rays.focal_px is None:
         azimuth = np.arctan2(x, depth)
         left, right = _range((azimuth - rays.first_azimuth) / rays.pixel, ahead, _LIDAR_MARGIN, rays.shape[1])
-        # The edges of a piece are bent in elevation: all rows are tried.
-        return nearest, np.stack([np.zeros_like(left), np.full_like(left, rays.shape[0]), left, right], axis=1)
+        return nearest, np.stack([*_beams(rays, corners), left, right], axis=1)
     if rays.principal_px is None:
         columns = _bent_range(x / depth, ahead, rays.x.min(axis=0), rays.x.max(axis=0))
         rows = _bent_range(y / depth, ahead, rays.y.min(axis=1), rays.y.max(axis=1))
@@ -192,8 +196,32 @@ def _boxes(rays: Rays, surfaces: Surfaces) -> tuple[Floats, NDArray[np.int32]]:
     return nearest, np.stack([top, bottom, left, right], axis=1)
 
 
+def _moved(rays: Rays) -> float:
+    """How far apart the places may be from which rays start, metres."""
+    return sum(float(np.ptp(axis)) for axis in rays.origin)
+
+
+def _beams(rays: Rays, corners: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """First and one past the last row of a LiDAR whose beams may meet each piece; (N, 4, 3) corners from its middle.
+
+    The edges of a piece are bent in elevation: what bounds it are its heights, and how near and far it may be.
+    """
+    moved = _moved(rays)
+    low, high = corners.min(axis=1) - _SLACK_M, corners.max(axis=1) + _SLACK_M
+    beside = np.maximum(np.maximum(low, -high), 0)[:, [0, 2]]
+    near = np.maximum(np.hypot(*beside.T) - moved, _SLACK_M)
+    far = np.hypot(corners[:, :, 0], corners[:, :, 2]).max(axis=1) + _SLACK_M + moved
+    top, bottom = low[:, 1], high[:, 1]
+    slopes = np.stack([top / np.where(top < 0, near, far), bottom / np.where(bottom > 0, near, far)], axis=1)
+    of_rays = rays.y / np.hypot(rays.x, rays.z)
+    first, last = _bent_range(slopes, np.True_, of_rays.min(axis=1), of_rays.max(axis=1))
+    # One row at least: pieces that are equally near are met in an order that depends on how many there are.
+    first = np.minimum(first, rays.shape[0] - 1)
+    return first, np.maximum(last, first + 1)
+
+
 def _bent_range(
-    places: NDArray[np.floating], ahead: NDArray[np.bool_], least: Floats, most: Floats
+    places: NDArray[np.floating], ahead: NDArray[np.bool_] | np.bool_, least: Floats, most: Floats
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """As `_range`, for columns (or rows) whose rays reach from `least` to `most`, both rising but for their noise."""
     low, high = np.where(ahead, places, np.inf).min(axis=1), np.where(ahead, places, -np.inf).max(axis=1)

@@ -160,6 +160,15 @@ def entries_from(path: Path, begin: int) -> list[Entry]:
         raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
 
 
+def whole_lines(path: Path) -> int:
+    """The length of a chain's whole lines in bytes. Raises StoreError."""
+    try:
+        with path.open("rb") as file:
+            return _end_of_lines(file)
+    except OSError as error:
+        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
+
+
 def _last_line(file: BinaryIO) -> bytes | None:
     """The last whole line of a file, without its end."""
     end = _end_of_lines(file)

@@ -33,6 +33,9 @@ class Kind(StrEnum):
     UPGRADED = "upgraded"
     """It replaces all files by those of a new schema version."""
 
+    IN_FORCE = "in_force"
+    """A calibration came into force for a rig kind, in place of another."""
+
     CLOSED = "closed"
     """A run ended, or was found to have been interrupted."""
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from auditor.errors import AuditorError, StoreError
 from auditor.store.files import Written
-from auditor.store.log.chains import append, chain_paths, entries_from, heads, last_entry, log_lock
+from auditor.store.log.chains import append, chain_paths, entries_from, heads, last_entry, log_lock, whole_lines
 from auditor.store.log.entry import Entry, Kind, Outcome
 from auditor.store.log.outputs import Output, hash_file, place_in
 from auditor.store.log.provenance import provenance, this_program
@@ -87,7 +87,7 @@ def run(folder: Path, command: Sequence[str], key: Path | None = None) -> Iterat
         with log_lock(folder):
             close_interrupted(folder)
             chain = stack.enter_context(_free_chain(folder))
-            opened = Run(folder, chain, secrets.token_hex(_ID_BYTES), chain.stat().st_size)
+            opened = Run(folder, chain, secrets.token_hex(_ID_BYTES), whole_lines(chain))
             append(chain, Kind.OPENED, opened.run_id, {**provenance(command), "heads": _heads(folder, chain)})
         _current[folder] = opened
         stack.callback(_current.pop, folder)

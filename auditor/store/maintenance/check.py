@@ -22,7 +22,8 @@ _ID = {
     "rigs": "rig_id",
     "triples": "rig_id",
     "sensor_checks": "rig_id",
-    "calibrations": "calibration_id",
+    **dict.fromkeys(("calibrations", "calibration_versions", "calibration_recordings"), "calibration_id"),
+    "calibration_history": "history_id",
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
@@ -41,6 +42,8 @@ _COUNTED = {
 _NAMED = {
     "measurements": (("recording_id", "recordings"), ("rig_id", "rigs")),
     "judgements": (("measurement_id", "measurements"), ("calibration_id", "calibrations")),
+    "calibration_versions": (("calibration_id", "calibrations"),),
+    "calibration_history": (("calibration_id", "calibrations"),),
     "labels": (("recording_id", "recordings"),),
     "given_labels": (("recording_id", "recordings"),),
 }

@@ -197,7 +197,7 @@ class _Verification:
         known |= {f"{LOG}/{path.name}" for path in chain_paths(self._store.folder)}
         for path in sorted(self._store.folder.rglob("*")):
             place = path.relative_to(self._store.folder).as_posix()
-            if place in known or (path.is_dir() and not path.is_symlink()) or place.startswith(f"{_REPORTS}/"):
+            if place in known or self._is_apart(place) or (path.is_dir() and not path.is_symlink()):
                 continue
             if is_part(path) or place.startswith(f"{UPGRADED}/"):
                 yield Problem(place, "left by a run that was killed, or is being written: nobody reads it", grave=False)
@@ -208,6 +208,11 @@ class _Verification:
                 yield Problem(place, what, grave=False)
             else:
                 yield Problem(place, "it was added: no run wrote it")
+
+    def _is_apart(self, place: str) -> bool:
+        """Whether nothing is to be said of a place: it is among the pages, or nothing of its row has changed."""
+        untouched = self._touched is not None and _row_id(place) not in self._touched
+        return untouched or place.startswith(f"{_REPORTS}/")
 
     def _is_of_finished(self, place: str) -> bool:
         """Whether a file of a table or a picture belongs to a finished row, which does not name it."""

@@ -1,5 +1,7 @@
 """What SQL says of views and columns: the sentences of the files that make them."""
 
+import re
+
 import duckdb
 
 from auditor.store.schema import TABLES, Column, table_schema
@@ -32,13 +34,20 @@ def _described(table: str, name: str, kind: str) -> tuple[str, str] | None:
 
 
 def described_column(file: SqlFile, name: str, kind: str) -> Column:
-    """A column of a view or query: as its own head explains it, or as the one table does that it can come from."""
+    """A column of a view or query: as its own head explains it, or as the one table does that it can come from.
+
+    Tables that its SQL names go before all others.
+    """
     if name in file.columns:
         return Column(name, kind, file.columns[name])
     own = [column for column in _stored(file.name) if column.name == name]
-    others = [column for table in TABLES for column in _stored(table) if (column.name, column.type) == (name, kind)]
-    if own or name.endswith("_id") or len(others) == 1:
-        return (own or others)[0]
+    there = {table: [one for one in _stored(table) if (one.name, one.type) == (name, kind)] for table in TABLES}
+    words = set(re.findall(r"\w+", file.sql))
+    named = [column for table, columns in there.items() if {table, f"stored_{table}"} & words for column in columns]
+    others = [column for columns in there.values() for column in columns]
+    for known in (own, named, others):
+        if len(known) == 1 or (known and name.endswith("_id")):
+            return known[0]
     return Column(name, kind, "")
 
 

@@ -1,5 +1,7 @@
 """A DuckDB connection to a store that stays open: for notebooks."""
 
+from contextlib import suppress
+
 import duckdb
 
 from auditor.store.connection import connected
@@ -14,4 +16,7 @@ def plain_connection(store: Store) -> Connection:
     It can read the store's finished files and no others, and write none; tables of one's own live in its memory. Raises
     StoreError where a file of the store cannot be read.
     """
-    return connected(store)
+    connection = connected(store)
+    with suppress(duckdb.TransactionException):  # within one, the first mistake would be the last question
+        connection.rollback()
+    return connection

@@ -6,6 +6,7 @@ glare and ghosts in a lens, are seldom brighter than the scene itself.
 
 from collections import defaultdict
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,14 +17,21 @@ from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.checks import Check, CountedPair
-from auditor.model.measurement import Cells
-from auditor.model.parameters import ADDED_SATURATION
+from auditor.model.measurement import LIGHT_STEPS, Cells
+from auditor.model.parameters import ADDED_LIGHT
 
 _CELL = CELL_PX // HALF
 
 
-def added_saturation(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image]) -> dict[int, int]:
-    """By camera, the half px that saturate near its most added light, and in most other cameras do not.
+class AddedLight(NamedTuple):
+    """Half px of one camera: `lit`, where all others say that light was added; `saturated` near where it is most."""
+
+    lit: int
+    saturated: int
+
+
+def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image]) -> dict[int, AddedLight]:
+    """Of each camera how much is lit, and how much of that saturates and in most other cameras does not.
 
     `cells` are the frame's counts, `half_res` its (h, w) grey images at half resolution. Cameras of which no window
     could be compared are left out.
@@ -38,21 +46,22 @@ def added_saturation(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, 
         said = _smallest_means(voters)
         if camera in saturated and np.isfinite(said).any():
             row, column = (int(place) for place in np.unravel_index(np.argmax(said), said.shape))
-            found[camera] = _near(row, column, _alone(saturated, camera))
+            lit = int(np.count_nonzero(said > ADDED_LIGHT.lit_from)) * _CELL**2
+            found[camera] = AddedLight(lit, _near(row, column, _alone(saturated, camera)))
     return found
 
 
 def _smallest_means(voters: list[Cells]) -> Floats32:
     """(rows, columns) the least of what the voters say of the window around each cell; -inf where one alone can."""
     valid, total = (np.stack([_window_sums(getattr(one, name)) for one in voters]) for name in ("valid", "total"))
-    known = valid >= ADDED_SATURATION.fewest
-    means = np.where(known, total / np.maximum(valid, 1), np.float32(np.inf)).min(axis=0)
-    enough = np.count_nonzero(known, axis=0) >= min(ADDED_SATURATION.voters, len(voters))
-    return np.where(enough, means, np.float32(-np.inf))
+    known = valid >= ADDED_LIGHT.fewest
+    means = np.where(known, total / (valid + ADDED_LIGHT.pseudo_count) / LIGHT_STEPS, np.inf).min(axis=0)
+    enough = np.count_nonzero(known, axis=0) >= min(ADDED_LIGHT.voters, len(voters))
+    return np.where(enough, means, -np.inf).astype(np.float32)
 
 
 def _window_sums(grid: NDArray[np.integer]) -> Floats32:
-    rows, columns = ADDED_SATURATION.window
+    rows, columns = ADDED_LIGHT.window
     sums = cv2.boxFilter(
         grid.astype(np.float32), cv2.CV_32F, (columns, rows), normalize=False, borderType=cv2.BORDER_CONSTANT
     )
@@ -61,7 +70,7 @@ def _window_sums(grid: NDArray[np.integer]) -> Floats32:
 
 def _alone(saturated: Mapping[int, Mask], camera: int) -> Mask:
     """(h, w) where a camera saturates, and of the others at most half do nearby: what is far lies at one place."""
-    beside = np.ones(ADDED_SATURATION.beside_px, dtype=np.uint8)
+    beside = np.ones(ADDED_LIGHT.beside_px, dtype=np.uint8)
     others = [cv2.dilate(mask.astype(np.uint8), beside) for other, mask in saturated.items() if other != camera]
     most = np.sum(others, axis=0) * 2 >= len(others) if others else np.zeros_like(saturated[camera])
     return np.asarray(saturated[camera] & ~most)
@@ -69,6 +78,6 @@ def _alone(saturated: Mapping[int, Mask], camera: int) -> Mask:
 
 def _near(row: int, column: int, mask: Mask) -> int:
     """How many of a mask's pixels lie around a cell."""
-    down, right = ADDED_SATURATION.near_px
+    down, right = ADDED_LIGHT.near_px
     y, x = row * _CELL, column * _CELL
     return int(np.count_nonzero(mask[max(y - down, 0) : y + down, max(x - right, 0) : x + right]))

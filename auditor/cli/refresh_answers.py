@@ -1,0 +1,125 @@
+"""What a refresh answers: one line of JSON, a file of metrics, and an exit code."""
+
+import json
+from collections.abc import Iterator
+from enum import IntEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auditor.model.text import one_line
+
+if TYPE_CHECKING:
+    from auditor.store.versions.decisions import Decision, Refresh
+
+_PREFIX = "auditor_refresh_"
+
+
+class RefreshExit(IntEnum):
+    """How a refresh ended: for a line of cron."""
+
+    DONE = 0
+    HELD = 1
+    FAILED = 2
+    REFUSED = 4
+
+
+def exit_code(refresh: "Refresh") -> RefreshExit:
+    """0 promoted or nothing new, 1 held for a person or something failed, 2 all failed, 4 something refused."""
+    decided = {one.decided.value for one in refresh.decisions}
+    if not decided and refresh.failed:
+        return RefreshExit.FAILED
+    if "refused" in decided:
+        return RefreshExit.REFUSED
+    return RefreshExit.HELD if "held" in decided or refresh.failed else RefreshExit.DONE
+
+
+def json_line(refresh: "Refresh") -> str:
+    """One line of JSON: what was measured and failed, and what was decided for each rig kind."""
+    answer = {
+        "exit": int(exit_code(refresh)),
+        "store": one_line(str(refresh.store)),
+        "at": refresh.at.isoformat(timespec="seconds"),
+        "r": float(refresh.r),
+        "dry_run": refresh.dry_run,
+        "measured": len(refresh.measured),
+        "failed": [vars(one) for one in refresh.failed],
+        "rig_kinds": [_rig_kind(one) for one in refresh.decisions],
+    }
+    return json.dumps(answer, ensure_ascii=False)
+
+
+def _rig_kind(one: "Decision") -> dict[str, object]:
+    return {
+        "kind": one.kind,
+        "matcher": one.matcher,
+        "decided": one.decided.value,
+        "reasons": list(one.reasons),
+        "calibration": one.calibration_id,
+        "before": one.before,
+        "in_force": one.in_force,
+        "provisional": one.provisional,
+        "recordings": len(one.included),
+        "new": one.new,
+        "by_others": one.by_others,
+        "planted_found_before": one.found_before,
+        "planted_found": one.found_after,
+        "largest_rise": max((rise.deviations for rise in one.rises), default=None),
+        "creep": one.creep,
+        "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
+        "left_out": sum(not used.included for used in one.recordings),
+    }
+
+
+def metrics(refresh: "Refresh") -> str:
+    """The refresh as text for the textfile collector of Prometheus' node exporter."""
+    return "".join(f"{line}\n" for line in _metrics(refresh))
+
+
+def _metrics(refresh: "Refresh") -> Iterator[str]:
+    decisions = refresh.decisions
+    yield from _metric(
+        "exit_code", "How the last refresh ended: 0 done, 1 held, 2 failed, 4 refused.", [("", int(exit_code(refresh)))]
+    )
+    yield from _metric("end_time_seconds", "When the last refresh ended.", [("", refresh.at.timestamp())])
+    yield from _metric(
+        "measured_recordings", "Recordings given to the last refresh that are measured.", [("", len(refresh.measured))]
+    )
+    yield from _metric("failed_recordings", "Recordings and rig kinds that failed.", [("", len(refresh.failed))])
+    for name, text, value in (
+        ("decided", "1 for what was decided for a rig kind.", None),
+        ("recordings", "Recordings that the version in force or the candidate is made of.", lambda d: len(d.included)),
+        ("new_recordings", "Those of them that the version of before has not.", lambda d: d.new),
+        ("look_at_recordings", "Recordings that a person should look at.", lambda d: len(d.look_at)),
+        ("windows_by_others", "Share of windows judged by others with findings.", lambda d: d.by_others),
+        ("planted_found", "Share of planted attacks that are found.", lambda d: d.found_after),
+        ("creep_deviations", "Largest rise of a threshold since a person confirmed.", lambda d: d.creep),
+        ("provisional", "1 where nobody named a recording clean.", lambda d: int(d.provisional)),
+    ):
+        rows = [
+            (_labels(one, decided=one.decided.value), 1.0) if value is None else (_labels(one), value(one))
+            for one in decisions
+        ]
+        yield from _metric(name, text, [(labels, number) for labels, number in rows if number is not None])
+
+
+def _metric(name: str, text: str, rows: "list[tuple[str, float]]") -> Iterator[str]:
+    yield f"# HELP {_PREFIX}{name} {text}"
+    yield f"# TYPE {_PREFIX}{name} gauge"
+    for labels, number in rows:
+        yield f"{_PREFIX}{name}{labels} {number!r}"
+
+
+def _labels(one: "Decision", **more: str) -> str:
+    known = {"kind": one.kind, "matcher": one.matcher, **more}
+    return "{" + ",".join(f'{name}="{_escaped(value)}"' for name, value in known.items()) + "}"
+
+
+def _escaped(text: str) -> str:
+    return one_line(text).replace("\\", "\\\\").replace('"', '\\"')
+
+
+def write_metrics(refresh: "Refresh", path: Path) -> None:
+    """Write the metrics in one go: the collector reads the old file or the new one. Raises StoreError."""
+    from auditor.store.files import write_whole  # noqa: PLC0415 - keeps --help quick
+
+    write_whole(path, metrics(refresh).encode())

@@ -1,0 +1,283 @@
+"""`auditor calibration`: versions of calibrations, and which is in force."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auditor.cli import options
+from auditor.cli.exit_codes import Exit
+from auditor.cli.logged import logged
+from auditor.cli.output import answer, emit, format_option, print_rows, say, shown
+
+if TYPE_CHECKING:
+    from decimal import Decimal
+
+    from auditor.store import Store
+    from auditor.store.versions.history import History
+
+_BRIEF = 12
+_LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
+_USED_COLUMNS = ("recording", "vehicle", "day", "in", "frames", "findings", "look at", "reason")
+_DIFF_COLUMNS = ("check", "sensor", "others", "theta A", "theta B", "rise")
+
+_id_argument = click.argument("calibration", metavar="ID")
+_reason_option = click.option("--reason", default="", help="Why, in your own words: it is kept in the history.")
+
+
+@click.group("calibration", short_help="Versions of calibrations: list, compare, promote, roll back.")
+def command() -> None:
+    """Versions of calibrations, and which is in force for each rig kind. An ID may be the beginning of one.
+
+    \b
+    auditor calibration list
+    auditor calibration show 4be19a40
+    auditor calibration diff 4be19a40 77c0ffee
+    auditor calibration promote 77c0ffee
+    auditor calibration rollback
+    auditor calibration verify
+    auditor calibration export 4be19a40 fleet.thresholds
+
+    Scans judge by the version in force, and judgements keep theirs. A candidate can be tried: auditor judge
+    --calibration ID.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+
+
+@command.command("list", short_help="The calibrations of a store, and which are in force.")
+@options.store_option
+@format_option
+def list_versions(store: Path, form: str) -> None:
+    """List the calibrations of a store: those in force first, then what became of the others.
+
+    \b
+    auditor calibration list
+    auditor calibration list --store night/audit --format json
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+
+    found = run_query(Store.open(store), "versions", {})
+    if form != "table":
+        emit(found, form)
+        return
+    rows = [
+        {**row, "state": f"{row['state']}{', provisional' * bool(row['provisional'])}", "parent": _brief(row["parent"])}
+        for row in rows_of(found)
+    ]
+    print_rows(rows, _LIST_COLUMNS, expendable=("made_by", "parent", "made_at"), wrapped=("kind",))
+
+
+@command.command("show", short_help="How a calibration was made, and of what.")
+@_id_argument
+@options.store_option
+@click.option("--format", "form", type=click.Choice(["table", "json"]), default="table", help="How it is printed.")
+def show(calibration: str, store: Path, form: str) -> None:
+    """Show how a calibration was made, what it was tried on, and which recordings are in it or were left out, and why.
+
+    \b
+    auditor calibration show 4be19a40
+    auditor calibration show 4be19a40 --format json
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.export import as_json  # noqa: PLC0415
+    from auditor.store.versions.records import read_version  # noqa: PLC0415
+
+    kept = Store.open(store)
+    known = _named(kept, calibration)
+    [row] = rows_of(run_query(kept, "versions", {"calibration": known}))
+    version = read_version(kept, known)
+    used = [vars(one) for one in version.recordings] if version else []
+    moves = [vars(move) for one in _histories(kept) for move in one.moves if move.calibration_id == known]
+    if form == "json":
+        sys.stdout.buffer.write(as_json({**row, "moves": moves, "used": used}))
+        sys.stdout.buffer.flush()
+        return
+    for name, value in row.items():
+        answer(f"{name:>18}  {shown(value)}")
+    for move in moves:
+        answer(f"{'in force from':>18}  {shown(move['moved_at'])}, {move['how']} {shown(move['reason'])}".rstrip())
+    if used:
+        print_rows([_used(one) for one in used], _USED_COLUMNS, "Recordings", wrapped=("reason",))
+    else:
+        say("how it was made is not known: it came from a file, or from an earlier auditor")
+
+
+@command.command("diff", short_help="What differs between two calibrations.")
+@click.argument("first", metavar="A")
+@click.argument("second", metavar="B")
+@options.store_option
+@click.option("-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r of the thresholds.")
+@format_option
+def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
+    """Compare two calibrations: recordings, and the thresholds of the checks that count, the largest rise first.
+
+    \b
+    auditor calibration diff 4be19a40 77c0ffee
+    auditor calibration diff 4be19a40 77c0ffee -r 0.1% --format csv
+
+    A rise is how many standard deviations of A the threshold of B lies higher: attacks of that size more are missed.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.identification.prior import statistic_at  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.comparing import steps_between  # noqa: PLC0415
+    from auditor.store import Store, table_of  # noqa: PLC0415
+
+    kept = Store.open(store)
+    a, b = (kept.calibration(_named(kept, one)) for one in (first, second))
+    steps = steps_between(a, b, r)
+    rows: list[dict[str, Any]] = [
+        {
+            "check": step.check.check.value,
+            "sensor": step.check.sensor,
+            "others": list(step.check.others),
+            "theta A": statistic_at(step.before),
+            "theta B": statistic_at(step.after),
+            "rise": step.rise,
+        }
+        for step in steps
+    ]
+    if form != "table":
+        emit(table_of(rows), form)
+        return
+    gone, new = sorted(set(a.recordings) - set(b.recordings)), sorted(set(b.recordings) - set(a.recordings))
+    names = {one.recording_id: one.name for one in kept.recordings()}
+    answer(f"A {a.calibration_id}: {len(a.recordings)} recordings; B {b.calibration_id}: {len(b.recordings)}")
+    for what, some in (("only in A", gone), ("only in B", new)):
+        if some:
+            answer(f"{what}: {', '.join(shown(names.get(one, one[:_BRIEF])) for one in some)}")
+    shown_rows = [
+        {**row, "sensor": f"S_{row['sensor']}", "others": " ".join(f"S_{one}" for one in row["others"])} for row in rows
+    ]
+    print_rows(shown_rows, _DIFF_COLUMNS, f"Thresholds at r = {r}, by the checks that count")
+
+
+@command.command("promote", short_help="Put a calibration in force.")
+@_id_argument
+@options.store_option
+@_reason_option
+def promote(calibration: str, store: Path, reason: str) -> None:
+    """Put a calibration in force for its rig kind. Promoting the one in force confirms it.
+
+    \b
+    auditor calibration promote 77c0ffee --reason "looked at all of its recordings"
+
+    Judgements keep the calibration that they were reached by; auditor judge reaches new ones.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.pipeline.versions import promote as promote_version  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    chosen = kept.calibration(_named(kept, calibration))
+    with logged(kept.folder):
+        before = promote_version(kept, chosen, reason)
+    instead = f" in place of {before.in_force[:_BRIEF]}" if before.in_force else ""
+    how = "is confirmed" if before.in_force == chosen.calibration_id else f"is in force{instead}"
+    say(
+        f"calibration {chosen.calibration_id[:_BRIEF]} {how}, for {chosen.rig_kind}; auditor judge reaches new verdicts"
+    )
+
+
+@command.command("rollback", short_help="Return to the version of before.")
+@click.argument("calibration", metavar="[ID]", required=False)
+@options.store_option
+@_reason_option
+def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
+    """Return to the version that was in force before, and judge again what the withdrawn one had judged.
+
+    \b
+    auditor calibration rollback
+    auditor calibration rollback 77c0ffee --reason "one of its logs was attacked"
+
+    ID is the version in force; it is needed where there are several rig kinds. Verdicts by the version of before come
+    back byte for byte. A refresh does not promote a version that was rolled back, nor use the recordings that were new
+    in it, until somebody labels them clean.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.pipeline.versions import history_called, roll_back  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    history = history_called(kept, calibration)
+    with logged(kept.folder):
+        restored, judged = roll_back(kept, history, reason)
+    say(
+        f"calibration {restored.calibration_id[:_BRIEF]} is in force again, in place of "
+        f"{_brief(history.in_force)}; {len(judged)} measurements judged again"
+    )
+    failed = [one for one in judged if one.judgement is None]
+    for one in failed:
+        say(f"{one.recording}: not judged again: {one.error or '; '.join(one.gaps)}")
+    return Exit.INCOMPLETE if failed else Exit.CLEAN
+
+
+@command.command("verify", short_help="Check that calibrations are what they say.")
+@click.argument("calibration", metavar="[ID]", required=False)
+@options.store_option
+def verify(calibration: str | None, store: Path) -> Exit:
+    """Check that calibrations are whole, and make them again from the store's measurements where these are there.
+
+    \b
+    auditor calibration verify
+    auditor calibration verify 4be19a40 --store night/audit
+
+    Without an ID all are checked. One line for each problem, and exit code 3 where there are any.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.pipeline.versions import problems_of, remade  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store  # noqa: PLC0415
+
+    kept = Store.open(store)
+    known = [_named(kept, calibration)] if calibration is not None else kept.ids("calibrations")
+    problems = [f"{one}: {problem}" for one in known for problem in problems_of(kept, one)]
+    for problem in problems:
+        answer(shown(problem))
+    again = sum(remade(kept, one) for one in known)
+    say(f"{len(known)} calibrations, {again} of them made again from what was measured: {len(problems)} problems")
+    return Exit.INCOMPLETE if problems else Exit.CLEAN
+
+
+@command.command("export", short_help="Write a calibration to a file.")
+@_id_argument
+@click.argument("out", metavar="FILE", type=click.Path(path_type=Path))
+@options.store_option
+def export(calibration: str, out: Path, store: Path) -> None:
+    """Write a calibration to a file of its own, to judge by it elsewhere: auditor scan --calibration FILE.
+
+    \b
+    auditor calibration export 4be19a40 fleet.thresholds
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.output_files import check_thresholds  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store, write_calibration  # noqa: PLC0415
+
+    check_thresholds(out)
+    kept = Store.open(store)
+    write_calibration(kept.calibration(_named(kept, calibration)), out)
+    answer(out)
+
+
+def _named(store: "Store", beginning: str) -> str:
+    """The id of the one calibration that begins so."""
+    from auditor.pipeline.many import calibration_called  # noqa: PLC0415 - keeps --help quick
+
+    return calibration_called(store, beginning)
+
+
+def _histories(store: "Store") -> "list[History]":
+    from auditor.store.versions.history import histories  # noqa: PLC0415 - keeps --help quick
+
+    return histories(store)
+
+
+def _brief(calibration_id: str | None) -> str | None:
+    return calibration_id and calibration_id[:_BRIEF]
+
+
+def _used(one: Mapping[str, Any]) -> dict[str, object]:
+    return {
+        "recording": one["name"],
+        "vehicle": one["vehicle"],
+        "day": one["day"],
+        "in": one["included"],
+        "frames": one["frames"],
+        "findings": one["findings_by_others"],
+        "look at": "yes" if one["look_at"] else None,
+        "reason": one["reason"],
+    }

@@ -1,0 +1,104 @@
+"""`auditor refresh`: new calibrations from clean recordings, night after night."""
+
+from contextlib import ExitStack
+from decimal import Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from auditor.cli import options
+from auditor.cli.logged import logged
+from auditor.cli.output import answer, say
+
+if TYPE_CHECKING:
+    from auditor.pipeline.many import MeasureSettings
+    from auditor.store import Store
+    from auditor.store.versions.decisions import Failure
+
+
+@click.command("refresh", short_help="Calibrate anew from clean recordings, every night.")
+@click.argument("sources", nargs=-1, metavar="[RECORDING|STORE...]", type=click.Path(path_type=Path))
+@options.store_option
+@click.option("--clean", is_flag=True, help="The recordings and stores that are named here are known to be clean.")
+@click.option(
+    "-r", "r", type=options.RATE, default="0.01", show_default=True, help="The r that recordings are judged at."
+)
+@click.option("--metrics", type=click.Path(path_type=Path), help="Also write metrics for Prometheus to this file.")
+@click.option("--dry-run", is_flag=True, help="Measure and write nothing: only say what would be decided.")
+@options.measuring_options
+def command(
+    sources: tuple[Path, ...],
+    store: Path,
+    r: Decimal,
+    metrics: Path | None,
+    measuring: "MeasureSettings",
+    *,
+    clean: bool,
+    dry_run: bool,
+) -> int:
+    """Calibrate anew from recordings that are clean, and put in force what may be: one command for a line of cron.
+
+    \b
+    auditor refresh clean_logs/*.mcap --clean
+    auditor refresh /logs/today --store fleet --metrics /var/lib/node_exporter/auditor.prom
+    auditor refresh --store fleet --dry-run
+
+    Recordings are measured as far as the store does not have them, and judged. For each rig kind those are learnt from
+    that somebody named clean (--clean, auditor label --clean) or that the version in force finds clean. Each is judged
+    by others, of other vehicles and days. What was raised is left out, and listed to be looked at.
+
+    A candidate comes into force where it is no worse than the version in force, and moves no threshold far. Else it is
+    held for a person (auditor calibration promote), or refused.
+
+    Prints one line of JSON, and writes the page STORE/reports/refresh.html. Exit codes: 0 promoted, or nothing new;
+    1 held for a person, or some recordings failed; 2 could not run; 4 refused.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.cli.refresh_answers import exit_code, json_line, write_metrics  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
+    from auditor.reporting import render_refresh_page  # noqa: PLC0415
+    from auditor.store import Store  # noqa: PLC0415
+    from auditor.store.versions.history import only_refresh  # noqa: PLC0415
+
+    if clean and not sources:
+        raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")
+    others = [Store.open(path) for path in sources if Store.is_at(path)]
+    recordings = [path for path in sources if not Store.is_at(path)]
+    kept = Store.open(store, create=bool(recordings or others) and not dry_run)
+    with ExitStack() as stack:
+        if not dry_run:
+            stack.enter_context(only_refresh(kept))
+            stack.enter_context(logged(kept.folder))
+        measured, failed = ([], []) if dry_run else _measure(recordings, kept, measuring)
+        named = [known for other in others for known in other.ids("measurements")] + measured
+        if not dry_run:
+            for judged in judge_new(kept, r):
+                if judged.error is not None:
+                    say(f"{judged.recording}: {judged.error}")
+        found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed, dry_run=dry_run)
+        if not dry_run:
+            render_refresh_page(found, kept, out=default_page(kept.folder))
+        if metrics:
+            write_metrics(found, metrics)
+    for one in found.decisions:
+        say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
+    answer(json_line(found))
+    return exit_code(found)
+
+
+def _measure(recordings: list[Path], store: "Store", measuring: "MeasureSettings") -> "tuple[list[str], list[Failure]]":
+    """Measure what the store does not have; the measurements of all that were given, and what failed."""
+    from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import show_measuring  # noqa: PLC0415
+    from auditor.pipeline.many import find_batch  # noqa: PLC0415
+    from auditor.store.maintenance.relations import relate  # noqa: PLC0415
+    from auditor.store.versions.decisions import Failure  # noqa: PLC0415
+
+    if not recordings:
+        return [], []
+    tally = Tally()
+    measured = show_measuring(find_batch(recordings, store.folder, measuring), tally)
+    for superseded in relate(store):
+        say(str(superseded))
+    failed = [Failure(one.path, one.reason) for one in tally.not_audited]
+    return [known for one in measured for known in one.measurement_ids], failed

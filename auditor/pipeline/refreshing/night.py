@@ -1,0 +1,97 @@
+"""One refresh of a store: judge what is new, learn for each rig kind, and put in force what may be."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from decimal import Decimal
+from pathlib import Path
+
+from auditor.errors import AuditorError
+from auditor.pipeline.judge import Criteria
+from auditor.pipeline.many import Judged, JudgeSettings, judge_all
+from auditor.pipeline.reading import MIN_COVERAGE
+from auditor.pipeline.refreshing.learning import Learnt, learn
+from auditor.pipeline.refreshing.pool import groups_of
+from auditor.pipeline.versions import version_of
+from auditor.store import Store
+from auditor.store.versions.decisions import Decided, Decision, Failure, Refresh
+from auditor.store.versions.history import How, calibrations_in_force, put_in_force
+from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
+
+OUTCOMES = {Decided.PROMOTED: Outcome.PROMOTED, Decided.HELD: Outcome.HELD, Decided.REFUSED: Outcome.REFUSED}
+
+Told = Callable[[str], None]
+
+
+def judge_new(store: Store, r: Decimal) -> Iterator[Judged]:
+    """Judge what was never judged, by the versions in force: what was raised is on the incident page from then on."""
+    known = store.current_judgements()
+    new = [one for one in store.ids("measurements") if one not in known]
+    return judge_all(store, new, JudgeSettings(Criteria(r), None, MIN_COVERAGE))
+
+
+def refresh(
+    store: Store,
+    others: Sequence[Store],
+    named: Collection[str],
+    r: Decimal,
+    *,
+    measured: Sequence[str] = (),
+    failed: Sequence[Failure] = (),
+    dry_run: bool = False,
+) -> Refresh:
+    """Learn from what a store, and others beside it, have measured, and put in force what may be.
+
+    `named` are the measurements that this call names clean. `measured` are the recordings that were measured for it,
+    `failed` those that could not be. A rig kind that fails is one that failed; the others go on. With `dry_run` nothing
+    is written. Raises StoreError.
+    """
+    decisions, failures = list[Decision](), list(failed)
+    in_force = calibrations_in_force(store)
+    for group in groups_of((store, *others), named):
+        try:
+            learnt = learn(store, group, in_force, r)
+            if not dry_run:
+                _carry_out(store, learnt, r)
+        except AuditorError as error:
+            failures.append(Failure(str(group.history.rig_kind), str(error)))
+            continue
+        decisions.append(_as_it_is(learnt.decision) if dry_run else learnt.decision)
+    return Refresh(store.folder, datetime.now(UTC), r, dry_run, tuple(measured), tuple(failures), tuple(decisions))
+
+
+def _as_it_is(decision: Decision) -> Decision:
+    """The decision of a dry run: what would be promoted is not in force."""
+    return replace(decision, in_force=decision.before)
+
+
+def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
+    """Keep a candidate and how it was made; where it is promoted the last thing written puts it in force."""
+    decision, calibration = learnt.decision, learnt.calibration
+    if calibration is None:
+        return
+    store.write_calibration(calibration)
+    version = version_of(
+        calibration,
+        decision.recordings,
+        r,
+        made_by="refresh",
+        parent=decision.before,
+        outcome=OUTCOMES[decision.decided],
+        reasons=decision.reasons,
+        provisional=decision.provisional,
+    )
+    if _says_more(read_version(store, calibration.calibration_id), version):
+        write_version(store, version)
+    if decision.decided is Decided.PROMOTED:
+        put_in_force(store, calibration, How.REFRESHED, "; ".join(decision.reasons), after=decision.before)
+
+
+def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) -> bool:
+    """Whether a version is new, or another was decided of it than before."""
+    return known is None or (known.outcome, known.reasons) != (version.outcome, version.reasons)
+
+
+def default_page(store: Path) -> Path:
+    """Where the page of a store's refreshes lies."""
+    return store / "reports" / "refresh.html"

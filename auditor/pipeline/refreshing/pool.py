@@ -1,0 +1,85 @@
+"""The recordings that a refresh may learn from: by rig kind, and what bars some of them before anything is judged."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+from auditor.identification.refresh_parameters import CLEAN_DRIVE
+from auditor.model.rig import Rig
+from auditor.pipeline.judge import counted_earlier
+from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
+from auditor.store import RecordingRecord, Store, StoredMeasurement
+from auditor.store.versions.history import History, histories
+
+NAMED = "named clean"
+
+
+@dataclass(frozen=True)
+class Log:
+    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so."""
+
+    store: Store
+    measurement: StoredMeasurement
+    recording: RecordingRecord
+    rig: Rig
+    named: bool
+    barred: str
+    look_at: bool = False
+
+
+@dataclass(frozen=True)
+class Group:
+    """The logs of one rig kind and procedure, with the history of its versions."""
+
+    history: History
+    logs: list[Log] = field(default_factory=list)
+
+
+def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
+    """The logs of some stores by rig kind and procedure; the versions are those of the first.
+
+    `named` are the measurements that this call names clean. Measurements of an earlier way of counting are left out.
+    """
+    groups = [Group(history) for history in histories(stores[0])]
+    seen: set[str] = set()
+    for store in stores:
+        for known in store.ids("measurements"):
+            if known not in seen and not counted_earlier(store, known):
+                seen.add(known)
+                log = _log(store, known, named)
+                _group(groups, log).logs.append(log)
+    return [group for group in groups if group.logs]
+
+
+def _group(groups: list[Group], log: Log) -> Group:
+    """The group of a log, which is added where there is none yet; of several that of exactly its kind goes first."""
+    procedure, kind = log.measurement.procedure, log.rig.kind
+    fitting = [one for one in groups if one.history.procedure == procedure and one.history.rig_kind.matches(kind)]
+    exact = [one for one in fitting if one.history.rig_kind == kind]
+    if not fitting:
+        groups.append(Group(History(kind, procedure)))
+    return (exact or fitting or groups[-1:])[0]
+
+
+def _log(store: Store, measurement: str, named: Collection[str]) -> Log:
+    stored = store.measurement(measurement)
+    recording = store.recording(stored.recording_id)
+    called = measurement in named or any(one.attack is None for one in store.given_labels(stored.recording_id))
+    barred, look_at = _barred(store, stored, recording)
+    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, look_at)
+
+
+def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:
+    """Why a log is not learnt from, whoever calls it clean, and whether a person should look at it."""
+    known = stored.measurement_id
+    if reason := attacked_by_labels(store, known) or superseded_by(store, known):
+        return reason, False
+    if conflict := conflicts_of(store, recording):
+        return conflict[0], True
+    if stored.measured < CLEAN_DRIVE.fewest_frames:
+        return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
+    reading = reading_of(stored)
+    if not reading.complete:
+        return "; ".join(reading.remarks) or "it was not read whole", False
+    if stored.calibration_warnings:
+        return f"its calibration is in doubt: {stored.calibration_warnings[0]}", True
+    return "", False

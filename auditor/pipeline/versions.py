@@ -1,0 +1,248 @@
+"""Versions of calibrations over their life: kept when they are made, put in force, rolled back, checked."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from decimal import Decimal
+
+import numpy as np
+
+from auditor import __version__
+from auditor.errors import AuditorError, SettingError
+from auditor.identification.cross_validation import LeftOut, clean_hours, leave_one_out_robust
+from auditor.identification.parameters import judging_digest
+from auditor.identification.refreshing import Shown
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.measurement import Statistic
+from auditor.model.verdict import JUDGING_VERSION, Method
+from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
+from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
+from auditor.store import RecordingRecord, Store, StoredJudgement, make_calibration
+from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
+from auditor.store.versions.records import CalibrationVersion, Outcome, UsedRecording, read_version, write_version
+
+GIVEN = "given as clean"
+"""Why a recording is in a calibration that auditor calibrate made."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A calibration that a store keeps, how it was made, and whether it is in force.
+
+    `left_out` is each of its clean recordings judged by the others.
+    """
+
+    version: CalibrationVersion
+    left_out: tuple[LeftOut, ...]
+    in_force: bool
+
+
+def keep_calibrated(
+    store: Store,
+    calibration: Calibration,
+    clean: CleanMeasurements,
+    r: Decimal,
+    *,
+    made_by: str = "calibrate",
+    frames: range | None = None,
+    recounted: bool = False,
+) -> Kept:
+    """Keep a calibration that a person made, and put it in force where none is for its rig kind. Raises StoreError."""
+    one, known = clean.chosen[0]
+    left_out = leave_one_out_robust(calibration, system_of(one.rig(one.measurement(known).rig_id)), r)
+    chosen = [(source, known) for known, source in {known: source for source, known in clean.chosen}.items()]
+    used = [
+        used_recording(source, known, reason=GIVEN, clean=frames_of, by_others=found)
+        for (source, known), frames_of, found in zip(chosen, calibration.clean, left_out, strict=True)
+    ]
+    used += [used_recording(source, known, reason=reason) for source, known, reason in clean.out]
+    before = history_of(histories(store), calibration).in_force
+    first = before in (None, calibration.calibration_id)
+    version = version_of(
+        calibration,
+        used,
+        r,
+        made_by=made_by,
+        parent=None if first else before,
+        outcome=Outcome.PROMOTED if first else Outcome.CANDIDATE,
+        frames=frames,
+        recounted=recounted,
+    )
+    store.write_calibration(calibration)
+    if read_version(store, calibration.calibration_id) is None:
+        write_version(store, version)
+    return Kept(version, tuple(left_out), put_first_in_force(store, calibration))
+
+
+def used_recording(
+    store: Store,
+    measurement: str,
+    *,
+    reason: str,
+    clean: CleanFrames | None = None,
+    by_others: LeftOut | Shown | None = None,
+    look_at: bool = False,
+) -> UsedRecording:
+    """What is said of a recording: it is in where there are `clean` frames of it."""
+    stored = store.measurement(measurement)
+    recording = store.recording(stored.recording_id)
+    return UsedRecording(
+        recording_id=stored.recording_id,
+        measurement_id=measurement,
+        name=recording.name,
+        vehicle=recording.vehicle,
+        day=day_of(recording),
+        included=clean is not None,
+        reason=reason,
+        frames=clean.frames if clean is not None else stored.measured,
+        look_at=look_at,
+        findings_by_others=by_others.findings if by_others else None,
+        incidents_by_others=by_others.incidents if by_others else None,
+        level=_level(clean) if clean is not None else None,
+    )
+
+
+def day_of(recording: RecordingRecord) -> date | None:
+    """The day of a recording: as it was said, or by its stamps where they tell the time."""
+    if recording.date is not None or recording.from_ns is None or recording.clock != "utc":
+        return recording.date
+    return datetime.fromtimestamp(recording.from_ns / 1e9, UTC).date()
+
+
+def version_of(
+    calibration: Calibration,
+    used: Sequence[UsedRecording],
+    r: Decimal,
+    *,
+    made_by: str,
+    parent: str | None,
+    outcome: Outcome,
+    reasons: Sequence[str] = (),
+    provisional: bool = False,
+    frames: range | None = None,
+    recounted: bool = False,
+) -> CalibrationVersion:
+    """How a calibration is made now."""
+    judged = [one for one in used if one.included and one.findings_by_others is not None]
+    return CalibrationVersion(
+        calibration_id=calibration.calibration_id,
+        kind=str(calibration.rig_kind),
+        matcher=calibration.procedure.matcher,
+        counting_version=calibration.procedure.counting_version,
+        made_at=datetime.now(UTC),
+        made_by=made_by,
+        parent=parent,
+        provisional=provisional,
+        outcome=outcome,
+        reasons=tuple(reasons),
+        frames=sum(one.frames for one in calibration.clean),
+        hours=clean_hours(calibration),
+        resolves_r=_resolves(calibration),
+        r=r,
+        frames_by_others=sum(one.frames for one in judged),
+        findings_by_others=sum(one.findings_by_others or 0 for one in judged),
+        incidents_by_others=sum(one.incidents_by_others or 0 for one in judged),
+        first_frame=frames.start if frames is not None else None,
+        last_frame=frames.stop - 1 if frames is not None else None,
+        recounted=recounted,
+        auditor_version=__version__,
+        judging_version=JUDGING_VERSION,
+        rules=judging_digest(),
+        recordings=tuple(used),
+    )
+
+
+def promote(store: Store, calibration: Calibration, reason: str = "") -> History:
+    """Put a calibration in force because a person says so; returns the history of before. Raises StoreError."""
+    before = history_of(histories(store), calibration)
+    put_in_force(store, calibration, How.PROMOTED, reason)
+    return before
+
+
+def history_called(store: Store, name: str | None) -> History:
+    """The history that a calibration, named by the beginning of its id, was part of; the only one where there is none.
+
+    Raises SettingError where there are several, or none.
+    """
+    known = [one for one in histories(store) if one.moves]
+    fitting = [one for one in known if name is None or any(m.calibration_id.startswith(name) for m in one.moves)]
+    if len(fitting) == 1:
+        return fitting[0]
+    what = "the store has versions of several rig kinds" if fitting else "no such calibration was ever in force"
+    ids = ", ".join((one.in_force or "")[:12] for one in fitting or known)
+    raise SettingError(what, where=name or "calibration", remedy=f"name one that is in force: {ids or 'there is none'}")
+
+
+def roll_back(store: Store, history: History, reason: str = "") -> tuple[Calibration, list[Judged]]:
+    """Return to the version of before, and judge again, by the same criteria, what the withdrawn one had judged.
+
+    Judgements that were reached by the version of before come back byte for byte: they follow from what was measured.
+    Raises StoreError, and SettingError where there is no version of before.
+    """
+    if history.previous is None:
+        raise SettingError(
+            "there is no version of before",
+            where=f"calibration {history.in_force}",
+            remedy="promote another: auditor calibration list shows them",
+        )
+    withdrawn, restored = history.in_force, store.calibration(history.previous)
+    put_in_force(store, restored, How.ROLLED_BACK, reason, after=withdrawn)
+    again = [one for one in store.current_judgements().values() if one.calibration_id == withdrawn]
+    return restored, [_again(store, one) for one in again]
+
+
+def _again(store: Store, judgement: StoredJudgement) -> Judged:
+    criteria = Criteria(
+        judgement.r,
+        Method(judgement.method),
+        judgement.statistic or Statistic.GATED,
+        judgement.incidents_per_hour,
+        transfer=judgement.transferred,
+        recount=judgement.recounted,
+    )
+    return Judge(store, JudgeSettings(criteria)).judge(judgement.measurement_id)
+
+
+def problems_of(store: Store, calibration_id: str) -> Iterator[str]:
+    """What is wrong with a calibration: its content, how it was made, or that the store gives another now."""
+    try:
+        calibration = store.calibration(calibration_id)
+        version = read_version(store, calibration_id)
+    except AuditorError as error:
+        yield str(error)
+        return
+    if version is None:
+        return
+    if sorted({one.recording_id for one in version.included}) != list(calibration.recordings):
+        yield "it was made of other recordings than are named"
+        return
+    there = [one.measurement_id for one in version.included if store.has_measurement(one.measurement_id)]
+    if len(there) < len(version.included):
+        return
+    frames = range(version.first_frame, (version.last_frame or 0) + 1) if version.first_frame is not None else None
+    try:
+        clean = [clean_frames_of(store, known, frames, recount=version.recounted) for known in there]
+    except AuditorError as error:
+        yield f"it cannot be made again: {error}"
+        return
+    again = make_calibration(calibration.rig_kind, calibration.procedure, clean)
+    if again.calibration_id != calibration_id:
+        yield f"made again from the store it is another: {again.calibration_id}"
+
+
+def remade(store: Store, calibration_id: str) -> bool:
+    """Whether all that a calibration was made of is in the store, so that `problems_of` makes it again."""
+    version = read_version(store, calibration_id)
+    return version is not None and all(store.has_measurement(one.measurement_id) for one in version.included)
+
+
+def _resolves(calibration: Calibration) -> float | None:
+    fewest = min((len(samples) for samples in calibration.samples.values()), default=0)
+    return 1 / fewest if fewest else None
+
+
+def _level(clean: CleanFrames) -> float | None:
+    levels = [values for (name, _), values in clean.brightness.items() if name == "level"]
+    known = np.concatenate(levels) if levels else np.zeros(0)
+    known = known[~np.isnan(known)]
+    return float(np.median(known)) if known.size else None

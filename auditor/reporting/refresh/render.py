@@ -1,0 +1,55 @@
+"""The page of a refresh: one self-contained HTML page of what was decided for each rig kind, and why."""
+
+from collections import Counter
+from pathlib import Path
+
+import jinja2
+
+from auditor import __version__
+from auditor.reporting.page_text import shown_on_page
+from auditor.resources import resource_folder
+from auditor.store.store import Store
+from auditor.store.versions.decisions import Decided, Refresh
+
+_OF_ONE = {
+    Decided.REFUSED: "The new calibration is refused.",
+    Decided.HELD: "The new calibration is held for a person.",
+    Decided.PROMOTED: "A new calibration is in force.",
+    Decided.WAITING: "Too few clean recordings so far.",
+    Decided.NOTHING_NEW: "Nothing new to learn.",
+}
+"""The page's headline where there is one rig kind; the worst first."""
+
+
+def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
+    """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
+    store.write_page(out, render(refresh, store).encode())
+    return out
+
+
+def render(refresh: Refresh, store: Store) -> str:
+    """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(resource_folder("reports")),
+        autoescape=True,
+        finalize=shown_on_page,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template("refresh.html").render(
+        refresh=refresh,
+        auditor_version=__version__,
+        at=f"{refresh.at:%Y-%m-%d %H:%M} UTC",
+        headline=_headline(refresh),
+        store=str(store.folder),
+    )
+
+
+def _headline(refresh: Refresh) -> str:
+    if not refresh.decisions:
+        return "Nothing was learnt: no recording could be looked at."
+    if len(refresh.decisions) == 1:
+        return _OF_ONE[refresh.decisions[0].decided]
+    count = Counter(one.decided for one in refresh.decisions)
+    told = [f"{count[decided]} {decided}" for decided in _OF_ONE if count[decided]]
+    return f"Of {len(refresh.decisions)} rig kinds: {', '.join(told)}."

@@ -1,0 +1,89 @@
+"""What a refresh decided, for scripts, metrics and the page."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from decimal import Decimal
+from enum import StrEnum
+from pathlib import Path
+
+from auditor.store.versions.records import UsedRecording
+
+
+class Decided(StrEnum):
+    """What became of a rig kind in a refresh."""
+
+    PROMOTED = "promoted"
+    NOTHING_NEW = "nothing new"
+    WAITING = "waiting"
+    HELD = "held"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class Rise:
+    """The threshold of a sensor check by `others` before and after, as a statistic, and its rise in deviations."""
+
+    check: str
+    sensor: int
+    others: tuple[int, ...]
+    before: float
+    after: float
+    deviations: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What was decided for a rig kind, and why.
+
+    `calibration_id` is the candidate; None where none was made. `in_force` is in force afterwards. `recordings` are all
+    that were looked at; `new` of those that the candidate is made of are not in the version of before. The shares are
+    None where there is nothing to compare: `by_others` of windows with findings when others judge, `found_before` and
+    `found_after` of planted attacks. `creep` is the largest rise since the version that a person confirmed.
+    """
+
+    kind: str
+    matcher: str
+    decided: Decided
+    reasons: tuple[str, ...]
+    calibration_id: str | None
+    before: str | None
+    in_force: str | None
+    provisional: bool
+    recordings: tuple[UsedRecording, ...]
+    new: int = 0
+    by_others: float | None = None
+    found_before: float | None = None
+    found_after: float | None = None
+    creep: float | None = None
+    rises: tuple[Rise, ...] = ()
+
+    @property
+    def included(self) -> tuple[UsedRecording, ...]:
+        """The recordings that the candidate is made of; where there is none, those in force."""
+        return tuple(one for one in self.recordings if one.included)
+
+    @property
+    def look_at(self) -> tuple[UsedRecording, ...]:
+        """The recordings that a person should look at."""
+        return tuple(one for one in self.recordings if one.look_at)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A recording that could not be measured, and why."""
+
+    recording: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Refresh:
+    """One refresh of a store: what was measured, what failed, and what was decided for each rig kind."""
+
+    store: Path
+    at: datetime
+    r: Decimal
+    dry_run: bool
+    measured: tuple[str, ...]
+    failed: tuple[Failure, ...]
+    decisions: tuple[Decision, ...]

@@ -1,0 +1,118 @@
+"""How a calibration was made: one version, and the recordings that were in it or left out."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from datetime import UTC, date, datetime
+from decimal import Decimal
+from enum import StrEnum
+
+from auditor.store.records import to_utc
+from auditor.store.store import Store
+from auditor.store.tables import Row, read_rows
+
+
+class Outcome(StrEnum):
+    """What was decided of a calibration when it was made."""
+
+    PROMOTED = "promoted"
+    HELD = "held"
+    REFUSED = "refused"
+    CANDIDATE = "candidate"
+
+
+@dataclass(frozen=True)
+class UsedRecording:
+    """A recording that a calibration was made of, or that was looked at and left out of it.
+
+    `look_at` says that a person should look at it. What it shows when others judge it is None where it was not judged.
+    """
+
+    recording_id: str
+    measurement_id: str
+    name: str
+    vehicle: str | None
+    day: date | None
+    included: bool
+    reason: str
+    frames: int
+    look_at: bool = False
+    findings_by_others: int | None = None
+    incidents_by_others: int | None = None
+    level: float | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationVersion:
+    """How a calibration was made, what it was tried on, and what was decided of it.
+
+    `frames` are its clean frames, `hours` the time that they cover; `frames_by_others` were judged by recordings other
+    than their own at `r`. `rules` is the digest of the parameters that they were judged by.
+    """
+
+    calibration_id: str
+    kind: str
+    matcher: str
+    counting_version: int
+    made_at: datetime
+    made_by: str
+    parent: str | None
+    provisional: bool
+    outcome: Outcome
+    reasons: tuple[str, ...]
+    frames: int
+    hours: float
+    resolves_r: float | None
+    r: Decimal
+    frames_by_others: int
+    findings_by_others: int
+    incidents_by_others: int
+    first_frame: int | None
+    last_frame: int | None
+    recounted: bool
+    auditor_version: str
+    judging_version: int
+    rules: str
+    recordings: tuple[UsedRecording, ...] = ()
+
+    @property
+    def included(self) -> tuple[UsedRecording, ...]:
+        """The recordings that it was made of."""
+        return tuple(one for one in self.recordings if one.included)
+
+
+def write_version(store: Store, version: CalibrationVersion) -> None:
+    """Keep how a calibration was made; the row of the version is written last."""
+    known = version.calibration_id
+    rows = ({"calibration_id": known, **asdict(one)} for one in version.recordings)
+    store.write("calibration_recordings", known, rows)
+    store.write("calibration_versions", known, [_row(version)])
+
+
+def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None:
+    """How a calibration was made; None where that is not known: it came from a file, or from before."""
+    path = store.path("calibration_versions", calibration_id)
+    if not path.is_file():
+        return None
+    [row] = read_rows("calibration_versions", path)
+    used = read_rows("calibration_recordings", store.path("calibration_recordings", calibration_id))
+    return CalibrationVersion(
+        **{
+            **row,
+            "made_at": row["made_at"].replace(tzinfo=UTC),
+            "outcome": Outcome(row["outcome"]),
+            "reasons": tuple(row["reasons"]),
+            "r": row["r"].normalize(),
+        },
+        recordings=tuple(UsedRecording(**{k: v for k, v in one.items() if k != "calibration_id"}) for one in used),
+    )
+
+
+def _row(version: CalibrationVersion) -> Row:
+    return {**dict(_fields(version)), "made_at": to_utc(version.made_at), "reasons": list(version.reasons)}
+
+
+def _fields(version: CalibrationVersion) -> Iterator[tuple[str, object]]:
+    for field in fields(version):
+        if field.name != "recordings":
+            value = getattr(version, field.name)
+            yield field.name, value.value if isinstance(value, Outcome) else value

@@ -1,0 +1,126 @@
+"""kill -9 at drawn moments of scan, judge, calibrate, report and verify: `python -m tests.benchmarks.killed --count 50`.
+
+Each command runs once undisturbed, to know how long it takes; then it is killed at moments drawn from that time, every
+other time with all its workers at once. After each kill the chains are whole or end in one open entry, verify finds no
+file that is not as it was written, and the next run closes what was open. Prints what was found of each command.
+"""
+
+import argparse
+import contextlib
+import io
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from auditor.cli import run
+from auditor.store.log import logged
+from auditor.store.log.chains import read_chains
+from auditor.store.maintenance.verify import verify
+from auditor.store.store import Store
+from tests.making.small_drives import START_NS, write_drive
+from tests.store.kept import THREE_CAMERAS
+
+_MINUTE_NS = 60 * 10**9
+
+
+def commands(folder: Path) -> dict[str, list[str]]:
+    """The commands by their verbs; each writes even where the store has it all."""
+    clean, attacked = str(folder / "clean.mcap"), str(folder / "attacked.mcap")
+    return {
+        "scan": ["scan", attacked, clean, "--measure-again", "--jobs", "2"],
+        "judge": ["judge", "-r", "0.02"],
+        "calibrate": ["calibrate", clean, "--measure-again", "--jobs", "1"],
+        "report": ["report"],
+        "verify": ["verify", str(folder / "audit")],
+    }
+
+
+def started(words: list[str], store: Path) -> subprocess.Popen[bytes]:
+    """A command on a store, in a session of its own."""
+    where = [] if words[0] == "verify" else ["--store", str(store)]
+    command = [sys.executable, "-m", "auditor", *words, *where]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+
+
+def killed(words: list[str], store: Path, after_s: float, *, together: bool) -> bool:
+    """Kill a command after a time; False where it had ended before."""
+    process = started(words, store)
+    time.sleep(after_s)
+    alive = process.poll() is None
+    with contextlib.suppress(ProcessLookupError):
+        if together:
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()
+    process.wait()
+    time.sleep(0.5)  # workers end when they see that their parent is gone
+    return alive
+
+
+def looked_at(store: Store) -> Counter[str]:
+    """What is found after a kill, and after the next run."""
+    found: Counter[str] = Counter()
+    found["chains broken"] += any(chain.problems for chain in read_chains(store.folder))
+    after = verify(store)
+    found["files not as written"] += bool(after.grave)
+    found["open entries"] += len(after.open_runs)
+    found["several open"] += len(after.open_runs) > 1
+    found["left by killed runs"] += len(after.problems) - len(after.grave)
+    for problem in after.grave:
+        print(f"  {problem}", file=sys.stderr)
+    with logged(store.folder):
+        pass
+    closed = verify(store)
+    found["not closed by the next run"] += bool(closed.open_runs)
+    found["files not as written"] += bool(closed.grave)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    draw, table = random.Random(options.seed), defaultdict[str, Counter[str]](Counter)
+    with TemporaryDirectory() as place:
+        folder = Path(place).resolve()
+        write_drive(folder / "clean.mcap", 10, seed=1, positions_m=THREE_CAMERAS)
+        write_drive(
+            folder / "attacked.mcap",
+            10,
+            seed=1,
+            positions_m=THREE_CAMERAS,
+            start_ns=START_NS + _MINUTE_NS,
+            attacked={2: range(3, 8)},
+        )
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            run(["calibrate", str(folder / "clean.mcap"), "--store", str(folder / "audit"), "--jobs", "1"])
+        store, takes_s = Store.open(folder / "audit"), {}
+        for verb, words in commands(folder).items():
+            begun = time.perf_counter()
+            started(words, store.folder).wait()
+            takes_s[verb] = time.perf_counter() - begun
+        for number in range(options.count):
+            verb = list(takes_s)[number % len(takes_s)]
+            after_s = draw.uniform(0.15, 1.0) * takes_s[verb]
+            table[verb]["kills"] += killed(commands(folder)[verb], store.folder, after_s, together=bool(number % 2))
+            table[verb]["runs"] += 1
+            table[verb] += looked_at(store)
+            print(f"{number + 1:3} {verb:10} after {after_s:5.2f} s", flush=True)
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            for words in commands(folder).values():
+                run([*words, *([] if words[0] == "verify" else ["--store", str(store.folder)])])
+        last = verify(store)
+        print(f"after all commands once more: {[*map(str, last.problems)] or 'everything is as it was written'}")
+    for verb, found in table.items():
+        print(f"{verb:10} {dict(found)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,264 @@
+"""`auditor refresh`: what it learns from, what it puts in force, and how it ends."""
+
+import fcntl
+import json
+import os
+import shutil
+
+import pytest
+
+from auditor.cli import run
+from auditor.identification import refreshing
+from auditor.pipeline.labels import label_clean
+from auditor.store import Store, files, make_calibration
+from auditor.store.versions.history import How, calibrations_in_force, histories, put_in_force
+from tests.making.audits import Audit
+from tests.making.fleets import add_drive
+from tests.making.pages import HOSTILE, Page
+
+VEHICLES = 3
+
+
+@pytest.fixture(scope="module")
+def first_night(tmp_path_factory):
+    """A fleet of three vehicles, each of which drove on three days; nothing was judged, and nobody named anything."""
+    store = Store.open(tmp_path_factory.mktemp("fleet") / "audit", create=True)
+    for day in range(3):
+        for vehicle in range(VEHICLES):
+            number = day * VEHICLES + vehicle
+            add_drive(store, f"v{vehicle}d{day}.mcap", seed=number, vehicle=f"car{vehicle}", day=day)
+    return store.folder
+
+
+@pytest.fixture(scope="module")
+def refreshed(first_night, tmp_path_factory):
+    """The same fleet after its first refresh."""
+    store = shutil.copytree(first_night, tmp_path_factory.mktemp("refreshed") / "audit")
+    assert run(["refresh", "--store", str(store)]) == 0
+    return store
+
+
+@pytest.fixture
+def audit_of(tmp_path, capfdbinary):
+    def copied(store):
+        return Audit(shutil.copytree(store, tmp_path / "audit"), capfdbinary.readouterr)
+
+    return copied
+
+
+def kind_of(answer):
+    lines = answer.out.decode().splitlines()
+    assert len(lines) == 1, "one line of JSON"
+    [kind] = json.loads(lines[0])["rig_kinds"]
+    assert json.loads(lines[0])["exit"] == answer.code
+    return kind
+
+
+def in_force(audit):
+    return [one.calibration_id for one in calibrations_in_force(Store.open(audit.store))]
+
+
+def test_a_first_version_of_what_nobody_named_is_provisional_and_leaves_out_what_is_raised(first_night, audit_of):
+    audit = audit_of(first_night)
+    add_drive(Store.open(audit.store), "attacked.mcap", seed=50, vehicle="car9", day=4, attacked=(2,))
+    answer = audit("refresh")
+    kind = kind_of(answer)
+    assert (answer.code, kind["decided"], kind["provisional"], kind["recordings"]) == (0, "promoted", True, 9)
+    assert [one["recording"] for one in kind["look_at"]] == ["attacked.mcap"]
+    assert in_force(audit) == [kind["calibration"]]
+    rows = audit.ask("SELECT name, included, look_at, reason FROM calibration_recordings ORDER BY included, name")
+    assert (rows[0]["name"], rows[0]["included"], rows[0]["look_at"]) == ("attacked.mcap", False, True)
+    assert all(row["included"] for row in rows[1:])
+    assert audit.ask("SELECT count(*) AS n FROM judgements WHERE in_incidents > 0") == [{"n": 1}], "it was judged"
+    assert audit("calibration", "verify").code == 0
+
+
+def test_what_was_named_clean_makes_a_first_version_that_is_not_provisional(first_night, audit_of):
+    audit = audit_of(first_night)
+    store = Store.open(audit.store)
+    for record in store.recordings()[:4]:
+        label_clean(store, record)
+    kind = kind_of(audit("refresh"))
+    assert (kind["decided"], kind["provisional"], kind["recordings"], kind["left_out"]) == ("promoted", False, 4, 5)
+
+
+def test_a_night_with_nothing_new_changes_nothing(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    before = {path: path.read_bytes() for path in audit.store.rglob("*.parquet")}
+    answer = audit("refresh")
+    assert (answer.code, kind_of(answer)["decided"]) == (0, "nothing new")
+    assert {path: path.read_bytes() for path in audit.store.rglob("*.parquet")} == before
+
+
+def test_a_new_clean_night_is_promoted_and_names_its_parent(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    [before] = in_force(audit)
+    store = Store.open(audit.store)
+    for vehicle in range(VEHICLES):
+        add_drive(store, f"v{vehicle}d3.mcap", seed=30 + vehicle, vehicle=f"car{vehicle}", day=3)
+    kind = kind_of(audit("refresh"))
+    assert (kind["decided"], kind["recordings"], kind["new"], kind["before"]) == ("promoted", 12, 3, before)
+    assert in_force(audit) == [kind["calibration"]] != [before]
+    assert audit.ask(f"SELECT parent FROM calibration_versions WHERE calibration_id = '{kind['calibration']}'") == [
+        {"parent": before}
+    ]
+    assert audit("calibration", "rollback").code == 0
+    again = kind_of(audit("refresh"))
+    assert again["decided"] == "nothing new", "what was new in a version that was rolled back waits for a label"
+    assert len(again["look_at"]) == 3
+    assert in_force(audit) == [before]
+
+
+def test_recordings_named_clean_that_have_findings_are_refused(refreshed, audit_of, tmp_path):
+    audit, other = audit_of(refreshed), Store.open(tmp_path / "other", create=True)
+    add_drive(other, "attacked.mcap", seed=51, vehicle="car9", day=5, attacked=(1,))
+    before = in_force(audit)
+    answer = audit("refresh", other.folder, "--clean")
+    kind = kind_of(answer)
+    assert (answer.code, kind["decided"]) == (4, "refused")
+    assert "attacked.mcap was named clean, and others find" in kind["reasons"][0]
+    assert in_force(audit) == before
+    states = [row["state"] for row in audit("calibration", "list", "--format", "json").rows]
+    assert states == ["in force", "refused"]
+
+
+def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    store, before = Store.open(audit.store), in_force(audit)
+    add_drive(store, "v0d6.mcap", seed=61, vehicle="car0", day=6, raised=0.05)
+    monkeypatch.setattr(refreshing, "GATE", refreshing.replace(refreshing.GATE, most_step=-10.0))
+    answer = audit("refresh")
+    kind = kind_of(answer)
+    assert (answer.code, kind["decided"]) == (1, "held")
+    assert "a threshold rises" in kind["reasons"][0]
+    assert in_force(audit) == before
+    assert audit("calibration", "promote", kind["calibration"][:8]).code == 0
+    assert (kind_of(audit("refresh"))["decided"], in_force(audit)) == ("nothing new", [kind["calibration"]])
+
+
+def test_a_vehicle_that_creeps_is_held_though_every_step_is_small(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    monkeypatch.setattr(
+        refreshing, "GATE", refreshing.replace(refreshing.GATE, most_step=9.0, most_creep=0.02, most_lost=1.0)
+    )
+    decided = []
+    for night in range(1, 9):
+        for vehicle in range(VEHICLES):
+            seed = 100 + night * VEHICLES + vehicle
+            add_drive(
+                store, f"n{night}v{vehicle}", seed=seed, vehicle=f"car{vehicle}", day=10 + night, raised=0.1 * night
+            )
+        decided.append(kind_of(audit("refresh")))
+        if decided[-1]["decided"] != "promoted":
+            break
+    assert decided[-1]["decided"] == "held"
+    assert "that a person confirmed last" in decided[-1]["reasons"][0]
+
+
+def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    add_drive(store, "clean.mcap", seed=70, vehicle="car1", day=7)
+    for number in range(6):
+        add_drive(store, f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
+    answer = audit("refresh")
+    assert (answer.code, kind_of(answer)["decided"]) == (4, "refused")
+    assert "look at them first" in kind_of(answer)["reasons"][0]
+
+
+def test_it_could_not_run_without_a_store_or_beside_another_refresh(refreshed, audit_of, tmp_path):
+    audit = audit_of(refreshed)
+    assert run(["refresh", "--store", str(tmp_path / "nowhere")]) == 2
+    assert audit("refresh", "--clean").code == 2
+    other = os.open(audit.store / "calibration_history", os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    answer = audit("refresh")
+    os.close(other)
+    assert answer.code == 2
+    assert "another refresh of this store is running; wait until it has ended" in answer.err
+    assert audit("refresh").code == 0
+
+
+def test_a_full_disk_leaves_the_version_in_force(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    before = in_force(audit)
+    add_drive(Store.open(audit.store), "v1d8.mcap", seed=80, vehicle="car1", day=8)
+    whole = files.PartFile.commit
+
+    def full(part):
+        if "calibration" in str(part._target):
+            with part.reporting():
+                raise OSError(28, "No space left on device")
+        whole(part)
+
+    monkeypatch.setattr(files.PartFile, "commit", full)
+    answer = audit("refresh")
+    assert answer.code == 2
+    assert "No space left" in answer.out.decode()
+    monkeypatch.undo()
+    assert in_force(audit) == before
+    assert audit("store", "check", audit.store, store=False).code == 0
+    assert kind_of(audit("refresh"))["decided"] == "promoted"
+
+
+def test_killed_before_the_last_write_the_next_refresh_completes_it(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    before = in_force(audit)
+    add_drive(Store.open(audit.store), "v1d8.mcap", seed=80, vehicle="car1", day=8)
+
+    def killed(*_given, **_how):
+        raise KeyboardInterrupt
+
+    for name in ("write_calibration", "write_version", "put_in_force"):
+        with monkeypatch.context() as patch:
+            if name == "write_calibration":
+                patch.setattr(Store, name, killed)
+            else:
+                patch.setattr(f"auditor.pipeline.refreshing.night.{name}", killed)
+            assert audit("refresh").code == 130
+        assert in_force(audit) == before
+        assert audit("store", "check", audit.store, store=False).code == 0
+    assert kind_of(audit("refresh"))["decided"] == "promoted"
+    assert len(histories(Store.open(audit.store))[0].moves) == 2
+
+
+def test_a_dry_run_writes_nothing_and_says_what_would_be(first_night, audit_of):
+    audit = audit_of(first_night)
+    before = {path: path.stat().st_mtime_ns for path in audit.store.rglob("*") if path.is_file()}
+    kind = kind_of(audit("refresh", "--dry-run"))
+    assert (kind["decided"], kind["in_force"], kind["recordings"]) == ("promoted", None, 9)
+    assert {path: path.stat().st_mtime_ns for path in audit.store.rglob("*") if path.is_file()} == before
+
+
+def test_metrics_and_the_page_say_the_same_whatever_a_recording_is_called(first_night, audit_of, tmp_path):
+    audit = audit_of(first_night)
+    add_drive(Store.open(audit.store), HOSTILE, seed=50, vehicle='ca"r\\1', day=4, attacked=(2,))
+    assert audit("refresh", "--metrics", tmp_path / "auditor.prom").code == 0
+    text = (tmp_path / "auditor.prom").read_text()
+    assert "auditor_refresh_exit_code 0" in text
+    assert 'decided="promoted"' in text
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    assert all(float(line.rsplit(" ", 1)[1]) >= 0 for line in lines if "creep" not in line)
+    page = Page((audit.store / "reports" / "refresh.html").read_text())
+    assert not [tag for tag, _ in page.elements if tag == "script"]
+    assert "1 promoted" in page.text
+    assert "To be looked at" in page.text
+
+
+def test_a_version_that_came_into_force_while_a_refresh_ran_is_not_replaced(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    [before] = calibrations_in_force(store)
+    add_drive(store, "v1d8.mcap", seed=80, vehicle="car1", day=8)
+    other = make_calibration(before.rig_kind, before.procedure, before.clean[:3])
+
+    def late(kept, calibration, how, reason="", *, after=None):
+        put_in_force(kept, other, How.PROMOTED)
+        put_in_force(kept, calibration, how, reason, after=after)
+
+    monkeypatch.setattr("auditor.pipeline.refreshing.night.put_in_force", late)
+    answer = audit("refresh")
+    assert answer.code == 2
+    assert "came into force meanwhile" in answer.out.decode()
+    assert in_force(audit) == [other.calibration_id]
