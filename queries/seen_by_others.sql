@@ -15,7 +15,7 @@
 -- column first_frame: Number of the first frame, within the first recording.
 -- column other_vehicle: The other vehicle that passed.
 -- column other_name: Its recording; text from outside, to be escaped wherever it is shown.
--- column note: What was found of the other one there, in words, or why nothing can be said.
+-- column there: What was found of the other one there, in words, or why nothing can be said.
 -- column nearest_m: How near it came.
 -- column after_s: How long after the incident's beginning it was nearest; before it where negative.
 -- column frames: Its measured frames within that distance and time.
@@ -59,7 +59,7 @@ other AS (
         any_value(passed.name) AS other_name,
         any_value(passed.vehicle) AS other_vehicle,
         min(passed.apart_m) AS nearest_m,
-        arg_min(passed.after_s, passed.apart_m) AS after_s,
+        arg_min(passed.after_s, {apart: passed.apart_m, time: abs(passed.after_s)}) AS after_s,
         count(*) AS frames,
         count(*) FILTER (finding.kind = 'attacked') AS attacked,
         count(*) FILTER (finding.kind <> 'attacked') AS other_findings,
@@ -88,7 +88,7 @@ SELECT
         WHEN other.other_findings > 0 THEN 'found something, too, and named no sensor'
         WHEN other.unjudged = other.frames THEN 'passed, and was not judged'
         ELSE 'passed and found nothing'
-    END AS note,
+    END AS there,
     other.nearest_m,
     other.after_s,
     other.frames,

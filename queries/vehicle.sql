@@ -5,36 +5,38 @@
 -- param until TIME = NULL: Only what begins then or before: a time or a stamp.
 --
 -- column from_utc: When it began, where the recording's clock is UTC.
--- column from_ns: Stamp at which it began.
 -- column seconds: How long it took.
 -- column what: recorded, incident, not audited, or calibration changed.
--- column note: What was found, why something was not audited, or which sensors a rig has.
--- column evidence: Of an incident, what exceeded its threshold, in words.
--- column latitude_deg: Where the vehicle was when it began, by GPS.
--- column longitude_deg: Where the vehicle was when it began, by GPS.
+-- column found: What was found, why something was not audited, or which sensors a rig has.
+-- column place: Where the vehicle was when it began: latitude and longitude in degrees, by GPS.
 -- column frames: How many frames it has.
+-- column from_ns: Stamp at which it began.
 -- column name: The recording's name; text from outside, to be escaped wherever it is shown.
 WITH mine AS (
     SELECT * FROM measurements WHERE vehicle = $vehicle
 ),
 found AS (
     SELECT
-        first_stamp_ns AS from_ns,
-        last_stamp_ns AS to_ns,
+        mine.first_stamp_ns AS from_ns,
+        mine.last_stamp_ns AS to_ns,
         'recorded' AS what,
         CASE
-            WHEN judgement_id IS NULL THEN format('{} frames, not judged', measured)
-            ELSE format(
-                '{} frames: {} clean, {} attacked, {} unidentified, {} suspect, {} not auditable',
-                measured, clean, attacked, unidentified, suspect, not_auditable
+            WHEN judgement.judgement_id IS NULL THEN format('{} frames, not judged', mine.measured)
+            ELSE mine.measured || ' frames: ' || concat_ws(
+                ', ',
+                nullif(judgement.clean, 0) || ' clean',
+                nullif(judgement.attacked, 0) || ' attacked',
+                nullif(judgement.unidentified, 0) || ' unidentified',
+                nullif(judgement.suspect, 0) || ' suspect',
+                nullif(judgement.not_auditable, 0) || ' not auditable'
             )
-        END AS note,
-        measured AS frames,
-        measurement_id
-    FROM summary
-    WHERE vehicle = $vehicle AND measurement_id IS NOT NULL
+        END AS found,
+        mine.measured AS frames,
+        mine.measurement_id
+    FROM mine
+    LEFT JOIN judgements AS judgement ON judgement.measurement_id = mine.measurement_id AND judgement.current
     UNION ALL BY NAME
-    SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS note, evidence, frames, first_frame, measurement_id
+    SELECT from_ns, to_ns, 'incident' AS what, finding_in_words(kind, attacked_names) AS found, frames, first_frame, measurement_id
     FROM incidents
     WHERE vehicle = $vehicle
     UNION ALL BY NAME
@@ -42,28 +44,26 @@ found AS (
         from_ns,
         to_ns,
         'not audited' AS what,
-        reason || CASE WHEN sensor IS NULL THEN '' ELSE ' (S_' || sensor || ')' END AS note,
+        reason || CASE WHEN sensor IS NULL THEN '' ELSE ' (S_' || sensor || ')' END AS found,
         frames,
         first_frame,
         measurement_id
     FROM unaudited
     WHERE vehicle = $vehicle AND frames IS NOT NULL
     UNION ALL BY NAME
-    SELECT stamp_ns AS from_ns, stamp_ns AS to_ns, 'calibration changed' AS what, 'frames from here on have another rig' AS note, frame AS first_frame, measurement_id
+    SELECT stamp_ns AS from_ns, stamp_ns AS to_ns, 'calibration changed' AS what, 'frames from here on have another rig' AS found, frame AS first_frame, measurement_id
     FROM frame_steps
     WHERE recalibrated
 )
 SELECT
     utc_of(found.from_ns, mine.clock) AS from_utc,
-    found.from_ns,
     (found.to_ns - found.from_ns) / 1e9 AS seconds,
     found.what,
-    found.note,
-    found.evidence,
-    round(place.latitude_deg, 6) AS latitude_deg,
-    round(place.longitude_deg, 6) AS longitude_deg,
+    found.found,
+    format('{:.6f}, {:.6f}', place.latitude_deg, place.longitude_deg) AS place,
     found.frames,
     mine.name,
+    found.from_ns,
     mine.recording_id
 FROM found
 JOIN mine USING (measurement_id)
@@ -71,4 +71,4 @@ LEFT JOIN places AS place
     ON place.measurement_id = found.measurement_id
         AND place.frame = coalesce(found.first_frame, (SELECT min(frame) FROM places AS first WHERE first.measurement_id = found.measurement_id))
 WHERE ($since IS NULL OR found.to_ns >= $since) AND ($until IS NULL OR found.from_ns <= $until)
-ORDER BY found.from_ns, found.to_ns DESC, found.what, found.note, mine.name
+ORDER BY found.from_ns, found.to_ns DESC, found.what, found.found, mine.name

@@ -34,7 +34,7 @@ from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
-from auditor.store.rows import measurement_row
+from auditor.store.rows import measurement_row, pose_row
 from auditor.store.tables import Row, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
@@ -100,9 +100,8 @@ def fault_feature_rows(
 def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
-    pairs = rig.pairs
-    places = {pair: place for place, pair in enumerate(pairs)}
-    columns = {name: np.full((len(frames), len(pairs)), np.nan) for name in COLUMNS}
+    places = {pair: place for place, pair in enumerate(rig.pairs)}
+    columns = {name: np.full((len(frames), len(rig.pairs)), np.nan) for name in COLUMNS}
     table = read_table("fault_features", path, ["frame", "i", "k", *COLUMNS])
     row = np.searchsorted(frames, table["frame"].to_numpy())
     of_pair = zip(table["i"].to_pylist(), table["k"].to_pylist(), strict=True)
@@ -110,8 +109,8 @@ def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFe
     for name, values in columns.items():
         values[row, column] = table[name].to_numpy()
     cameras = tuple(sensor for sensor in rig.sensors if sensor != LIDAR)
-    brightness = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
-    return FrameFaultFeatures(frames, stamps_ns, pairs, columns, cameras, brightness)
+    of_cameras = {name: values[:, -len(cameras) :] for name, values in coverage.items()}
+    return FrameFaultFeatures(frames, stamps_ns, rig.pairs, columns, cameras, of_cameras)
 
 
 _BOX = ("left_px", "top_px", "right_px", "bottom_px")
@@ -148,13 +147,6 @@ def _region(row: Mapping[str, Any]) -> Region:
     left, top, right, bottom = (row[name] for name in _BOX)
     box = left, top, right, bottom
     return Region(row["sensor"], row["view"], box, row["share"], row["mask"], row["points"], solid)
-
-
-def pose_row(measurement_id: str, placed: FramePose) -> Row:
-    """The row of one frame and topic."""
-    row = {**vars(placed), **vars(placed.pose), "measurement_id": measurement_id}
-    del row["pose"]
-    return row
 
 
 _COUNTS = ("valid_px", "inconsistent_px", "gated_valid_px", "gated_inconsistent_px", "out_of_range_px")

@@ -11,6 +11,7 @@ from auditor.model.checks import rig_sensor_checks
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.frames import TopicBalance
 from auditor.model.measurement import Procedure, Statistic
+from auditor.model.poses import FramePose
 from auditor.model.rig import Rig
 from auditor.model.rig_kind import Similarity
 from auditor.model.verdict import FINDINGS, AttackLabel, Verdict, VerdictKind
@@ -154,6 +155,13 @@ def measurement_row(measurement: MeasurementRecord) -> Row:
         "seconds": measurement.seconds,
         "schema_version": SCHEMA_VERSION,
     }
+
+
+def pose_row(measurement_id: str, placed: FramePose) -> Row:
+    """The row of one frame and topic."""
+    row = {**vars(placed), **vars(placed.pose), "measurement_id": measurement_id}
+    del row["pose"]
+    return row
 
 
 def _coverage_fields(topic: TopicCoverage) -> Row:

@@ -57,11 +57,7 @@ from auditor.store.schema import TABLES
 from auditor.store.tables import Row, read_rows, read_table, write_rows, writing
 
 MANIFESTS = {
-    "frames": "measurements",
-    "cells": "measurements",
-    "fault_features": "measurements",
-    "regions": "measurements",
-    "poses": "measurements",
+    **dict.fromkeys(WRITTEN, "measurements"),
     "verdicts": "judgements",
     "cases": "evaluations",
     "object_cases": "object_evaluations",
