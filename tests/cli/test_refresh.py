@@ -11,6 +11,7 @@ from auditor.cli import run
 from auditor.identification import refreshing
 from auditor.pipeline.labels import label_clean
 from auditor.store import Store, files, make_calibration
+from auditor.store.log import Kind, entries
 from auditor.store.versions.history import How, calibrations_in_force, histories, put_in_force
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive
@@ -99,6 +100,8 @@ def test_a_new_clean_night_is_promoted_and_names_its_parent(refreshed, audit_of)
     kind = kind_of(audit("refresh"))
     assert (kind["decided"], kind["recordings"], kind["new"], kind["before"]) == ("promoted", 12, 3, before)
     assert in_force(audit) == [kind["calibration"]] != [before]
+    [moved] = [one.what for one in entries(audit.store) if one.kind == Kind.IN_FORCE and one.what["instead_of"]]
+    assert (moved["calibration"], moved["instead_of"], moved["how"]) == (kind["calibration"], before, "refreshed")
     assert audit.ask(f"SELECT parent FROM calibration_versions WHERE calibration_id = '{kind['calibration']}'") == [
         {"parent": before}
     ]
@@ -186,11 +189,11 @@ def test_a_full_disk_leaves_the_version_in_force(refreshed, audit_of, monkeypatc
     add_drive(Store.open(audit.store), "v1d8.mcap", seed=80, vehicle="car1", day=8)
     whole = files.PartFile.commit
 
-    def full(part):
+    def full(part, announce=None):
         if "calibration" in str(part._target):
             with part.reporting():
                 raise OSError(28, "No space left on device")
-        whole(part)
+        return whole(part, announce)
 
     monkeypatch.setattr(files.PartFile, "commit", full)
     answer = audit("refresh")
@@ -242,7 +245,7 @@ def test_metrics_and_the_page_say_the_same_whatever_a_recording_is_called(first_
     assert all(float(line.rsplit(" ", 1)[1]) >= 0 for line in lines if "creep" not in line)
     page = Page((audit.store / "reports" / "refresh.html").read_text())
     assert not [tag for tag, _ in page.elements if tag == "script"]
-    assert "1 promoted" in page.text
+    assert "A new calibration is in force." in page.text
     assert "To be looked at" in page.text
 
 
