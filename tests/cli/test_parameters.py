@@ -12,9 +12,11 @@ from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.parameters import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 
-EVERY = list_parameters(*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING, *REFRESHING)
+EVERY = list_parameters(
+    *FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *PLACING, *MEASURING, *WARNING, *JUDGING, *REFRESHING
+)
 
 
 def printed(capfd: pytest.CaptureFixture[str], *options: str) -> str:
@@ -31,7 +33,8 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
     assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
-    assert {"recordings", "rigs", "frames", "counts", "warnings", "verdicts", "refreshes"} == {row["changes"] for row in rows}
+    changed = {"recordings", "rigs", "frames", "places", "counts", "warnings", "verdicts", "refreshes"}
+    assert changed == {row["changes"] for row in rows}
 
 
 def test_csv_has_the_same_rows(capfd: pytest.CaptureFixture[str]) -> None:

@@ -141,7 +141,7 @@ def _judged_by_others(choice: _Choice, system: System, r: Decimal) -> _Choice:
 
 def _too_few(choice: _Choice, group: Group, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
-    named = any(one.reason == NAMED for one in choice.chosen)
+    named = _some_named(choice)
     matcher = group.history.procedure.matcher
     if parent is None and not named and matcher != PRIOR_MATCHER:
         return f"the prior does not hold for {matcher}: name clean recordings, with --clean or auditor label --clean"
@@ -209,13 +209,17 @@ def _for_a_person(
     """What a refresh does not decide, whatever the thresholds are."""
     if calibration.calibration_id in group.history.withdrawn:
         yield "it was rolled back before"
-    if parent is None and not any(one.reason == NAMED for one in choice.chosen):
+    if parent is None and not _some_named(choice):
         rig = group.logs[0].rig
         nearest = [
             one for one in in_force if one.procedure == calibration.procedure and closeness(one, rig) is not None
         ]
         if nearest:
             yield f"its recordings are judged by {nearest[0].rig_kind}: name some clean for a version of their own"
+
+
+def _some_named(choice: _Choice) -> bool:
+    return any(one.reason == NAMED for one in choice.chosen)
 
 
 def _raised_line(choice: _Choice) -> list[str]:
@@ -280,7 +284,7 @@ def _decision(
         calibration_id=None,
         before=group.history.in_force,
         in_force=group.history.in_force,
-        provisional=not group.history.vouched and not any(one.reason == NAMED for one in choice.chosen),
+        provisional=decided is not Decided.WAITING and not group.history.vouched and not _some_named(choice),
         recordings=tuple(sorted((*used, *choice.out), key=lambda one: (str(one.day or ""), one.name))),
         new=sum(one.recording_id not in known for one in used),
     )

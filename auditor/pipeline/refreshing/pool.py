@@ -65,6 +65,8 @@ def _log(store: Store, measurement: str, named: Collection[str]) -> Log:
     recording = store.recording(stored.recording_id)
     called = measurement in named or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
+    if not barred and not called:
+        barred, look_at = _doubtful(stored)
     return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, look_at)
 
 
@@ -75,6 +77,11 @@ def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord)
         return reason, False
     if conflict := conflicts_of(store, recording):
         return conflict[0], True
+    return "", False
+
+
+def _doubtful(stored: StoredMeasurement) -> tuple[str, bool]:
+    """Why a log that nobody calls clean is not learnt from, and whether a person should look at it."""
     if stored.measured < CLEAN_DRIVE.fewest_frames:
         return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
     reading = reading_of(stored)
