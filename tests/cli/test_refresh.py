@@ -88,6 +88,20 @@ def test_what_was_named_clean_makes_a_first_version_that_is_not_provisional(firs
     assert (kind["decided"], kind["provisional"], kind["recordings"], kind["left_out"]) == ("promoted", False, 4, 5)
 
 
+def test_what_a_person_named_stays_named_also_where_the_store_has_it_no_longer(first_night, audit_of, tmp_path):
+    audit, other = audit_of(first_night), Store.open(tmp_path / "other", create=True)
+    add_drive(other, "short.mcap", seed=40, vehicle="car0", day=9, frames=12)
+    assert kind_of(audit("refresh", other.folder, "--clean"))["recordings"] == 1
+    kind = kind_of(audit("refresh"))
+    assert kind["recordings"] == 10, "those of the store are judged clean by what was named, which stays"
+    rows = audit.ask(f"""
+        SELECT name, reason FROM calibration_recordings
+        WHERE included AND calibration_id = '{kind["calibration"]}' AND name = 'short.mcap'
+    """)
+    assert rows == [{"name": "short.mcap", "reason": "named clean"}]
+    assert not kind["provisional"]
+
+
 def test_a_night_with_nothing_new_changes_nothing(refreshed, audit_of):
     audit = audit_of(refreshed)
     before = {path: path.read_bytes() for path in audit.store.rglob("*.parquet")}

@@ -15,7 +15,10 @@ NAMED = "named clean"
 
 @dataclass(frozen=True)
 class Log:
-    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so."""
+    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so.
+
+    `doubt` is why it is not learnt from unless a person called it clean. `look_at` is of either of both.
+    """
 
     store: Store
     measurement: StoredMeasurement
@@ -23,7 +26,8 @@ class Log:
     rig: Rig
     named: bool
     barred: str
-    look_at: bool = False
+    doubt: str
+    look_at: bool
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,8 @@ def _log(store: Store, measurement: str, named: Collection[str]) -> Log:
     recording = store.recording(stored.recording_id)
     called = measurement in named or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
-    if not barred and not called:
-        barred, look_at = _doubtful(stored)
-    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, look_at)
+    doubt, look_at = ("", look_at) if barred else _doubtful(stored)
+    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, doubt, look_at)
 
 
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:

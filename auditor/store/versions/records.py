@@ -41,6 +41,11 @@ class UsedRecording:
     incidents_by_others: int | None = None
     level: float | None = None
 
+    @property
+    def origin(self) -> tuple[str | None, date | None]:
+        """Its vehicle and day."""
+        return self.vehicle, self.day
+
 
 @dataclass(frozen=True)
 class CalibrationVersion:
