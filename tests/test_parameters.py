@@ -55,6 +55,7 @@ ELSEWHERE = {
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
+    "model/common_view.py": ((64,), "rigs whose size of view is kept in memory"),
     "identification/algorithm2.py": (
         (
             4,

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from auditor.model.pictures import Pictures
+
 if TYPE_CHECKING:
     from auditor.measurement.disparity.matchers import MatcherOptions
     from auditor.pipeline.many import LimitsOf
@@ -60,6 +62,16 @@ again_option = click.option(
     "--measure-again",
     is_flag=True,
     help="Measure also what the store has; the earlier measurement goes, with its judgements.",
+)
+
+
+pictures_option = click.option(
+    "--pictures",
+    type=click.Choice([*Pictures]),
+    default=Pictures.ALL,
+    show_default=True,
+    help="Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is unusually "
+    "large), or all; of these the strongest of each second, at most 60 a recording.",
 )
 
 
@@ -196,14 +208,18 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         limits: "LimitsOf",
         jobs: int,
         measure_again: bool,
+        pictures: str,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
-        settings = MeasureSettings(matcher, network, rig, origin_of, limits, jobs, again=measure_again)
+        settings = MeasureSettings(
+            matcher, network, rig, origin_of, limits, jobs, again=measure_again, pictures=Pictures(pictures)
+        )
         return command(measuring=settings, **others)
 
-    return matcher_options(rig_option(origin_options(budget_options(jobs_option(again_option(collected))))))
+    own = jobs_option(pictures_option(again_option(collected)))
+    return matcher_options(rig_option(origin_options(budget_options(own))))
 
 
 class _Rate(click.ParamType[Decimal]):

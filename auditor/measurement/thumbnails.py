@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auditor.measurement.parameters import HALF
 from auditor.measurement.shared_view import FrameArrays
 from auditor.model.measurement import Measurement, Statistic
+from auditor.model.pictures import Pictures
 from auditor.model.rig import LIDAR, Triple
 
 _JPEG_QUALITY = 80
@@ -68,15 +69,19 @@ def _encoded(form: str, pixels: NDArray[np.uint8], options: list[int]) -> bytes:
 class PictureBook:
     """Keeps the pictures of the strongest frames of one recording, at most one a second and sixty in all.
 
-    Only the strongest frame of a second is drawn, once the second is over: encoding costs as much as matching.
+    They are chosen among all frames, those in which a statistic is unusually large (`incidents`), or none. Only the
+    strongest frame of a second is drawn, once the second is over: encoding costs as much as matching.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, pictures: Pictures = Pictures.ALL) -> None:
+        self._pictures = pictures
         self._candidate: _Candidate | None = None
         self._kept: list[tuple[float, int, Picture]] = []
 
-    def offer(self, measurement: Measurement, arrays: FrameArrays) -> None:
-        """Consider a frame; frames come in the order of their stamps."""
+    def offer(self, measurement: Measurement, arrays: FrameArrays, *, unusual: bool = True) -> None:
+        """Consider a frame; `unusual` says that a statistic of it is. Frames come in the order of their stamps."""
+        if self._pictures == Pictures.NONE or (self._pictures == Pictures.INCIDENTS and not unusual):
+            return
         errors = [c.disparity_error(Statistic.GATED) for c in measurement.counts if c is not None]
         strength = sum(E for E in errors if E is not None)
         second = measurement.stamp_ns // _SECOND_NS

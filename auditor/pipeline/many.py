@@ -9,6 +9,7 @@ from pathlib import Path
 from auditor.errors import AuditorError, LimitError, RecordingError, RigError, ThresholdsError
 from auditor.measurement.disparity.matchers import NO_NETWORK, MatcherOptions, find_matcher
 from auditor.model.calibration import Calibration
+from auditor.model.pictures import Pictures
 from auditor.model.verdict import VerdictKind
 from auditor.pipeline.judge import (
     Criteria,
@@ -63,7 +64,7 @@ class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
     `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
-    what the store has.
+    what the store has. `pictures` are those that the store keeps.
     """
 
     matcher: str = "sgbm"
@@ -73,6 +74,7 @@ class MeasureSettings:
     limits: LimitsOf = field(default_factory=limits_by_size)
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     again: bool = False
+    pictures: Pictures = Pictures.ALL
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ def find_batch(paths: Sequence[Path], store: Path, settings: MeasureSettings) ->
             settings.rig,
             settings.origin_of(location.first),
             again=settings.again,
+            pictures=settings.pictures,
         )
         for location in found.recordings
     )

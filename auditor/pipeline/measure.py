@@ -37,6 +37,7 @@ from auditor.measurement.parameters import measuring_digest
 from auditor.model.checks import CAMERA_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Procedure, procedure_of
+from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.recordings import (
@@ -86,7 +87,8 @@ class MeasureTask:
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
     says of its vehicle, day and drive. `again` measures also what the store has, and replaces it,
-    as it does what was counted in an earlier way.
+    as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
+    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
     """
 
     recording: Path | Location
@@ -96,6 +98,7 @@ class MeasureTask:
     rig: Path | None = None
     origin: Origin = _UNKNOWN
     again: bool = False
+    pictures: Pictures = Pictures.ALL
 
     def __str__(self) -> str:
         return str(self.recording)
@@ -138,7 +141,7 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
         todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
         for known, one in todo.items():
             store.write_rig(one.rig)
-            _measure(recording, one, found.remarks, matcher, procedure, store, progress)
+            _measure(recording, one, found.remarks, matcher, procedure, store, task.pictures, progress)
             if task.again:
                 _remove_counted_earlier(store, known)
         ids = tuple(known for known in by_id if store.has_measurement(known))
@@ -214,6 +217,7 @@ def _measure(
     matcher: Matcher,
     procedure: Procedure,
     store: Store,
+    pictures: Pictures,
     progress: Callable[[str, int], None],
 ) -> None:
     """Measure a recording with one rig; what is kept becomes visible with the last write.
@@ -224,7 +228,7 @@ def _measure(
     """
     started, rig = perf_counter(), in_force.rig
     known = measurement_id(recording.recording_id, rig.rig_id, procedure)
-    thumbnails, check = PictureBook(), CalibrationCheck()
+    thumbnails, check = PictureBook(pictures), CalibrationCheck()
     stream = synchronise(recording, rig, in_force.survey, colour=True, stretches=in_force.stretches)
     if libraries(matcher):
         _preflight(recording, rig, matcher, stream, progress)
@@ -263,12 +267,12 @@ def _measure(
             writer.add_pose(pose)
         if store.has_measurement(known):
             remove_measurement(store, known)
-        pictures = [
+        files = [
             file
             for number, picture in thumbnails.pages()
             for file in store.write_picture(known, Picture(number, picture.reference, picture.views, picture.mask))
         ]
-        writer.commit(replace(record, pose_topics=poses.topics), pictures)
+        writer.commit(replace(record, pose_topics=poses.topics), files)
 
 
 def _measure_frames(
@@ -288,13 +292,12 @@ def _measure_frames(
             else:
                 counted, evidence = item
                 statistics = sensor_statistics(sensor_checks, counted.cells, counted.shares)
+                unusual = worth_localising(sensor_checks, statistics)
                 measurement = replace(
-                    counted,
-                    fault_features=fault_features.update(evidence),
-                    regions=localise(evidence, worth_localising(sensor_checks, statistics)),
+                    counted, fault_features=fault_features.update(evidence), regions=localise(evidence, unusual)
                 )
                 writer.add(measurement, statistics, unmasked_statistics(sensor_checks, counted))
-                thumbnails.offer(counted, evidence)
+                thumbnails.offer(counted, evidence, unusual=bool(unusual))
                 check.offer(evidence, measurement.fault_features)
             yield done
 

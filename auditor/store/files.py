@@ -22,6 +22,7 @@ ABANDONED_AFTER_S = 60.0
 """A younger file under way may have been made so recently that its writer has not locked it yet."""
 
 _BLOCK = 1 << 20
+_OWNERS_FOLDER, _OWNERS_FILE = 0o700, 0o600
 
 _ID = re.compile(r"[0-9a-f]{8,64}")
 _PART = re.compile(r"\..+\.[0-9a-f]{16}\.part")
@@ -57,7 +58,7 @@ class PartFile:
         self._target = target
         self._part: Path | None = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
         with self.reporting():
-            target.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(target.parent)
             self.file = open_part(self._part)
         try:
             with self.reporting():
@@ -143,9 +144,31 @@ def write_whole(target: Path, content: bytes, announce: "Announce | None" = None
         return part.commit(announce)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above that are missing, for their owner alone; what is there stays as it is."""
+    if not folder.is_dir():
+        make_folder(folder.parent)
+        folder.mkdir(_OWNERS_FOLDER, exist_ok=True)
+
+
 def open_part(path: Path) -> BinaryIO:
-    """A new file to write to."""
-    return path.open("xb")
+    """A new file to write to, for its owner alone."""
+    return open(path, "xb", opener=for_owner)
+
+
+def for_owner(path: str, flags: int) -> int:
+    """An opener for `open`: a file that it makes is its owner's alone."""
+    return os.open(path, flags, _OWNERS_FILE)
+
+
+def close_to_others(folder: Path) -> None:
+    """Leave a folder and all that is in it to their owner alone."""
+    folder.chmod(_OWNERS_FOLDER)
+    for above, folders, names in os.walk(folder):
+        for name in folders:
+            (Path(above) / name).chmod(_OWNERS_FOLDER)
+        for name in names:
+            (Path(above) / name).chmod(_OWNERS_FILE)
 
 
 def remove_abandoned(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""kill -9 at drawn moments of scan, judge, calibrate, report and verify: `python -m tests.benchmarks.killed --count 50`.
+"""kill -9 at drawn moments of scan, judge, calibrate, report, verify: `python -m tests.benchmarks.killed --count 50`.
 
 Each command runs once undisturbed, to know how long it takes; then it is killed at moments drawn from that time, every
 other time with all its workers at once. After each kill the chains are whole or end in one open entry, verify finds no

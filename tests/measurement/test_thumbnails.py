@@ -1,9 +1,11 @@
 import cv2
 import numpy as np
+import pytest
 
 from auditor.measurement import PictureBook, draw, measure
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.measurement import Counts, Measurement
+from auditor.model.pictures import Pictures
 from tests.making.scenes import HEIGHT, WIDTH, plane_frame, plane_rig
 
 
@@ -41,3 +43,14 @@ def test_a_picture_book_keeps_the_strongest_frame_of_each_second_and_the_stronge
         number = round(second * 10 + strength * 10)
         book.offer(Measurement(number, round((second + strength) * 1e9), {}, (counts,), {}), evidence)
     assert [number for number, _ in book.pages()] == [23, 31]
+
+
+@pytest.mark.parametrize(("pictures", "kept"), [("none", []), ("incidents", [1]), ("all", [0, 1, 2])])
+def test_pictures_are_kept_of_none_of_unusual_or_of_all_frames(pictures, kept) -> None:
+    rig = plane_rig()
+    _, evidence = measure(plane_frame(rig), rig, SgbmMatcher())
+    book = PictureBook(Pictures(pictures))
+    for second in range(3):
+        measurement = Measurement(second, second * 10**9, {}, (Counts(1000, 0, 1000, 100, 0),), {})
+        book.offer(measurement, evidence, unusual=second == 1)
+    assert [number for number, _ in book.pages()] == kept

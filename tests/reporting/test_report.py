@@ -7,6 +7,7 @@ import pytest
 from auditor.errors import StoreError
 from auditor.model.coverage import TimeCoverage, TopicCoverage, TopicState
 from auditor.model.measurement import Region, Solid, Statistic
+from auditor.model.pictures import Pictures
 from auditor.model.verdict import Cause, VerdictKind
 from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render, render_incident_report
@@ -43,6 +44,13 @@ def test_the_page_is_one_file_that_refers_to_nothing_outside(store, tmp_path):
         assert not any(name.startswith("on") for name in attributes)
     assert "@import" not in (tmp_path / "page.html").read_text("utf-8")
     assert (tmp_path / "page.html").stat().st_size < 300_000
+
+
+@pytest.mark.parametrize(("pictures", "frames"), [("none", []), ("incidents", ["17"]), ("all", ["12", "15", "17"])])
+def test_the_page_shows_no_picture_the_strongest_or_all_of_an_incident(store, tmp_path, pictures, frames):
+    add_recording(store, attacks=[((1,), 10, 19)], pictured=[5, 12, 15, 17])
+    (part,) = load_page(store, pictures=Pictures(pictures)).recordings
+    assert sorted({str(view.frame) for view in part.incidents[0].views}) == frames
 
 
 def test_hostile_text_of_a_recording_is_shown_and_never_markup(store, tmp_path):

@@ -35,11 +35,19 @@ def as_before(answered, told):
 
     By the robust method an evaluation says of every r that it is resolved.
     """
-    columns = {name: rows[0].keys() for name, rows in told.items() if rows}
-    found = {name: [{c: row[c] for c in columns[name]} for row in rows] for name, rows in answered.items()}
+    found = of_what_was_told(answered, told)
     for row, before in zip(found["evaluation"], told["evaluation"], strict=True):
         assert row["resolvable"] or row["method"] == "paper"
         row["resolvable"] = before["resolvable"] if row["method"] == "robust" else row["resolvable"]
+    return found
+
+
+def of_what_was_told(found, told):
+    """Answers without the columns and fields that were not there when they were told."""
+    if isinstance(told, dict):
+        return {name: of_what_was_told(found[name], value) for name, value in told.items()}
+    if isinstance(told, list) and len(told) == len(found):
+        return [of_what_was_told(one, value) for one, value in zip(found, told, strict=True)]
     return found
 
 

@@ -7,6 +7,7 @@ import click
 from auditor.cli import options
 from auditor.cli.logged import logged, reading, refuse_altered
 from auditor.cli.output import answer
+from auditor.model.pictures import Pictures
 
 _REPORTS = ("incident", "evaluation")
 
@@ -16,7 +17,14 @@ _REPORTS = ("incident", "evaluation")
 @options.store_option
 @click.option("--recording", help="Only the recording of this name, or whose id begins so.")
 @click.option("--out", type=click.Path(path_type=Path), help="The file to write.  [default: STORE/reports/NAME.html]")
-def command(name: str, store: Path, recording: str | None, out: Path | None) -> None:
+@click.option(
+    "--pictures",
+    type=click.Choice([*Pictures]),
+    default=Pictures.INCIDENTS,
+    show_default=True,
+    help="Pictures on the incident page: none, the strongest one kept of each incident, or all kept of it.",
+)
+def command(name: str, store: Path, recording: str | None, out: Path | None, pictures: str) -> None:
     """Write a self-contained page from a store; the recordings are not needed.
 
     \b
@@ -43,4 +51,4 @@ def command(name: str, store: Path, recording: str | None, out: Path | None) -> 
         if name == "evaluation":
             answer(render_evaluation_report(kept, out=target))
         else:
-            answer(render_incident_report(kept, out=target, recording=recording))
+            answer(render_incident_report(kept, out=target, recording=recording, pictures=Pictures(pictures)))

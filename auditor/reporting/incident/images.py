@@ -6,24 +6,38 @@ import struct
 import numpy as np
 
 from auditor.model.measurement import REGION_STEP, Region
+from auditor.model.pictures import Pictures
 from auditor.model.rig import LIDAR
 from auditor.reporting.incident.page import DamagedPortion, IncidentPart, View
 from auditor.store.records import FrameErrors
 from auditor.store.store import Store
 
 
-def incident_views(store: Store, measurement_id: str, errors: FrameErrors, incident: IncidentPart) -> tuple[View, ...]:
-    """The strongest pictured frame of an incident: the reference view with inconsistent pixels, then the named ones.
+def incident_views(
+    store: Store,
+    measurement_id: str,
+    errors: FrameErrors,
+    incident: IncidentPart,
+    pictures: Pictures = Pictures.INCIDENTS,
+) -> tuple[View, ...]:
+    """The pictured frames of an incident: all, the strongest alone (`incidents`), or none.
 
-    Where no camera is named, every other camera is shown, and the reference view itself where there is none. What an
-    attacked sensor lost is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
+    Of each frame the reference view with inconsistent pixels comes first, then the named ones. Where no camera is
+    named, every other camera is shown, and the reference view itself where there is none. What an attacked sensor lost
+    is drawn in the second kind: a camera's in its own picture, the LiDAR's in the reference's.
     """
     inside = (errors.frames >= incident.first_frame) & (errors.frames <= incident.last_frame)
     pictured = np.flatnonzero(inside & np.isin(errors.frames, store.pictured_frames(measurement_id)))
-    if not len(pictured):
+    if not len(pictured) or pictures == Pictures.NONE:
         return ()
-    strongest = int(pictured[np.argmax(np.nansum(errors.E[pictured], axis=1))])
-    picture = store.picture(measurement_id, int(errors.frames[strongest]))
+    if pictures == Pictures.INCIDENTS:
+        pictured = pictured[[np.argmax(np.nansum(errors.E[pictured], axis=1))]]
+    frames = map(int, errors.frames[pictured])
+    return tuple(view for frame in frames for view in _frame_views(store, measurement_id, frame, incident))
+
+
+def _frame_views(store: Store, measurement_id: str, frame: int, incident: IncidentPart) -> tuple[View, ...]:
+    picture = store.picture(measurement_id, frame)
     if picture is None or picture.reference not in picture.views:
         return ()
     images = {sensor: _data_uri("image/jpeg", jpeg) for sensor, jpeg in picture.views.items()}

@@ -16,6 +16,7 @@ from auditor.errors import StoreError
 from auditor.model.checks import counting_checks, rig_sensor_checks
 from auditor.model.frames import SensorState
 from auditor.model.measurement import Statistic
+from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method, VerdictKind
 from auditor.reporting.incident.images import incident_views
@@ -60,7 +61,7 @@ class _Audit:
     rig: Rig
 
 
-def load_page(store: Store, recording: str | None = None) -> IncidentPage:
+def load_page(store: Store, recording: str | None = None, pictures: Pictures = Pictures.INCIDENTS) -> IncidentPage:
     """Everything that the page shows of one recording (by name, id or first digits of its id), or of all.
 
     Raises StoreError where the store has no such recording, or was not measured.
@@ -75,7 +76,7 @@ def load_page(store: Store, recording: str | None = None) -> IncidentPage:
     shown = {part.provenance.measurement_id for part in sorted(numbered, key=lambda part: -part.raised)[:MOST_SECTIONS]}
     drawn = {incident.number for _, incident in _page(store, numbered).incidents[:MOST_DRAWN]}
     full = [
-        _in_full(store, audit, part, drawn) if part.provenance.measurement_id in shown else part
+        _in_full(store, audit, part, drawn, pictures) if part.provenance.measurement_id in shown else part
         for audit, part in zip(audits, numbered, strict=True)
     ]
     return _page(store, full)
@@ -272,7 +273,7 @@ def _check_lines(store: Store, audit: _Audit) -> Iterator[CheckLine]:
             )
 
 
-def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) -> RecordingPart:
+def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int], pictures: Pictures) -> RecordingPart:
     """The part with its coverage, its drawings and its pictures."""
     statistic = (audit.judgement and audit.judgement.statistic) or Statistic.GATED
     errors = store.load_errors(audit.measurement.measurement_id, statistic)
@@ -290,7 +291,7 @@ def _in_full(store: Store, audit: _Audit, part: RecordingPart, drawn: set[int]) 
         incidents=tuple(
             replace(
                 timeline.drawn(incident),
-                views=incident_views(store, audit.measurement.measurement_id, errors, incident),
+                views=incident_views(store, audit.measurement.measurement_id, errors, incident, pictures),
             )
             if incident.number in drawn
             else incident

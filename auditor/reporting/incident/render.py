@@ -7,6 +7,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
+from auditor.model.pictures import Pictures
 from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.page_text import shown_on_page
@@ -21,12 +22,14 @@ THIN_SPACE = "\u2009"
 NO_BREAK_SPACE = "\u00a0"
 
 
-def render_incident_report(store: Store, *, out: Path, recording: str | None = None) -> Path:
+def render_incident_report(
+    store: Store, *, out: Path, recording: str | None = None, pictures: Pictures = Pictures.INCIDENTS
+) -> Path:
     """Write the page of one recording (by name, id or first digits of its id), or of the whole store; answer `out`.
 
     Raises StoreError where the store has no such recording, nothing was measured, or the page cannot be written.
     """
-    text = render(load_page(store, recording))
+    text = render(load_page(store, recording, pictures))
     store.write_page(out, text.encode())
     return out
 

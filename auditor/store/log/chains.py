@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from auditor.errors import StoreError
-from auditor.store.files import locked
+from auditor.store.files import for_owner, locked, make_folder
 from auditor.store.log.entry import Entry, Kind
 
 LOG = "log"
@@ -125,7 +125,7 @@ def append(path: Path, kind: Kind, run: str, what: Mapping[str, Any]) -> Entry:
         what=what,
     )
     try:
-        with path.open("r+b" if path.exists() else "x+b") as file:
+        with open(path, "r+b" if path.exists() else "x+b", opener=for_owner) as file:
             file.truncate(_end_of_lines(file))
             file.seek(0, os.SEEK_END)
             file.write(entry.line)
@@ -196,7 +196,7 @@ def log_lock(folder: Path) -> AbstractContextManager[None]:
     """Hold the lock of a store's log, which is made where there is none. Raises StoreError."""
     place = folder / LOG
     try:
-        place.mkdir(exist_ok=True)
+        make_folder(place)
     except OSError as error:
         raise StoreError(f"the log cannot be made ({error.strerror or error})", where=place) from error
     return locked(place)

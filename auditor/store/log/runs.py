@@ -196,7 +196,7 @@ def _free_chain(folder: Path) -> Iterator[Path]:
     for path in [*(one for one in chain_paths(folder) if one.name.startswith(f"{host}-")), new]:
         with ExitStack() as stack:
             if path == new:
-                path.touch()
+                path.touch(0o600)
             if _is_usable(path) and stack.enter_context(_held(path)):
                 yield path
                 return

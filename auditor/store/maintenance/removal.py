@@ -105,10 +105,10 @@ def _remove(store: Store, manifest: str, row_id: str) -> None:
     dependent = [table for table, of in MANIFESTS.items() if of == manifest]
     if manifest == "evaluations":
         dependent.append("case_verdicts")
-    paths = [store.path(table, row_id) for table in (manifest, *dependent)]
-    with logged(store.folder) as entry, entry.removing(_places(store, paths), f"{manifest} {row_id} was removed"):
-        for path in paths:
-            _unlink(path)
+    logged_ones = [store.path(table, row_id) for table in (manifest, *dependent) if table not in MANIFESTS]
+    with logged(store.folder) as entry, entry.removing(_places(store, logged_ones), f"{manifest} {row_id} was removed"):
+        for table in (manifest, *dependent):
+            _unlink(store.path(table, row_id))
 
 
 def _places(store: Store, paths: Iterable[Path]) -> list[str]:

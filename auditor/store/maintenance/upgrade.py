@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration
-from auditor.store.files import finished, locked
+from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.schema import SCHEMA_VERSION, TABLES
@@ -47,6 +47,7 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
     """
     with locked(folder):
         version = read_marker(folder).version
+        close_to_others(folder)  # stores of earlier versions were made as the umask said
         if version == SCHEMA_VERSION:
             move_upgraded(folder)
             return None
@@ -72,19 +73,20 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
 
 def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
-    (new / "pictures").mkdir(parents=True)
+    make_folder(new / "pictures")
     for measurement_id in finished(old / "measurements"):
-        if not (new / "poses" / f"{measurement_id}.parquet").exists():
-            write_rows("poses", new / "poses" / f"{measurement_id}.parquet", ())  # places were not kept
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
-        (new / table).mkdir(exist_ok=True)
+        make_folder(new / table)
         for row_id in _finished(old, table):
             rows = _rows(old / table / f"{row_id}.parquet")
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
             write_rows(table, new / table / f"{row_id}.parquet", rows)
+        if table in MANIFESTS and not (old / table).is_dir():  # what was not kept then is empty
+            for row_id in finished(old / MANIFESTS[table]):
+                write_rows(table, new / table / f"{row_id}.parquet", ())
     for history in first_histories(_calibrations(new)):
         place = new / "calibration_history" / f"{history.history_id}.parquet"
         write_rows("calibration_history", place, history_rows(history))
