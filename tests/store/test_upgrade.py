@@ -35,20 +35,20 @@ def as_before(answered, told):
 
     By the robust method an evaluation says of every r that it is resolved.
     """
-    found = known(answered, told)
+    found = of_what_was_told(answered, told)
     for row, before in zip(found["evaluation"], told["evaluation"], strict=True):
         assert row["resolvable"] or row["method"] == "paper"
         row["resolvable"] = before["resolvable"] if row["method"] == "robust" else row["resolvable"]
     return found
 
 
-def known(answer, told):
-    """An answer without the fields that what was told lacks, at whatever depth."""
+def of_what_was_told(found, told):
+    """Answers without the columns and fields that were not there when they were told."""
     if isinstance(told, dict):
-        return {name: known(answer[name], value) for name, value in told.items()}
-    if isinstance(told, list) and len(told) == len(answer):
-        return [known(*pair) for pair in zip(answer, told, strict=True)]
-    return answer
+        return {name: of_what_was_told(found[name], value) for name, value in told.items()}
+    if isinstance(told, list) and len(told) == len(found):
+        return [of_what_was_told(one, value) for one, value in zip(found, told, strict=True)]
+    return found
 
 
 def content(folder):

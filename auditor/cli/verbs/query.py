@@ -62,11 +62,12 @@ def command(
     store: Path,
     sql: str | None,
     source: BinaryIO | None,
+    time_limit: float,
+    memory_limit: float,
     form: str,
     *,
     describe: bool,
     verify: bool,
-    **limits: float,
 ) -> Exit:
     """Query the store; without a name, list its queries and views.
 
@@ -92,7 +93,7 @@ def command(
         kept = Store.open(store)
         altered = tell_altered(kept, every=verify)
         with reading(kept.folder):
-            _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(limits["time_limit"], limits["memory_limit"])), form)
+            _show(kept, sql, run_sandboxed(kept, sql, SqlLimits(time_limit, memory_limit)), form)
     elif name is None:
         _list()
         return Exit.CLEAN
