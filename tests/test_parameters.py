@@ -55,7 +55,6 @@ ELSEWHERE = {
 
 STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "model/coverage.py": ((6, 10, 9, 1000), "sensors named in a line; nanoseconds; tenths of a percent"),
-    "model/common_view.py": ((64,), "rigs whose size of view is kept in memory"),
     "identification/algorithm2.py": (
         (
             4,
@@ -129,7 +128,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
     "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/common_view.py": ((3,), "dimensions"),
+    "model/common_view.py": ((3, 64), "dimensions; rigs whose size of view is kept in memory"),
     "model/geometry.py": (
         (
             3,

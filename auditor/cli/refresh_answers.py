@@ -43,6 +43,7 @@ def json_line(refresh: "Refresh") -> str:
         "dry_run": refresh.dry_run,
         "measured": len(refresh.measured),
         "failed": [vars(one) for one in refresh.failed],
+        **({"planned": [vars(one) for one in refresh.planned]} if refresh.dry_run else {}),
         "rig_kinds": [_rig_kind(one) for one in refresh.decisions],
     }
     return json.dumps(answer, ensure_ascii=False)

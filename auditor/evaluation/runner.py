@@ -37,6 +37,7 @@ from auditor.resources import plug_ins
 from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase
 from auditor.store.evaluation_tables import EvaluationPart, MeasuredCase, Part, PartWriter, finished_part, part_writer
+from auditor.store.log import logged
 from auditor.store.records import content_id
 
 _VERSIONED = ("numpy", "opencv-python-headless")
@@ -111,7 +112,9 @@ class Run(ABC):
         _check(self._drive.rig, self._task.source)
         if self._finished():
             return Evaluated(0, 0)
-        self._store.write_rig(self._drive.rig)
+        with logged(self._store.folder) as entry:
+            entry.used("recording", self._drive.recording_id, self._drive.name)
+            self._store.write_rig(self._drive.rig)
         chunks = Chunks(self._drive.frames)
         for chunk, frames in chunks:
             if chunk % self._task.of == self._task.share:

@@ -9,7 +9,7 @@ and none needs a mask.
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def common_view(rig: Rig, *, widest: bool = False, cell_px: int = _CELL_PX) -> C
     return CommonView(Rig(lidar, cameras), view_SO3_rig, focal, x, y, seen_px)
 
 
-@lru_cache(maxsize=64)
+@cache
 def view_size_px(rig: Rig) -> tuple[int, int]:
     """Width and height of the largest image that a rig's counts can be of: recorded, or rectified."""
     cameras = list(rig.cameras)

@@ -28,9 +28,11 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
 from auditor.store.log import logged
-from auditor.store.versions.history import calibrations_in_force
+from auditor.store.versions.history import histories, in_force_of
+from auditor.store.versions.records import provisional_of
 
 _NO_THRESHOLDS_GAP = "no thresholds for its rig kind and matcher"
+_PROVISIONAL = "its calibration is provisional: nobody named its recordings clean (calibration promote confirms it)"
 _NO_THRESHOLDS = (
     "measured, but not judged: the store has no thresholds for its rig kind and matcher; "
     "make some from clean recordings with auditor calibrate"
@@ -267,7 +269,8 @@ class Judge:
     def __init__(self, store: Store, settings: JudgeSettings) -> None:
         self._store = store
         self._settings = settings
-        self._calibrations = [] if settings.calibration else calibrations_in_force(store)
+        known = [] if settings.calibration else histories(store)
+        self._calibrations, self._provisional = in_force_of(store, known), provisional_of(store, known)
         self._current = store.current_judgements()
         self._usual = UsualRigs(store)
 
@@ -295,6 +298,7 @@ class Judge:
         )
         warnings = (
             *unresolved(judgement, calibration, criteria),
+            *([_PROVISIONAL] if calibration.calibration_id in self._provisional else []),
             *marked(judgement, calibration),
             *gaps,
             *told,

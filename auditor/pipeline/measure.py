@@ -74,6 +74,7 @@ from auditor.store import (
 from auditor.store.files import locked
 from auditor.store.log import logged
 from auditor.store.maintenance.removal import remove_measurement
+from auditor.store.records import content_id
 
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
@@ -134,6 +135,8 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     store = Store.open(task.store, create=True)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         entry.used("recording", recording.recording_id, storable(str(recording.path)))
+        if libraries(matcher):  # a network, whose settings have the hash of its file
+            entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
         surveyed = survey(recording)
         found = rigs_through(recording, surveyed, task.rig)
         procedure = procedure_by(matcher)

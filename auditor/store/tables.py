@@ -15,6 +15,9 @@ from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, vers
 
 Row = Mapping[str, object]
 
+_UNREADABLE = (OSError, pa.ArrowException, ValueError, KeyError, OverflowError, MemoryError)
+"""What Arrow raises on a damaged file, as where a name is not UTF-8 or a length is any number."""
+
 BATCH_ROWS = 256
 ROW_GROUP_BATCHES = 32
 """Batches in a row group; of tables whose rows hold whole grids it is one."""
@@ -137,8 +140,17 @@ def stream_rows(table: str, path: Path) -> Iterator[dict[str, Any]]:
 
 def read_rows(table: str, path: Path) -> list[dict[str, Any]]:
     """The rows of a file of a table as dictionaries. Raises StoreError."""
-    rows: list[dict[str, Any]] = read_table(table, path).to_pylist(maps_as_pydicts="strict")
+    content = read_table(table, path)
+    try:
+        rows: list[dict[str, Any]] = content.to_pylist(maps_as_pydicts="strict")
+    except _UNREADABLE as error:
+        raise StoreError(f"it has rows that cannot be read ({in_one_line(error)})", where=path) from error
     return rows
+
+
+def in_one_line(error: Exception) -> str:
+    """What an error of Arrow says, on one line."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 @contextmanager
@@ -150,8 +162,10 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
             yield file
     except FileNotFoundError as error:
         raise StoreError("it does not exist", where=path) from error
-    except (OSError, pa.ArrowException) as error:
-        raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error
+    except StoreError:
+        raise
+    except _UNREADABLE as error:
+        raise StoreError(f"it is no readable Parquet file ({in_one_line(error)})", where=path) from error
 
 
 def _check_version(schema: pa.Schema, path: Path) -> None:

@@ -69,6 +69,7 @@ def _work(folder: Path, flips: list[Flip], query_every: int, first: int, results
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--first", type=int, default=0, help="leave out those before, as where a run was interrupted")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--query-every", type=int, default=10)
     options = parser.parse_args()
@@ -78,7 +79,7 @@ def main() -> None:
         folder, _ = unpack(SCHEMA_VERSION, Path(place))
         said("query", "summary", "--store", folder)
         flips = list(draw_flips(folder, options.count, options.seed))
-        for first in range(0, len(flips), _TOGETHER):
+        for first in range(options.first, len(flips), _TOGETHER):
             results: multiprocessing.Queue = multiprocessing.Queue()  # type: ignore[type-arg]
             part = flips[first : first + _TOGETHER]
             process = multiprocessing.Process(target=_work, args=[folder, part, options.query_every, first, results])

@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from auditor.store.versions.history import How, calibrations_in_force, histories
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive
 from tests.making.pages import HOSTILE, Page
+from tests.making.small_drives import write_drive
 
 VEHICLES = 3
 
@@ -72,6 +74,9 @@ def test_a_first_version_of_what_nobody_named_is_provisional_and_leaves_out_what
     assert all(row["included"] for row in rows[1:])
     assert audit.ask("SELECT count(*) AS n FROM judgements WHERE in_incidents > 0") == [{"n": 1}], "it was judged"
     assert audit("calibration", "verify").code == 0
+    assert "its calibration is provisional" in audit("judge", audit.store, store=False).err
+    audit("calibration", "promote", kind["calibration"])
+    assert "its calibration is provisional" not in audit("judge", audit.store, store=False).err
 
 
 def test_what_was_named_clean_makes_a_first_version_that_is_not_provisional(first_night, audit_of):
@@ -81,6 +86,20 @@ def test_what_was_named_clean_makes_a_first_version_that_is_not_provisional(firs
         label_clean(store, record)
     kind = kind_of(audit("refresh"))
     assert (kind["decided"], kind["provisional"], kind["recordings"], kind["left_out"]) == ("promoted", False, 4, 5)
+
+
+def test_what_a_person_named_stays_named_also_where_the_store_has_it_no_longer(first_night, audit_of, tmp_path):
+    audit, other = audit_of(first_night), Store.open(tmp_path / "other", create=True)
+    add_drive(other, "short.mcap", seed=40, vehicle="car0", day=9, frames=12)
+    assert kind_of(audit("refresh", other.folder, "--clean"))["recordings"] == 1
+    kind = kind_of(audit("refresh"))
+    assert kind["recordings"] == 10, "those of the store are judged clean by what was named, which stays"
+    rows = audit.ask(f"""
+        SELECT name, reason FROM calibration_recordings
+        WHERE included AND calibration_id = '{kind["calibration"]}' AND name = 'short.mcap'
+    """)
+    assert rows == [{"name": "short.mcap", "reason": "named clean"}]
+    assert not kind["provisional"]
 
 
 def test_a_night_with_nothing_new_changes_nothing(refreshed, audit_of):
@@ -226,11 +245,18 @@ def test_killed_before_the_last_write_the_next_refresh_completes_it(refreshed, a
     assert len(histories(Store.open(audit.store))[0].moves) == 2
 
 
-def test_a_dry_run_writes_nothing_and_says_what_would_be(first_night, audit_of):
+def test_a_dry_run_writes_nothing_and_says_what_would_be(first_night, audit_of, tmp_path):
     audit = audit_of(first_night)
     before = {path: path.stat().st_mtime_ns for path in audit.store.rglob("*") if path.is_file()}
-    kind = kind_of(audit("refresh", "--dry-run"))
+    write_drive(tmp_path / "new.mcap", 3, positions_m=(0.6, 0.3, 0.0))
+    (tmp_path / "other.mcap").write_bytes(b"no recording")
+    answer = audit("refresh", tmp_path / "new.mcap", tmp_path / "other.mcap", "--dry-run")
+    kind = kind_of(answer)
     assert (kind["decided"], kind["in_force"], kind["recordings"]) == ("promoted", None, 9)
+    planned = {Path(one["recording"]).name: one for one in json.loads(answer.out)["planned"]}
+    assert planned["new.mcap"]["rig_kinds"] == ["LiDAR + 3 cameras 320x120 f=300px b=0.30,0.30m"]
+    assert not planned["new.mcap"]["measured"]
+    assert planned["other.mcap"]["error"]
     assert {path: path.stat().st_mtime_ns for path in audit.store.rglob("*") if path.is_file()} == before
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
+import pytest
 
 from auditor.identification.prior import statistic_at
 from auditor.identification.robust import FrameSeries, judge_frames, window_limit, window_scores
@@ -55,17 +56,20 @@ def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
     assert not [v for v in verdicts if v.finding]
 
 
-def test_a_window_must_exceed_half_of_a_frame_s_limit_and_the_score():
-    assert window_limit(THRESHOLDS) == LIMIT / 2
-    assert judge(range(5, 12), score=4.4)[8].finding
-    weak = judge(range(5, 12), score=4.6)
+def test_a_window_must_exceed_two_thirds_of_a_frame_s_limit_and_the_score():
+    assert window_limit(THRESHOLDS) == pytest.approx(0.65 * LIMIT)
+    assert window_limit(replace(THRESHOLDS, score=1.0)) == pytest.approx(0.65 * LIMIT + 1.0)
+    assert judge(range(5, 12), score=4.0)[8].finding
+    weak = judge(range(5, 12), score=4.1)
     assert weak[8].kind is VerdictKind.ATTACKED
     assert weak[8].finding is None
 
 
-def test_every_other_frame_attacked_is_an_incident_of_these_frames():
-    verdicts = judge(range(4, 14, 2), z=4.0)
-    assert [f for f, v in enumerate(verdicts) if v.finding] == [4, 6, 8, 10, 12]
+@pytest.mark.parametrize(("z", "incident"), [(5.0, [4, 6, 8, 10, 12]), (4.0, [6, 8, 10]), (3.2, [])])
+def test_every_other_frame_attacked_is_an_incident_of_those_whose_windows_show_enough(z, incident):
+    verdicts = judge(range(4, 14, 2), z=z)
+    assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == [4, 6, 8, 10, 12]
+    assert [f for f, v in enumerate(verdicts) if v.finding] == incident
 
 
 def test_a_window_may_name_another_sensor_than_its_frame():

@@ -1,5 +1,6 @@
 """Verifying a store: whatever was changed, removed, added or swapped in it is named."""
 
+import contextlib
 import json
 import shutil
 
@@ -19,6 +20,7 @@ from auditor.store.maintenance.verify import verify, verify_changes, verify_hash
 from auditor.store.records import RecordingRecord
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
+from auditor.store.tables import read_rows
 from tests.making.bit_flips import draw_flips, flipped
 from tests.making.stores import add_judgement, add_measurement, make_measurement, make_rig, new_store
 from tests.store.kept import unpack
@@ -287,3 +289,14 @@ def test_a_store_of_synthetic_frames_is_plausible(tmp_path):
     add_judgement(store, rig, known, "c1u")
     assert len({entry.run for entry in entries(store.folder)}) > 1
     assert verify_hashes(store).problems == ()
+
+
+def test_a_name_that_is_no_text_any_more_is_told_in_one_line(store, capsys):
+    path = store.finished_paths("verdicts")[0]
+    content = path.read_bytes()
+    for place in range(len(content) - 3000, len(content) - 8, 101):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0x80]) + content[place + 1 :])
+        with contextlib.suppress(StoreError):
+            read_rows("verdicts", path)
+    assert run(["verify", str(store.folder)]) == 1
+    assert "Traceback" not in capsys.readouterr().err

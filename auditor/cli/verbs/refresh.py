@@ -1,6 +1,7 @@
 """`auditor refresh`: new calibrations from clean recordings, night after night."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +57,7 @@ def command(
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.refresh_answers import exit_code, json_line, write_metrics  # noqa: PLC0415 - keeps --help quick
     from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
+    from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
@@ -76,9 +78,11 @@ def command(
                 if judged.error is not None:
                     say(f"{judged.recording}: {judged.error}")
         found = refresh(kept, others, named if clean else [], r, measured=measured, failed=failed, dry_run=dry_run)
-        if not dry_run:
+        if dry_run:
+            found = replace(found, planned=tuple(plan(recordings, kept, measuring.rig)))
+        else:
             render_refresh_page(found, kept, out=default_page(kept.folder))
-        if metrics:
+        if metrics and not dry_run:
             write_metrics(found, metrics)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")

@@ -26,12 +26,14 @@ from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.pipeline.judge import PRIOR_MATCHER, clean_frames_of, system_of
 from auditor.pipeline.refreshing.pool import NAMED, Group, Log
-from auditor.pipeline.versions import day_of, used_recording
+from auditor.pipeline.versions import GIVEN, day_of, used_recording
 from auditor.store import Store, make_calibration
 from auditor.store.versions.decisions import Decided, Decision, Rise
-from auditor.store.versions.records import UsedRecording
+from auditor.store.versions.records import UsedRecording, read_version
 
 _WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"
+_BY_PERSON = (NAMED, GIVEN)
+_BEFORE = "in the version of before"
 _NOT_NAMED = "the first version is made of what was named clean"
 
 
@@ -45,12 +47,27 @@ class Learnt:
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
-    """A log that is learnt from, its frames, why, and what it shows when others judge it."""
+    """A recording that is learnt from, its frames, and what it shows when others judge it."""
 
-    log: Log
+    used: UsedRecording
     drive: Drive
-    reason: str
     shown: Shown | None = None
+
+    @property
+    def named(self) -> bool:
+        """Whether a person called it clean."""
+        return self.used.reason in _BY_PERSON
+
+    def out(self, reason: str) -> UsedRecording:
+        """The recording as one that was raised."""
+        return replace(self.found, included=False, reason=reason, look_at=True)
+
+    @property
+    def found(self) -> UsedRecording:
+        """The recording with what it shows."""
+        if self.shown is None:
+            return self.used
+        return replace(self.used, findings_by_others=self.shown.findings, incidents_by_others=self.shown.incidents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +104,18 @@ def _choose(store: Store, group: Group, parent: Calibration | None, system: Syst
     """The logs that nothing bars, as many as may count, that seem clean or were named so."""
     withdrawn = _new_in_withdrawn(store, group)
     known = set(parent.recordings) if parent is not None else set()
+    before = _used_before(store, parent)
+    vouched = {one.recording_id for one in before if one.reason in _BY_PERSON}
     named_only = parent is None and any(log.named and not log.barred for log in group.logs)
     out: list[UsedRecording] = []
     named, others = list[Log](), list[Log]()
     for log in group.logs:
         if log.barred:
             out.append(_out(log, log.barred, look_at=log.look_at))
-        elif log.named:
+        elif log.named or log.recording.recording_id in vouched:
             named.append(log)
+        elif log.doubt:
+            out.append(_out(log, log.doubt, look_at=log.look_at))
         elif log.recording.recording_id in withdrawn:
             out.append(_out(log, _WITHDRAWN, look_at=True))
         elif named_only:
@@ -105,11 +126,12 @@ def _choose(store: Store, group: Group, parent: Calibration | None, system: Syst
     out += [_out(others[place], reason) for place, reason in too_many.items()]
     others = [log for place, log in enumerate(others) if place not in too_many]
     base = thresholds_of(parent.clean if parent is not None else (), system, r)
-    chosen, raised = [_Chosen(log, _drive(log, parent), NAMED) for log in named], 0
+    chosen, raised = [_chosen(log, _drive(log, parent), NAMED) for log in named], 0
+    chosen += _gone(parent, before, group)
     for log in others:
         drive = _drive(log, parent)
         if log.recording.recording_id in known:
-            chosen.append(_Chosen(log, drive, "in the version of before"))
+            chosen.append(_chosen(log, drive, _BEFORE))
             continue
         shown = shown_by(drive.clean, system, base)
         if reason := shown.raised(r):
@@ -118,7 +140,7 @@ def _choose(store: Store, group: Group, parent: Calibration | None, system: Syst
             out.append(_out(log, f"raised by {by}: {reason}", look_at=True, shown=shown))
         else:
             by = "the version in force" if parent is not None else "the prior and the others"
-            chosen.append(_Chosen(log, drive, f"judged clean by {by}"))
+            chosen.append(_chosen(log, drive, f"judged clean by {by}"))
     return _judged_by_others(_Choice(tuple(chosen), tuple(out), len(others), raised), system, r)
 
 
@@ -127,21 +149,17 @@ def _judged_by_others(choice: _Choice, system: System, r: Decimal) -> _Choice:
     while True:
         every = shown_by_others([one.drive for one in choice.chosen], system, r)
         chosen = tuple(replace(one, shown=shown) for one, shown in zip(choice.chosen, every, strict=True))
-        raised = [one for one in chosen if one.shown and one.shown.raised(r) and one.reason != NAMED]
+        raised = [one for one in chosen if one.shown and one.shown.raised(r) and not one.named]
         left = tuple(one for one in chosen if one not in raised)
         if not raised:
             return replace(choice, chosen=chosen)
-        out = tuple(
-            _out(one.log, f"raised by the others: {one.shown.raised(r)}", look_at=True, shown=one.shown)
-            for one in raised
-            if one.shown
-        )
+        out = tuple(one.out(f"raised by the others: {one.shown.raised(r)}") for one in raised if one.shown)
         choice = _Choice(left, (*choice.out, *out), choice.judged, choice.raised + len(raised))
 
 
 def _too_few(choice: _Choice, group: Group, parent: Calibration | None) -> str:
     """Why nothing can be made of what was chosen; empty where something can."""
-    named = any(one.reason == NAMED for one in choice.chosen)
+    named = _some_named(choice)
     matcher = group.history.procedure.matcher
     if parent is None and not named and matcher != PRIOR_MATCHER:
         return f"the prior does not hold for {matcher}: name clean recordings, with --clean or auditor label --clean"
@@ -187,8 +205,8 @@ def _decide(
 
 def _raised_named(choice: _Choice, r: Decimal) -> Iterator[str]:
     for one in choice.chosen:
-        if one.reason == NAMED and one.shown is not None and (reason := one.shown.raised(r)):
-            yield f"{one.log.recording.name} was named clean, and others find {reason}"
+        if one.named and one.shown is not None and (reason := one.shown.raised(r)):
+            yield f"{one.used.name} was named clean, and others find {reason}"
 
 
 def _too_many_raised(choice: _Choice) -> Iterator[str]:
@@ -209,13 +227,17 @@ def _for_a_person(
     """What a refresh does not decide, whatever the thresholds are."""
     if calibration.calibration_id in group.history.withdrawn:
         yield "it was rolled back before"
-    if parent is None and not any(one.reason == NAMED for one in choice.chosen):
+    if parent is None and not _some_named(choice):
         rig = group.logs[0].rig
         nearest = [
             one for one in in_force if one.procedure == calibration.procedure and closeness(one, rig) is not None
         ]
         if nearest:
             yield f"its recordings are judged by {nearest[0].rig_kind}: name some clean for a version of their own"
+
+
+def _some_named(choice: _Choice) -> bool:
+    return any(one.named for one in choice.chosen)
 
 
 def _raised_line(choice: _Choice) -> list[str]:
@@ -236,6 +258,28 @@ def _new_in_withdrawn(store: Store, group: Group) -> set[str]:
     known = store.calibration_recordings() if group.history.withdrawn else {}
     gone = {recording for one in group.history.withdrawn for recording in known.get(one, ())}
     return gone - set(known.get(group.history.in_force or "", ()))
+
+
+def _used_before(store: Store, parent: Calibration | None) -> tuple[UsedRecording, ...]:
+    """What the version in force was made of, as far as that is known."""
+    version = read_version(store, parent.calibration_id) if parent is not None else None
+    return version.included if version is not None else ()
+
+
+def _gone(parent: Calibration | None, before: Sequence[UsedRecording], group: Group) -> list[_Chosen]:
+    """The recordings of the version in force that no store has any more: their frames are in its calibration."""
+    there = {log.recording.recording_id for log in group.logs}
+    known = {one.recording_id: one for one in before}
+    return [
+        _Chosen(known[one.recording_id], Drive(Source(one.recording_id, *known[one.recording_id].origin), one))
+        for one in (parent.clean if parent is not None else ())
+        if one.recording_id not in there and one.recording_id in known
+    ]
+
+
+def _chosen(log: Log, drive: Drive, reason: str) -> _Chosen:
+    known = log.measurement.measurement_id
+    return _Chosen(used_recording(log.store, known, reason=reason, clean=drive.clean), drive)
 
 
 def _drive(log: Log, parent: Calibration | None) -> Drive:
@@ -262,14 +306,7 @@ def _decision(
 ) -> Decision:
     known = set(parent.recordings) if parent is not None else set()
     used = tuple(
-        used_recording(
-            one.log.store,
-            one.log.measurement.measurement_id,
-            reason=one.reason,
-            clean=one.drive.clean,
-            by_others=one.shown,
-            look_at=one.reason == NAMED and decided is Decided.REFUSED and bool(one.shown and one.shown.strong),
-        )
+        replace(one.found, look_at=one.named and decided is Decided.REFUSED and bool(one.shown and one.shown.strong))
         for one in choice.chosen
     )
     return Decision(
@@ -280,7 +317,7 @@ def _decision(
         calibration_id=None,
         before=group.history.in_force,
         in_force=group.history.in_force,
-        provisional=not group.history.vouched and not any(one.reason == NAMED for one in choice.chosen),
+        provisional=decided is not Decided.WAITING and not group.history.vouched and not _some_named(choice),
         recordings=tuple(sorted((*used, *choice.out), key=lambda one: (str(one.day or ""), one.name))),
         new=sum(one.recording_id not in known for one in used),
     )

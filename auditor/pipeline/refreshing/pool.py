@@ -15,7 +15,10 @@ NAMED = "named clean"
 
 @dataclass(frozen=True)
 class Log:
-    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so."""
+    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so.
+
+    `doubt` is why it is not learnt from unless a person called it clean. `look_at` is of either of both.
+    """
 
     store: Store
     measurement: StoredMeasurement
@@ -23,7 +26,8 @@ class Log:
     rig: Rig
     named: bool
     barred: str
-    look_at: bool = False
+    doubt: str
+    look_at: bool
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,8 @@ def _log(store: Store, measurement: str, named: Collection[str]) -> Log:
     recording = store.recording(stored.recording_id)
     called = measurement in named or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
-    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, look_at)
+    doubt, look_at = ("", look_at) if barred else _doubtful(stored)
+    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, doubt, look_at)
 
 
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:
@@ -75,6 +80,11 @@ def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord)
         return reason, False
     if conflict := conflicts_of(store, recording):
         return conflict[0], True
+    return "", False
+
+
+def _doubtful(stored: StoredMeasurement) -> tuple[str, bool]:
+    """Why a log that nobody calls clean is not learnt from, and whether a person should look at it."""
     if stored.measured < CLEAN_DRIVE.fewest_frames:
         return f"{stored.measured} frames, fewer than {CLEAN_DRIVE.fewest_frames}", False
     reading = reading_of(stored)

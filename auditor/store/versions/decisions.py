@@ -77,8 +77,21 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Planned:
+    """A recording that a dry run was given: its rig kinds, whether the store has measured it, or what is wrong."""
+
+    recording: str
+    rig_kinds: tuple[str, ...]
+    measured: bool
+    error: str = ""
+
+
+@dataclass(frozen=True)
 class Refresh:
-    """One refresh of a store: what was measured, what failed, and what was decided for each rig kind."""
+    """One refresh of a store: what was measured, what failed, and what was decided for each rig kind.
+
+    `planned` are the recordings that a dry run was given; what it decides is of those that are measured already.
+    """
 
     store: Path
     at: datetime
@@ -87,3 +100,4 @@ class Refresh:
     measured: tuple[str, ...]
     failed: tuple[Failure, ...]
     decisions: tuple[Decision, ...]
+    planned: tuple[Planned, ...] = ()

@@ -131,7 +131,7 @@ def history_of(known: Sequence[History], calibration: Calibration) -> History:
 
 def calibrations_in_force(store: Store) -> list[Calibration]:
     """The calibrations that are in force, each for its rig kind; outdated ones are left out."""
-    return list(_in_force(store, histories(store)))
+    return in_force_of(store, histories(store))
 
 
 def put_in_force(
@@ -210,6 +210,11 @@ def first_histories(calibrations: Iterable[Calibration]) -> list[History]:
             move = Move(calibration.calibration_id, How.UPGRADED, now)
             found.append(History(history.rig_kind, history.procedure, (move,)))
     return found
+
+
+def in_force_of(store: Store, known: Sequence[History]) -> list[Calibration]:
+    """The calibrations of some histories that are in force; outdated ones are left out."""
+    return list(_in_force(store, known))
 
 
 def _in_force(store: Store, known: Sequence[History]) -> Iterator[Calibration]:

@@ -1,6 +1,6 @@
 """How a calibration was made: one version, and the recordings that were in it or left out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, date, datetime
 from decimal import Decimal
@@ -9,6 +9,7 @@ from enum import StrEnum
 from auditor.store.records import to_utc
 from auditor.store.store import Store
 from auditor.store.tables import Row, read_rows
+from auditor.store.versions.history import History
 
 
 class Outcome(StrEnum):
@@ -39,6 +40,11 @@ class UsedRecording:
     findings_by_others: int | None = None
     incidents_by_others: int | None = None
     level: float | None = None
+
+    @property
+    def origin(self) -> tuple[str | None, date | None]:
+        """Its vehicle and day."""
+        return self.vehicle, self.day
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,13 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
         },
         recordings=tuple(UsedRecording(**{k: v for k, v in one.items() if k != "calibration_id"}) for one in used),
     )
+
+
+def provisional_of(store: Store, known: Sequence[History]) -> frozenset[str]:
+    """The calibrations of some histories that are in force, provisional, and not confirmed by a person."""
+    alone = [one.in_force for one in known if one.in_force is not None and not one.vouched]
+    versions = [read_version(store, calibration_id) for calibration_id in alone]
+    return frozenset(one.calibration_id for one in versions if one is not None and one.provisional)
 
 
 def _row(version: CalibrationVersion) -> Row:
