@@ -81,7 +81,7 @@ PICTURES = (
     Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
     Picture("crowns", 9035, 2, 1, frames=250),
     Picture("shadows-on-a-white-wall", 9000, 78, 1, cameras=THREE, frames=250),
-    Picture("sky-beside-a-crown", 9042, 98, 2, cameras=THREE, frames=250),
+    Picture("sky-at-the-edge", 9061, 77, 2, cameras=THREE, frames=250),
 )
 
 
