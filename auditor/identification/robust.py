@@ -125,7 +125,7 @@ def window_scores(series: FrameSeries, system: System, thresholds: RobustThresho
 
 
 def window_limit(thresholds: RobustThresholds) -> float:
-    """What the mean z of a temporal window must exceed: less than one frame, since a third of its frames may be clean."""
+    """What the mean z of a temporal window must exceed: less than a frame, since a third of its frames may be clean."""
     return thresholds.limit * TEMPORAL_WINDOW.limit_share + thresholds.score
 
 

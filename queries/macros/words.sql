@@ -45,6 +45,7 @@ CREATE MACRO cause_in_words(cause, sensor) AS
         WHEN 'displaced' THEN 'S_' || sensor || ' has turned since it was calibrated'
         WHEN 'soiled' THEN 'something changes what S_' || sensor || ' sees and adds no light, as dirt does'
         WHEN 'exposure' THEN 'S_' || sensor || ' is not as bright beside the others as it usually is'
+        WHEN 'white_balance' THEN 'S_' || sensor || ' sees redder or bluer beside the others than it usually does'
         WHEN 'dark' THEN 'all cameras are dark'
         WHEN 'glare' THEN 'all cameras are dazzled'
         WHEN 'rain' THEN 'S_' || sensor || ' sees drops all around, as in rain'
