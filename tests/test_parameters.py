@@ -128,7 +128,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
     "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/common_view.py": ((3, 64), "dimensions; rigs whose size of view is kept in memory"),
+    "model/common_view.py": ((3,), "dimensions"),
     "model/geometry.py": (
         (
             3,
