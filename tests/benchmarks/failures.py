@@ -22,7 +22,7 @@ import numpy as np
 
 from auditor.evaluation.sources import Street
 from auditor.identification.prior import statistic_at
-from auditor.identification.scores import normalised_scores
+from auditor.identification.scores import for_drive, normalised_scores
 from auditor.identification.statistics import IMAGE_WINDOW, WindowMeans, vote, window_means_of
 from auditor.identification.systems import System
 from auditor.measurement import use_one_thread
@@ -79,6 +79,9 @@ PICTURES = (
     Picture("two-faculas", 2017, 0, 4, "two faculas", (2, 4)),
     Picture("plants-at-the-edge", 5011, 2, 1, frames=8, every=4),
     Picture("wall-behind-a-car", 5003, 4, 0, "wall 2.5 m", (0,), frames=8, every=4),
+    Picture("crowns", 9035, 2, 1, frames=250),
+    Picture("shadows-on-a-white-wall", 9000, 78, 1, cameras=THREE, frames=250),
+    Picture("sky-at-the-edge", 9061, 77, 2, cameras=THREE, frames=250),
 )
 
 
@@ -126,8 +129,11 @@ def show(picture: Picture, scenes: Sequence[Scene]) -> Shown:
     system = system_of(scene, picture.cameras)
     learnt = [clean_frames(one, system_of(one, picture.cameras)) for one in scenes if one.family != scene.family]
     thresholds, _ = thresholds_of(learnt, system, RATE)
-    z, statistics = _scores(case, rig, system, thresholds)
     judged = judge_scene(_with(scene, case), system, thresholds, None)
+    thresholds = for_drive(
+        thresholds, system.sensor_checks, clean_frames(scene, system).statistics_of(system.sensor_checks)
+    )
+    z, statistics = _scores(case, rig, system, thresholds)
     (verdict,) = (one.robust for one in judged if (one.case.attack, one.case.frame) == (case.attack, case.frame))
     limit = thresholds.limit
     at_limit = {one: statistic_at(found.mean + limit * found.deviation) for one, found in thresholds.expected.items()}

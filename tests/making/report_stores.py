@@ -25,6 +25,7 @@ from auditor.store.calibrations import make_calibration
 from auditor.store.pictures import Picture
 from auditor.store.records import JudgementRecord, JudgingRules, MeasurementRecord, RecordingRecord
 from auditor.store.store import Store
+from auditor.store.versions.history import put_first_in_force
 from tests.making.clean_frames import clean_frames
 
 START_NS = 1_317_042_145_904_000_000
@@ -170,7 +171,7 @@ def _statistics(rig, frame, attacks, measured):
 def _judge(store, rig, measurement_id, r):
     samples = {(Statistic.GATED, triple): [0.01 + 0.001 * rank for rank in range(50)] for triple in rig.triples}
     calibration = make_calibration(rig.kind, PROCEDURE, clean_frames(samples, ["ab" * 32]))
-    store.write_calibration(calibration)
+    put_first_in_force(store, calibration)
     thresholds = thresholds_at(calibration, Statistic.GATED, Decimal(r))
     errors = store.load_errors(measurement_id, Statistic.GATED)
     missing = [

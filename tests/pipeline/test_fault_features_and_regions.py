@@ -16,7 +16,7 @@ def test_a_scan_keeps_fault_features_of_every_frame_and_the_regions_of_damaged_s
     seen = store.load_fault_features(known)
     assert (seen.frames.tolist(), seen.pairs, seen.cameras) == (list(range(6)), ((1, 3), (2, 3), (1, 2)), (1, 2, 3))
     assert (seen.columns["agreeing"][:2] > 0.8).all()
-    assert (seen.level[2:4, 0] > seen.level[2:4, 2] + 60).all()
+    assert (seen.brightness["level"][2:4, 0] > seen.brightness["level"][2:4, 2] + 60).all()
     assert np.isnan(seen.columns["before_only"][0]).all()
     assert [[r.sensor for r in store.load_regions(known, n)] for n in range(2)] == [[], []]
     for frame in (2, 3):

@@ -28,7 +28,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
         write_drive(folder / "three.bag", count=8, seed=1, start_ns=START_NS + 2 * MINUTE_NS),
     ]
     assert run(["calibrate", str(drives[0]), "-r", "0", "--store", str(folder / "thresholds")]) == 0
-    for table in set(TABLES) - {"calibrations"}:
+    for table in set(TABLES) - {"calibrations", "calibration_history"}:
         shutil.rmtree(folder / "thresholds" / table, ignore_errors=True)
     return folder / "thresholds", drives
 

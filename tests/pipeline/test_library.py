@@ -56,8 +56,9 @@ def test_judging_again_returns_a_judgement_for_each_measurement(store: auditor.S
 
 def test_a_measurement_without_thresholds_is_neither_judged_nor_complete(store: auditor.Store) -> None:
     add_recording(store)
-    for calibration in (store.folder / "calibrations").iterdir():
-        calibration.unlink()
+    for table in ("calibrations", "calibration_history"):
+        for file in (store.folder / table).iterdir():
+            file.unlink()
     [one] = auditor.judge(store)
     assert (one.judgement, one.error, one.complete) == (None, None, False)
     assert "the store has no thresholds" in one.warnings[0]
