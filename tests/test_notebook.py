@@ -43,7 +43,7 @@ def test_the_notebook_shows_the_incidents_of_the_program(told):
     found = run_query(store, "incidents").to_pylist()
     assert [row["frames"] for row in found] == [8, 13]
     assert all(row["incident_id"] in texts(incidents) for row in found)
-    assert texts(longest) == "15 frames of b.mcap\n"
+    assert texts(longest) == "13 frames of b.mcap\n"
     assert "12_S" in texts(pictures)
 
 
