@@ -261,7 +261,7 @@ def nothing_measured(monkeypatch):
     """Cases without counts: which there are takes no matching."""
     monkeypatch.setattr(AttackedFrame, "counts", lambda frame, *_: [None] * len(frame.rig.measured_triples))
     monkeypatch.setattr(AttackedFrame, "statistics", lambda frame, *_: [None] * len(frame.sensor_checks))
-    none = CaseFeatures([], [], {}, [], [], [])
+    none = CaseFeatures([], [], {}, [], [])
     monkeypatch.setattr(FeaturesOfCases, "of", lambda *_: none)
 
 

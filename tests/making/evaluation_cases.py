@@ -10,7 +10,7 @@ import numpy as np
 
 from auditor.identification.algorithm2 import disagreements, identify
 from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import for_drive, thresholds_from
 from auditor.identification.systems import System
 from auditor.identification.thresholds import threshold
 from auditor.model.calibration import CleanFrames
@@ -139,8 +139,11 @@ def judged(e):
     return "unidentified", named, True
 
 
-def learnt(cases, keeps, system, r):
-    """The robust method's thresholds from the clean cases that are kept, each recording taken for a drive."""
+def learnt(cases, keeps, system, r, drive):
+    """The robust method's thresholds from the clean cases that are kept, each recording taken for a drive.
+
+    They are those for that `drive`, whose clean cases show what is usual there.
+    """
     clean = []
     for recording in FRAMES:
         kept = [case for case in cases["clean", recording] if keeps(recording, case.frame)]
@@ -148,7 +151,15 @@ def learnt(cases, keeps, system, r):
         statistics = dict(zip(CHECKS, columns, strict=False))
         stamps = np.array([case.stamp_ns for case in kept], dtype=np.int64)
         clean += [CleanFrames(recording, stamps, {}, statistics, {})] if kept else []
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
+    thresholds = thresholds_from(clean, system.sensor_checks, system.judged_together, r)
+    own = columns_of([case.statistics for case in cases["clean", drive]], system)
+    return for_drive(thresholds, system.sensor_checks, own)
+
+
+def columns_of(statistics, system):
+    """(F, M) of statistics by all checks those that a system has."""
+    inside = [place for place, check in enumerate(CHECKS) if check in system.sensor_checks]
+    return np.array(statistics, dtype=np.float64)[:, inside]
 
 
 def system_of(sensors):
@@ -160,8 +171,7 @@ def system_of(sensors):
 
 def judged_robustly(statistics, system, thresholds, runs):
     """The verdicts by all its checks, where every sensor was there and no fault is known; `runs` follow each other."""
-    inside = [place for place, check in enumerate(CHECKS) if check in system.sensor_checks]
-    values = np.array(statistics, dtype=np.float64)[:, inside]
+    values = columns_of(statistics, system)
     nowhere = np.zeros((len(values), len(system.sensors)), dtype=np.bool_)
     stamps = np.arange(len(values), dtype=np.int64) * PERIOD_NS
     series = FrameSeries(stamps, np.array(runs, dtype=np.int64), values, ~nowhere, nowhere)

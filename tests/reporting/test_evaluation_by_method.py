@@ -7,10 +7,20 @@ import numpy as np
 import pytest
 
 from auditor.evaluation import judge_cases
-from auditor.identification.scores import thresholds_from
+from auditor.identification.scores import for_drive, thresholds_from
 from auditor.model.verdict import VerdictKind
 from auditor.store.queries import run_query, run_sql
-from tests.making.evaluation_cases import RIG, case_of, judged_alone, learnt, make_evaluation, part, system_of, write
+from tests.making.evaluation_cases import (
+    RIG,
+    case_of,
+    columns_of,
+    judged_alone,
+    learnt,
+    make_evaluation,
+    part,
+    system_of,
+    write,
+)
 from tests.making.stores import new_store
 
 R = Decimal("0.01")
@@ -42,7 +52,7 @@ def told(made):
         for left_out, keeps in kept.items():
             for sensors in (*SMALL, *LARGE):
                 system = system_of(sensors)
-                thresholds = learnt(cases, keeps, system, R)
+                thresholds = learnt(cases, keeps, system, R, here[0])
                 chosen = [(e, case) for e, case in mine if is_asked(e, case, sensors)]
                 verdicts = judged_alone([case.statistics for _, case in chosen], system, thresholds)
                 found += [(left_out, sensors, e, c, v) for (e, c), v in zip(chosen, verdicts, strict=True)]
@@ -200,7 +210,7 @@ def test_judging_again_after_another_recording_replaces_what_was_said(tmp_path):
     assert add("b") == [(left_out, 24 * systems, D) for left_out, D in (("block", 2), ("nothing", 2), ("recording", 1))]
 
 
-def test_without_any_other_recording_the_thresholds_are_the_prior(tmp_path):
+def test_without_any_other_recording_the_thresholds_are_the_prior_and_its_own_frames(tmp_path):
     store, rng = new_store(tmp_path), np.random.default_rng(1)
     store.write_rig(RIG)
     cases = [case_of(rng, frame, (1,) if frame == 3 else ()) for frame in range(BLOCK)]
@@ -210,7 +220,9 @@ def test_without_any_other_recording_the_thresholds_are_the_prior(tmp_path):
     rows = run_sql(store, sql).to_pylist()
     system = system_of(RIG.sensors)
     prior = thresholds_from([], system.sensor_checks, system.judged_together, R)
-    expected = judged_alone([case.statistics for case in cases], system, prior)
+    statistics = [case.statistics for case in cases]
+    own = for_drive(prior, system.sensor_checks, columns_of(statistics, system))
+    expected = judged_alone(statistics, system, own)
     for left_out in ("block", "recording"):  # all ten frames are one block
         of_it = [row for row in rows if row["left_out"] == left_out]
         assert [(row["verdict"], tuple(row["identified"]), row["drives"]) for row in of_it] == [

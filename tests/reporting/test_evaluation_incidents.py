@@ -84,7 +84,7 @@ def by_robust(cases, left_out, recording, line):
             "block": lambda r, f, f0=case.frame: (r, f // ROBUST_BLOCK) != (recording, f0 // ROBUST_BLOCK),
             "recording": lambda r, _: r != recording,
         }[left_out]
-        thresholds = learnt(cases, kept, SYSTEM, ROBUST_R)
+        thresholds = learnt(cases, kept, SYSTEM, ROBUST_R, recording)
         statistics = [drive[frame].statistics for frame in sorted(drive)]
         found = judged_robustly(statistics, SYSTEM, thresholds, [0] * len(statistics))[case.frame].finding
         yield (found.kind.value, found.attacked) if found else ("clean", ())
