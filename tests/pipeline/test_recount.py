@@ -59,7 +59,7 @@ def in_windows(monkeypatch, window):
 def judged(store, measurement, *, recount):
     """A judgement of the attacked frames by the clean ones, and its verdicts."""
     clean = calibrate([(store, measurement)], range(2), recount=recount)
-    judgement = judge_measurement(store, measurement, clean, Criteria(Decimal(0), recount=recount))
+    judgement = judge_measurement(store, measurement, clean, Criteria(Decimal("0.01"), recount=recount))
     sql = f"SELECT kind, gap, evidence FROM verdicts WHERE judgement_id = '{judgement.judgement_id}' ORDER BY frame"
     return judgement, run_sql(store, sql).to_pylist()
 

@@ -114,7 +114,7 @@ LAYOUTS: dict[str, dict[int, Field]] = {
         5: Field("rotation", Kind.MESSAGE, "foxglove.Quaternion"),
     },
     FRAME_TRANSFORMS: {1: Field("transforms", Kind.MESSAGE, FRAME_TRANSFORM, repeated=True)},
-    LOCATION_FIX: {
+    LOCATION_FIX: {  # what is read of it; older schemas lack some of the rest
         **_doubles("latitude", "longitude", "altitude"),
         6: _STAMP,
         7: _FRAME_ID,
