@@ -42,7 +42,12 @@ def emit(table: "Table", form: str, title: str = "") -> None:
     if form == "table":
         print_rows(rows_of(table), table.column_names, title, expendable=_REMARKS, wrapped=_WORDS)
         return
-    sys.stdout.buffer.write(encode(table, form))
+    write_bytes(encode(table, form))
+
+
+def write_bytes(data: bytes) -> None:
+    """Write to stdout what is for programs."""
+    sys.stdout.buffer.write(data)
     sys.stdout.buffer.flush()
 
 

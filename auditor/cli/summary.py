@@ -1,6 +1,5 @@
 """What an audit prints: what became of each recording, one row a recording, the incidents, and a line that closes."""
 
-import sys
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
 from auditor.cli.exit_codes import NotAudited, Tally
-from auditor.cli.output import answer, emit, print_rows, progress, say, shown
+from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
 
 if TYPE_CHECKING:
@@ -113,8 +112,7 @@ def show_audit(
         incidents = _incidents_of(store, {row["measurement_id"] for row in rows})
     if form == "json":
         left = [vars(one) for one in tally.not_audited]
-        sys.stdout.buffer.write(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
-        sys.stdout.buffer.flush()
+        write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
     elif form == "table":
         if store is not None:
             _show_tables(rows, incidents)

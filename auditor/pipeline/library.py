@@ -40,7 +40,7 @@ from auditor.pipeline.measure import Measured, in_force, rigs_through
 from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
-from auditor.store import Store, list_queries, list_views, run_query, run_sandboxed
+from auditor.store import Store, run_query, run_sandboxed
 from auditor.store import query as find_query
 from auditor.store.export import Table
 from auditor.store.log import logged
@@ -309,19 +309,9 @@ def query(
     if sql is not None:
         return run_sandboxed(_opened(store), sql)
     assert name is not None
-    _refuse_view(name)
     wanted, kept = find_query(name), _opened(store)
     _refuse_unknown(kept, name, {one.name: parameters[one.name] for one in wanted.parameters if one.name in parameters})
     return run_query(kept, name, _by_id(kept, parameters))
-
-
-def _refuse_view(name: str) -> None:
-    if name in {view.name for view in list_views()} - {known.name for known in list_queries()}:
-        raise QueryError(
-            "it is a view, not a query",
-            where=name,
-            remedy=f'auditor query --sql "FROM {name} LIMIT 20" shows rows of it',
-        )
 
 
 def _by_id(store: Store, parameters: Mapping[str, object]) -> dict[str, object]:

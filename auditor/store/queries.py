@@ -9,7 +9,7 @@ import pyarrow as pa
 from auditor.errors import QueryError
 from auditor.store.connection import connected, in_one_line
 from auditor.store.sandbox.limits import SqlLimits
-from auditor.store.sql_files import SqlFile, Value, bind, queries
+from auditor.store.sql_files import SqlFile, Value, bind, queries, views
 from auditor.store.store import Store
 
 _BATCH_ROWS = 100_000
@@ -27,6 +27,9 @@ def query(name: str) -> SqlFile:
     try:
         return queries()[name]
     except KeyError:
+        if name in views():
+            remedy = f'auditor query --sql "FROM {name} LIMIT 20" shows rows of it'
+            raise QueryError("it is a view, not a query", where=name, remedy=remedy) from None
         raise QueryError(
             "there is no such query",
             where=name,

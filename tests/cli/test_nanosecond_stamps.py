@@ -1,9 +1,10 @@
 """Real clocks count nanoseconds: a recording with such stamps is audited, queried and reported."""
 
 import csv
-import importlib.util
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pyarrow as pa
@@ -17,6 +18,7 @@ from tests.making.small_drives import PERIOD_NS, write_drive
 START_NS = 1_317_042_145_964_389_445
 ATTACKED = {2: range(5, 12)}
 FROM_UTC = "2011-09-26T13:02:26.464389445Z"
+PARAMETERS = {"frame": ["frame=7"], "vehicle": ["vehicle=car 7"]}
 FORMATS = ("table", "json", "csv", "parquet")
 
 
@@ -40,8 +42,10 @@ def answered(folder: Path, capfdbinary: pytest.CaptureFixture[bytes], *arguments
     return capfdbinary.readouterr().out
 
 
-def test_pandas_which_alone_has_a_type_for_nanoseconds_is_not_there():
-    assert importlib.util.find_spec("pandas") is None
+def test_pandas_which_alone_has_a_type_for_nanoseconds_is_not_needed(folder):
+    program = "import sys; sys.modules['pandas'] = None; from auditor.cli import run; sys.exit(run(sys.argv[1:]))"
+    command = [sys.executable, "-c", program, "query", "incidents", "--store", str(folder / "audit")]
+    assert FROM_UTC in subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
 
 
 def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):
@@ -58,7 +62,7 @@ def test_incidents_hold_the_moment_in_every_form(folder, capfdbinary):
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("name", [known.name for known in list_queries()])
 def test_every_query_answers(name, form, folder, capfdbinary):
-    assert answered(folder, capfdbinary, name, *(["frame=7"] if name == "frame" else []), "--format", form)
+    assert answered(folder, capfdbinary, name, *PARAMETERS.get(name, ()), "--format", form)
 
 
 @pytest.mark.parametrize("form", FORMATS)

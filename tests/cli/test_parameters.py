@@ -12,9 +12,10 @@ from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.parameters import MEASURING
 from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
-from auditor.recordings.parameters import FINDING_FILES, RIG_FINDING, SYNCHRONISING
+from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 
-EVERY = list_parameters(*FINDING_FILES, *RIG_FINDING, *SYNCHRONISING, *MEASURING, *WARNING, *JUDGING, *REFRESHING)
+GROUPS = (FINDING_FILES, RIG_FINDING, SYNCHRONISING, PLACING, MEASURING, WARNING, JUDGING, REFRESHING)
+EVERY = list_parameters(*(one for group in GROUPS for one in group))
 
 
 def printed(capfd: pytest.CaptureFixture[str], *options: str) -> str:

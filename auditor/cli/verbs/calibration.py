@@ -1,6 +1,5 @@
 """`auditor calibration`: versions of calibrations, and which is in force."""
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ import click
 from auditor.cli import options
 from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged
-from auditor.cli.output import answer, emit, format_option, print_rows, say, shown
+from auditor.cli.output import answer, emit, format_option, print_rows, say, shown, write_bytes
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -90,8 +89,7 @@ def show(calibration: str, store: Path, form: str) -> None:
     used = [vars(one) for one in version.recordings] if version else []
     moves = [vars(move) for one in _histories(kept) for move in one.moves if move.calibration_id == known]
     if form == "json":
-        sys.stdout.buffer.write(as_json({**row, "moves": moves, "used": used}))
-        sys.stdout.buffer.flush()
+        write_bytes(as_json({**row, "moves": moves, "used": used}))
         return
     for name, value in row.items():
         answer(f"{name:>18}  {shown(value)}")

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from auditor.cli import options
+from auditor.cli.output import write_bytes
 
 
 @click.command("views", short_help="Write the views as SQL for plain DuckDB.")
@@ -21,4 +22,4 @@ def command(store: Path) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store, views_script  # noqa: PLC0415 - heavy
 
-    click.echo(views_script(Store.open(store).folder), nl=False)
+    write_bytes(views_script(Store.open(store).folder).encode(errors="surrogateescape"))

@@ -128,7 +128,8 @@ class _Verification:
         yield from log_problems(self._chains)
         yield from self._of_marker()
         if not self._entries:
-            yield Problem(LOG, "there is no entry in it: nothing says how the files should be")
+            if any(self._store.ids(manifest) for manifest in _MANIFESTS):
+                yield Problem(LOG, "there is no entry in it: nothing says how the files should be")
             return
         for place in sorted(self._log.places):
             yield from self._noted(self._of_logged(place))
