@@ -68,4 +68,5 @@ def _summary(found: "Verified", *, signed: bool) -> str:
     what = f"{grave} problem{'s' * (grave != 1)}" if grave else "everything is as it was written"
     what += f", {left} left by killed runs" if left else ""
     what += " and signed" if signed and not grave else ""
-    return f"{what}; {found.files} files, {found.entries} entries of {found.chains} chains"
+    chains = f"{found.chains} chain{'s' * (found.chains != 1)}"
+    return f"{what}; {found.files} files, {found.entries} entries of {chains}"
