@@ -54,8 +54,8 @@ _OF_PRIOR = "mean, deviation within and between drives, tail"
 class CheckPriors:
     """Of the log odds of a statistic, by check and by how many cameras take part."""
 
-    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
-    conflict_of_a_pair: tuple[float, ...] = parameter((-1.3, 0.47, 0.29, 1.05), unit=_OF_PRIOR, source=_PRIOR)
+    conflict: tuple[float, ...] = parameter((-1.4, 0.45, 0.29, 1.0), unit=_OF_PRIOR, source=_PRIOR)
+    conflict_of_a_pair: tuple[float, ...] = parameter((-1.3, 0.47, 0.29, 1.0), unit=_OF_PRIOR, source=_PRIOR)
     light: tuple[float, ...] = parameter((-2.85, 0.32, 0.3, 1.75), unit=_OF_PRIOR, source=_PRIOR)
     light_of_two: tuple[float, ...] = parameter((-2.2, 0.37, 0.33, 1.45), unit=_OF_PRIOR, source=_PRIOR)
     light_of_one: tuple[float, ...] = parameter((-2.1, 0.41, 0.42, 1.75), unit=_OF_PRIOR, source=_PRIOR)

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.identification.naming import attack_scores, name_attacked
+from auditor.identification.parameters import NAMING
 from auditor.identification.systems import System
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, sensor_checks_of
 from auditor.model.rig import Triple, triples_of
@@ -289,10 +290,11 @@ def test_a_frame_is_a_finding_where_its_score_exceeds_the_limit_and_names_only_w
     assert set(verdict.attacked) <= present
     assert set(verdict.out_of_system) == set(system.sensors) - present
     assert len(verdict.attacked) <= max(len(present) - 3, 0)
-    assert all(one.score > LIMIT for one in verdict.evidence)
+    least = LIMIT * (NAMING.confirming_share if any(one.k is not None for one in verdict.evidence) else 1)
+    assert all(one.score > (least if one.k is None else LIMIT) for one in verdict.evidence)
     assert [one.score for one in verdict.evidence] == sorted((one.score for one in verdict.evidence), reverse=True)
     if verdict.attacked:
-        assert {one.i for one in verdict.evidence} == set(verdict.attacked)
+        assert {one.i for one in verdict.evidence if one.k is None} == set(verdict.attacked)
 
 
 @given(st.sampled_from([1, 2, 3, 4]), st.sampled_from(CAMERA_CHECKS), st.floats(3.1, 12), st.floats(-4, 2.9))
