@@ -47,7 +47,7 @@ def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image
         if camera in saturated and np.isfinite(said).any():
             row, column = (int(place) for place in np.unravel_index(np.argmax(said), said.shape))
             lit = int(np.count_nonzero(said > ADDED_LIGHT.lit_from)) * _CELL**2
-            found[camera] = AddedLight(lit, _near(row, column, _alone(saturated, camera)))
+            found[camera] = AddedLight(lit, _alone_near(row, column, saturated, camera))
     return found
 
 
@@ -68,16 +68,24 @@ def _window_sums(grid: NDArray[np.integer]) -> Floats32:
     return np.asarray(sums, dtype=np.float32)
 
 
-def _alone(saturated: Mapping[int, Mask], camera: int) -> Mask:
-    """(h, w) where a camera saturates, and of the others at most half do nearby: what is far lies at one place."""
-    beside = np.ones(ADDED_LIGHT.beside_px, dtype=np.uint8)
-    others = [cv2.dilate(mask.astype(np.uint8), beside) for other, mask in saturated.items() if other != camera]
-    most = np.sum(others, axis=0) * 2 >= len(others) if others else np.zeros_like(saturated[camera])
-    return np.asarray(saturated[camera] & ~most)
+def _alone_near(row: int, column: int, saturated: Mapping[int, Mask], camera: int) -> int:
+    """How many px around a cell saturate in a camera, and in at most half of the others nearby, where they lie apart.
 
-
-def _near(row: int, column: int, mask: Mask) -> int:
-    """How many of a mask's pixels lie around a cell."""
+    What is far away lies at one place in all images; only what is around the cell is looked at.
+    """
     down, right = ADDED_LIGHT.near_px
-    y, x = row * _CELL, column * _CELL
-    return int(np.count_nonzero(mask[max(y - down, 0) : y + down, max(x - right, 0) : x + right]))
+    rows, columns = ADDED_LIGHT.beside_px
+    top, left = (max(at * _CELL - reach, 0) for at, reach in ((row, down), (column, right)))
+    bottom, end = row * _CELL + down, column * _CELL + right
+    own = saturated[camera][top:bottom, left:end]
+    others = [mask for other, mask in saturated.items() if other != camera]
+    if not others or not own.any():
+        return int(np.count_nonzero(own))
+    above, before = min(rows, top), min(columns, left)
+    beside = np.ones(ADDED_LIGHT.beside_px, dtype=np.uint8)
+    votes = np.zeros(own.shape, dtype=np.intp)
+    for mask in others:
+        part = mask[top - above : bottom + rows, left - before : end + columns].astype(np.uint8)
+        near = cv2.dilate(part, beside)[above:, before:][: own.shape[0], : own.shape[1]]
+        votes += near.astype(np.intp)
+    return int(np.count_nonzero(own & (votes * 2 < len(others))))
