@@ -106,13 +106,36 @@ class PartFile:
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Wait until no other process holds the lock of a folder, and hold it. Raises StoreError."""
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise StoreError(f"it cannot be opened ({error.strerror})", where=folder) from error
-    try:
+    with _descriptor(folder) as descriptor:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
+
+
+@contextmanager
+def held(path: Path) -> Iterator[bool]:
+    """Hold the lock of a file or folder for the block; False where another process does. Raises StoreError.
+
+    A process that is killed lets go of it.
+    """
+    with _descriptor(path) as descriptor:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            free = False
+        else:
+            free = True
+        yield free
+
+
+@contextmanager
+def _descriptor(path: Path) -> Iterator[int]:
+    """What a lock is held by: it ends with the descriptor."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except OSError as error:
+        raise StoreError(f"it cannot be opened ({error.strerror or error})", where=path) from error
+    try:
+        yield descriptor
     finally:
         os.close(descriptor)
 

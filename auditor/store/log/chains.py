@@ -1,8 +1,8 @@
 """The chains of a store: files of entries, each appended to under one lock of the log."""
 
 import os
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -75,10 +75,8 @@ def read_chains(folder: Path) -> list[Chain]:
 
 def read_chain(path: Path) -> Chain:
     """One chain, as far as it can be read. Raises StoreError where the file cannot be read at all."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
+    with _opened(path) as file:
+        content = file.read()
     lines = content.split(b"\n")
     torn, found, problems = lines.pop(), list[Entry](), list[str]()
     before: str | None = START
@@ -142,29 +140,30 @@ def append(path: Path, kind: Kind, run: str, what: Mapping[str, Any]) -> Entry:
 
 def last_entry(path: Path) -> Entry | None:
     """The last entry of a chain; None where it has no whole one. Raises StoreError where it was changed."""
-    try:
-        with path.open("rb") as file:
-            line = _last_line(file)
-    except OSError as error:
-        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
+    with _opened(path) as file:
+        line = _last_line(file)
     return None if line is None else Entry.of_line(line)
 
 
 def entries_from(path: Path, begin: int) -> list[Entry]:
     """The entries of a chain from a place in its file on. Raises StoreError."""
-    try:
-        with path.open("rb") as file:
-            file.seek(begin)
-            return [Entry.of_line(line[:-1]) for line in file if line.endswith(b"\n")]
-    except OSError as error:
-        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
+    with _opened(path) as file:
+        file.seek(begin)
+        return [Entry.of_line(line[:-1]) for line in file if line.endswith(b"\n")]
 
 
 def whole_lines(path: Path) -> int:
     """The length of a chain's whole lines in bytes. Raises StoreError."""
+    with _opened(path) as file:
+        return _end_of_lines(file)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """A chain that is read in the block. Raises StoreError where it cannot be."""
     try:
         with path.open("rb") as file:
-            return _end_of_lines(file)
+            yield file
     except OSError as error:
         raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
 

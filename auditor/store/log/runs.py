@@ -1,7 +1,5 @@
 """Runs: from the entry that opens one to the entry that closes it, by whoever does so."""
 
-import fcntl
-import os
 import re
 import secrets
 import socket
@@ -12,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from auditor.errors import AuditorError, StoreError
-from auditor.store.files import Written
-from auditor.store.log.chains import append, chain_paths, entries_from, heads, last_entry, log_lock, whole_lines
+from auditor.store.files import Written, held
+from auditor.store.log.chains import LOG, append, chain_paths, entries_from, heads, last_entry, log_lock, whole_lines
 from auditor.store.log.entry import Entry, Kind, Outcome
 from auditor.store.log.outputs import Output, hash_file, place_in
 from auditor.store.log.provenance import provenance, this_program
@@ -120,7 +118,7 @@ def adopt(runs: Sequence[Run]) -> None:
 def close_interrupted(folder: Path) -> None:
     """Close the runs of processes that are gone; the log must be locked. Raises StoreError."""
     for path in chain_paths(folder):
-        with _held(path) as free:
+        with held(path) as free:
             found = open_run(path) if free and _is_usable(path) else None
             if found is not None:
                 interrupted = Run(folder, path, found.run)
@@ -190,14 +188,14 @@ def _heads(folder: Path, chain: Path) -> dict[str, str]:
 
 @contextmanager
 def _free_chain(folder: Path) -> Iterator[Path]:
-    """A chain of this host that no process holds, or a new one, held until the end of the block."""
+    """A chain of this host that no process holds, or a new one, held until the end of the block: its run goes on."""
     host = re.sub(r"[^A-Za-z0-9.]+", "-", socket.gethostname())[:_LONGEST_HOST].strip("-.") or "host"
-    new = folder / "log" / f"{host}-{secrets.token_hex(_ID_BYTES)}.jsonl"
+    new = folder / LOG / f"{host}-{secrets.token_hex(_ID_BYTES)}.jsonl"
     for path in [*(one for one in chain_paths(folder) if one.name.startswith(f"{host}-")), new]:
         with ExitStack() as stack:
             if path == new:
                 path.touch(0o600)
-            if _is_usable(path) and stack.enter_context(_held(path)):
+            if _is_usable(path) and stack.enter_context(held(path)):
                 yield path
                 return
 
@@ -209,20 +207,3 @@ def _is_usable(path: Path) -> bool:
     except StoreError:
         return False
     return True
-
-
-@contextmanager
-def _held(path: Path) -> Iterator[bool]:
-    """Hold a chain for the block, which tells others that its run goes on; False where another process does."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY)
-    except OSError as error:
-        raise StoreError(f"it cannot be read ({error.strerror or error})", where=path) from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        yield False
-    else:
-        yield True
-    finally:
-        os.close(descriptor)

@@ -4,8 +4,6 @@ No date decides. A history is one small file that is replaced whole, under the l
 killed there is the old history or the new one.
 """
 
-import fcntl
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from auditor.model.calibration import Calibration
 from auditor.model.measurement import Procedure
 from auditor.model.rig_kind import RigKind
 from auditor.store.calibrations import OutdatedCalibrationError, rig_kind_fields, rig_kind_of
-from auditor.store.files import locked
+from auditor.store.files import held, locked, make_folder
 from auditor.store.log import Kind, logged
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store
@@ -160,27 +158,18 @@ def put_in_force(
 
 @contextmanager
 def only_refresh(store: Store) -> Iterator[None]:
-    """Be the only refresh of a store. Raises StoreError where another one is running.
-
-    A process that is killed lets go of it.
-    """
+    """Be the only refresh of a store. Raises StoreError where another one is running."""
     folder = store.folder / "calibration_history"
     try:
-        folder.mkdir(exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY)
+        make_folder(folder)
     except OSError as error:
-        raise StoreError(f"it cannot be opened ({error.strerror or error})", where=folder) from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(descriptor)
-        raise StoreError(
-            "another refresh of this store is running", where=store.folder, remedy="wait until it has ended"
-        ) from error
-    try:
+        raise StoreError(f"it cannot be made ({error.strerror or error})", where=folder) from error
+    with held(folder) as free:
+        if not free:
+            raise StoreError(
+                "another refresh of this store is running", where=store.folder, remedy="wait until it has ended"
+            )
         yield
-    finally:
-        os.close(descriptor)
 
 
 def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CALIBRATED) -> bool:
