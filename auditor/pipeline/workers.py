@@ -1,7 +1,8 @@
 """Tasks in processes of their own: several at a time, each within its limits, each with an outcome of its own.
 
-A task reports its progress through a pipe. The parent reads it, checks every running process against its limits, and
-kills what exceeds them. An error, or the death of a process, is the outcome of its task alone.
+A task reports its progress through a pipe. The parent reads it, checks every running process against its limits of
+memory and of silence, and kills what exceeds them; the system's timer ends a process at its limit of time, to the
+moment. An error, or the death of a process, is the outcome of its task alone.
 """
 
 import multiprocessing
@@ -62,12 +63,10 @@ class Limits:
     seconds: float | None = None
     silent_s: float | None = None
 
-    def exceeded(self, *, memory_mb: float, seconds: float, silent_s: float) -> str:
-        """Which budget a task is over, as a sentence; empty where it is within all of them."""
+    def exceeded(self, *, memory_mb: float, silent_s: float) -> str:
+        """Which budget a running task is over, as a sentence; empty where it is within all of them."""
         if self.memory_mb is not None and memory_mb > self.memory_mb:
             return f"it took more than {self.memory_mb:.0f} MB of memory and was ended"
-        if self.seconds is not None and seconds > self.seconds:
-            return f"it took longer than {self.seconds:g} s and was ended"
         if self.silent_s is not None and silent_s > self.silent_s:
             return f"it made no progress for {self.silent_s:.0f} s and was ended"
         return ""
@@ -159,7 +158,6 @@ class _Running:
     """A task that a worker process has begun."""
 
     pid: int
-    began: float
     last_sign_s: float
     ended: str = ""
 
@@ -200,8 +198,8 @@ class _Run(Generic[Item, Result]):
             futures: dict[Future[Any], int] = {}
             try:
                 with _uninterrupted():  # a worker that is half started would never be stopped
-                    for index, item in enumerate(self._items):
-                        futures[pool.schedule(_run_there, args=[self._task, item, index])] = index
+                    for index in range(len(self._items)):
+                        futures[pool.schedule(_run_there, args=self._arguments(index))] = index
                 while futures:
                     done, _ = wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
                     self._receive(reader)
@@ -214,21 +212,23 @@ class _Run(Generic[Item, Result]):
                         pool.stop()  # type: ignore[no-untyped-call]  # pebble annotates all but this
                         pool.join()
 
+    def _arguments(self, index: int) -> list[object]:
+        return [self._task, self._items[index], index, self._limits[index].seconds]
+
     def _receive(self, reader: "Connection[Any, Any]") -> None:
         while reader.poll():
             index, pid, what, count = reader.recv()
             now = monotonic()
             if index not in self._running:
-                self._running[index] = _Running(pid, now, now)
+                self._running[index] = _Running(pid, now)
             else:
                 self._running[index].last_sign_s = now
                 self._on_progress(self._items[index], what, count)
 
     def _end_those_over_budget(self) -> None:
         for index, running in self._running.items():
-            now = monotonic()
             running.ended = running.ended or self._limits[index].exceeded(
-                memory_mb=memory_mb(running.pid), seconds=now - running.began, silent_s=now - running.last_sign_s
+                memory_mb=memory_mb(running.pid), silent_s=monotonic() - running.last_sign_s
             )
             if running.ended:
                 with suppress(ProcessLookupError):
@@ -241,9 +241,12 @@ class _Run(Generic[Item, Result]):
         except AuditorError as error:
             return Outcome(item, error=error)
         except ProcessExpired as death:
-            if running is not None and running.ended:
+            ended = running.ended if running is not None else ""
+            if death.exitcode == -signal.SIGALRM:
+                ended = f"it took longer than {self._limits[index].seconds:g} s and was ended"
+            if ended:
                 remedy = "if it is to be trusted, give it more with --time-limit or --memory-limit"
-                return Outcome(item, error=LimitError(running.ended, where=item, remedy=remedy))
+                return Outcome(item, error=LimitError(ended, where=item, remedy=remedy))
             what = f"its process died (exit code {death.exitcode})"
             remedy = "it may have run out of memory: run it again with --jobs 1"
             return Outcome(item, error=AuditorError(what, where=item, remedy=remedy))
@@ -301,8 +304,11 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int) -> Result:
+def _run_there(task: Callable[[Item, Progress], Result], item: Item, index: int, seconds: float | None) -> Result:
     pid = os.getpid()
+    if seconds is not None:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # it ends the process, in the middle of a native call too
+        signal.setitimer(signal.ITIMER_REAL, seconds)
     _progress_pipe.send((index, pid, "", 0))
     return _run(task, item, lambda what, done: _progress_pipe.send((index, pid, what[:_LONGEST_WHAT], done)))
 
