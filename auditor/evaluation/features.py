@@ -1,13 +1,13 @@
 """The features of a case of an evaluation that show faults and frozen sensors: the judge needs them too."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isnan, nan
 
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
 from auditor.evaluation.attacks import Attacks
 from auditor.evaluation.experiments import Case, Experiment
-from auditor.measurement.fault_features.added_light import AddedLight
+from auditor.measurement.fault_features.added_light import AddedLight, with_light
 from auditor.measurement.fault_features.collect import FeatureInputs
 from auditor.model.checks import COLUMNS, Pair, PairFaultFeatures
 from auditor.model.measurement import BRIGHTNESS, NO_FINGERPRINT, Coverage
@@ -87,10 +87,7 @@ def _coverage(
 ) -> Coverage:
     if sensor == LIDAR or sensor not in attacked_frame.sensors:
         return Coverage()
-    known = attacked_frame.coverage(sensor, attacks)
-    if sensor not in lights:
-        return known
-    return replace(known, lit_px=lights[sensor].lit, saturated_px=lights[sensor].saturated)
+    return with_light(attacked_frame.coverage(sensor, attacks), lights.get(sensor))
 
 
 def _in_order(

@@ -8,9 +8,10 @@ import numpy as np
 
 from auditor.evaluation.case_series import CaseSeries, CleanSeries
 from auditor.evaluation.experiments import scenario_1
+from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.marks import for_sparser_lidar, halvings_of_points, is_another_lidar
 from auditor.identification.robust import judge_frames
-from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.scores import for_drive
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import rig_sensor_checks
@@ -95,21 +96,18 @@ def _thresholds(
     """
     family_of = {one.frames.recording_id: one.family for one in drives}
     shared = len(set(family_of.values())) < len(family_of)  # else a family is what a recording is
-    returns = {
-        recording: np.concatenate([one.frames.returns for one in drives if one.frames.recording_id == recording])
-        for recording in family_of
+    frames_of = {
+        recording: [one.frames for one in drives if one.frames.recording_id == recording] for recording in family_of
     }
-
+    returns = {recording: np.concatenate([one.returns for one in own]) for recording, own in frames_of.items()}
     statistics = {
-        recording: np.concatenate(
-            [o.frames.statistics_of(system.sensor_checks) for o in drives if o.frames.recording_id == recording]
-        )
-        for recording in family_of
+        recording: np.concatenate([one.statistics_of(system.sensor_checks) for one in own])
+        for recording, own in frames_of.items()
     }
 
     def learnt(clean: Sequence[CleanFrames], recording: str) -> RobustThresholds:
         clean = [one for one in clean if one.frames]
-        found = thresholds_from(clean, system.sensor_checks, system.judged_together, JUDGED_R)
+        found = thresholds_of(clean, system, JUDGED_R)
         halvings = halvings_of_points(clean, rig, returns[recording])
         found = for_sparser_lidar(found, halvings) if is_another_lidar(halvings) else found
         return for_drive(found, system.sensor_checks, statistics[recording])

@@ -53,19 +53,25 @@ def robust_thresholds(
 
     `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not in [0, 1].
     """
-    found = _thresholds(calibration.clean, system, r, calibration.calibration_id)
+    found = thresholds_of(calibration.clean, system, r, calibration.calibration_id)
     score = 0.0
     if incidents_per_hour is not None:
         score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
     return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
+def thresholds_of(
+    clean: Sequence[CleanFrames], system: System, r: Decimal, calibration_id: str = ""
+) -> RobustThresholds:
+    """The robust thresholds at r from some drives; the prior's from none."""
+    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, calibration_id)
+
+
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
 
     def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        series = FrameSeries.of_clean(left_out, system)
-        thresholds = for_drive(_thresholds(others, system, r), system.sensor_checks, series.statistics)
+        series, thresholds = _as_scanned(left_out, thresholds_of(others, system, r), system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
@@ -102,10 +108,8 @@ def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Flo
     scores: list[Floats] = []
     for left_out in calibration.clean:
         others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
-        series = FrameSeries.of_clean(left_out, system)
-        thresholds = _thresholds(others or [left_out], system, r)
-        own = for_drive(thresholds, system.sensor_checks, series.statistics)
-        scores += [window_scores(series, system, own), apart]
+        series, thresholds = _as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
+        scores += [window_scores(series, system, thresholds), apart]
     return np.concatenate(scores) if scores else apart
 
 
@@ -166,8 +170,10 @@ def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
         yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
-def _thresholds(clean: Sequence[CleanFrames], system: System, r: Decimal, calibration_id: str = "") -> RobustThresholds:
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r, calibration_id)
+def _as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
+    """The frames of a clean recording, and thresholds as a scan has them that knows its own usual statistics."""
+    series = FrameSeries.of_clean(clean, system)
+    return series, for_drive(learnt, system.sensor_checks, series.statistics)
 
 
 def _measured(columns: Sequence[Floats]) -> Floats:

@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auditor.identification.cross_validation import count_incidents, wilson
+from auditor.identification.cross_validation import count_incidents, thresholds_of, wilson
 from auditor.identification.prior import joint_limit, log_odds
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, GATE, INFLUENCE
 from auditor.identification.robust import FrameSeries, judge_frames
-from auditor.identification.scores import thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
 from auditor.model.arrays import Integers
@@ -110,11 +109,6 @@ def shown_by_others(drives: Sequence[Drive], system: System, r: Decimal) -> list
             known[key] = thresholds_of([drives[one].clean for one in others], system, r)
         found.append(shown_by(drive.clean, system, known[key]))
     return found
-
-
-def thresholds_of(clean: Sequence[CleanFrames], system: System, r: Decimal) -> RobustThresholds:
-    """The robust thresholds at r from some drives; the prior's from none."""
-    return thresholds_from(clean, system.sensor_checks, system.judged_together, r)
 
 
 def limited(sources: Sequence[Source]) -> Iterator[tuple[int, str]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auditor.measurement.disparity.matchers.interface import Matcher, pairs_at_once
 from auditor.measurement.disparity.rectification import PairView, rectification
 from auditor.measurement.disparity.stereo import StereoMap, stereo_maps
-from auditor.measurement.fault_features.added_light import added_light
+from auditor.measurement.fault_features.added_light import added_light, with_light
 from auditor.measurement.fault_features.frozen_data import fingerprints
 from auditor.measurement.pairwise_views import OF_TWO, join
 from auditor.measurement.parameters import COVERAGE
@@ -195,11 +195,9 @@ def _coverage(prepared: RectifiedFrame, arrays: FrameArrays) -> dict[int, Covera
     lights = added_light(arrays.frame_checks.cells, prepared.half_res)
     coverage = {
         number: replace(
-            brightness(prepared.frame.images[number].pixels, pixels),
+            with_light(brightness(prepared.frame.images[number].pixels, pixels), lights.get(number)),
             textureless_share=1.0 - _share(prepared.texture[number]),
             unmatched_share=_unmatched_share(number, maps),
-            lit_px=lights[number].lit if number in lights else None,
-            saturated_px=lights[number].saturated if number in lights else None,
         )
         for number, pixels in prepared.greys.items()
     }

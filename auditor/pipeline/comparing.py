@@ -3,7 +3,8 @@
 from decimal import Decimal
 
 from auditor.errors import ThresholdsError
-from auditor.identification.refreshing import Step, steps, thresholds_of
+from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.refreshing import Step, steps
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration
 

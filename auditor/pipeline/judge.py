@@ -300,8 +300,8 @@ def judge_measurement(
         calibrated_as=calibration.part.sensors if calibration.part else rig.sensors,
         marks=marks,
     )
-    if whole.calibration_id not in (PRIOR, *store.ids("calibrations")):
-        store.write_calibration(whole)
+    if whole.calibration_id != PRIOR:
+        store.keep_calibration(whole)
     return store.write_judgement(judgement, rows)
 
 

@@ -248,6 +248,11 @@ class Store:
         with logged(self.folder) as entry:
             write_calibration(calibration, self.path("calibrations", calibration.calibration_id), entry.announce)
 
+    def keep_calibration(self, calibration: Calibration) -> None:
+        """Keep a calibration that is not kept yet."""
+        if calibration.calibration_id not in self.ids("calibrations"):
+            self.write_calibration(calibration)
+
     def calibration(self, calibration_id: str) -> Calibration:
         """The calibration of an id. Raises ThresholdsError where there is none."""
         return read_calibration(self.path("calibrations", calibration_id))

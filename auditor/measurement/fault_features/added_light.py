@@ -6,6 +6,7 @@ glare and ghosts in a lens, are seldom brighter than the scene itself.
 
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import cv2
@@ -17,7 +18,7 @@ from auditor.measurement.checks.tone_curve import saturation_level
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Image, Mask
 from auditor.model.checks import Check, CountedPair
-from auditor.model.measurement import LIGHT_STEPS, Cells
+from auditor.model.measurement import LIGHT_STEPS, Cells, Coverage
 from auditor.model.parameters import ADDED_LIGHT
 
 _CELL = CELL_PX // HALF
@@ -28,6 +29,11 @@ class AddedLight(NamedTuple):
 
     lit: int
     saturated: int
+
+
+def with_light(coverage: Coverage, light: AddedLight | None) -> Coverage:
+    """What is known of a camera's image, with its added light where that was measured."""
+    return coverage if light is None else replace(coverage, lit_px=light.lit, saturated_px=light.saturated)
 
 
 def added_light(cells: Mapping[CountedPair, Cells], half_res: Mapping[int, Image]) -> dict[int, AddedLight]:

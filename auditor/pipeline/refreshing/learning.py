@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from auditor.errors import ThresholdsError
+from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing import (
@@ -18,7 +19,6 @@ from auditor.identification.refreshing import (
     shown_by,
     shown_by_others,
     steps,
-    thresholds_of,
     worse,
 )
 from auditor.identification.sub_rigs import closeness

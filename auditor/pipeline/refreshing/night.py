@@ -1,6 +1,6 @@
 """One refresh of a store: judge what is new, learn for each rig kind, and put in force what may be."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -17,10 +17,6 @@ from auditor.store import Store
 from auditor.store.versions.decisions import Decided, Decision, Failure, Refresh
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
-
-OUTCOMES = {Decided.PROMOTED: Outcome.PROMOTED, Decided.HELD: Outcome.HELD, Decided.REFUSED: Outcome.REFUSED}
-
-Told = Callable[[str], None]
 
 
 def judge_new(store: Store, r: Decimal) -> Iterator[Judged]:
@@ -77,7 +73,7 @@ def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
         r,
         made_by="refresh",
         parent=decision.before,
-        outcome=OUTCOMES[decision.decided],
+        outcome=Outcome(decision.decided.value),
         reasons=decision.reasons,
         provisional=decision.provisional,
     )

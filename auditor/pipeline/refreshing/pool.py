@@ -8,7 +8,7 @@ from auditor.model.rig import Rig
 from auditor.pipeline.judge import counted_earlier
 from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
 from auditor.store import RecordingRecord, Store, StoredMeasurement
-from auditor.store.versions.history import History, histories
+from auditor.store.versions.history import History, histories, history_for
 
 NAMED = "named clean"
 
@@ -55,13 +55,13 @@ def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
 
 
 def _group(groups: list[Group], log: Log) -> Group:
-    """The group of a log, which is added where there is none yet; of several that of exactly its kind goes first."""
-    procedure, kind = log.measurement.procedure, log.rig.kind
-    fitting = [one for one in groups if one.history.procedure == procedure and one.history.rig_kind.matches(kind)]
-    exact = [one for one in fitting if one.history.rig_kind == kind]
-    if not fitting:
-        groups.append(Group(History(kind, procedure)))
-    return (exact or fitting or groups[-1:])[0]
+    """The group of a log, which is added where there is none yet."""
+    history = history_for([one.history for one in groups], log.rig.kind, log.measurement.procedure)
+    found = next((one for one in groups if one.history is history), None)
+    if found is None:
+        found = Group(history)
+        groups.append(found)
+    return found
 
 
 def _log(store: Store, measurement: str, named: Collection[str]) -> Log:

@@ -99,10 +99,6 @@ class History:
             gone.discard(move.calibration_id)
         return frozenset(gone)
 
-    def holds_for(self, calibration: Calibration) -> bool:
-        """Whether a calibration is of this rig kind and procedure."""
-        return self.procedure == calibration.procedure and self.rig_kind.matches(calibration.rig_kind)
-
     def _stack(self) -> list[Move]:
         """The moves that were not rolled back, in order."""
         stack: list[Move] = []
@@ -122,9 +118,14 @@ def histories(store: Store) -> list[History]:
 
 def history_of(known: Sequence[History], calibration: Calibration) -> History:
     """The history that a calibration is of; an empty one of its own rig kind where there is none yet."""
-    fitting = [one for one in known if one.holds_for(calibration)]
-    exact = [one for one in fitting if one.rig_kind == calibration.rig_kind]
-    return (exact or fitting or [History(calibration.rig_kind, calibration.procedure)])[0]
+    return history_for(known, calibration.rig_kind, calibration.procedure)
+
+
+def history_for(known: Sequence[History], rig_kind: RigKind, procedure: Procedure) -> History:
+    """The history of a rig kind and procedure, of several that of exactly it; an empty one where there is none."""
+    fitting = [one for one in known if one.procedure == procedure and one.rig_kind.matches(rig_kind)]
+    exact = [one for one in fitting if one.rig_kind == rig_kind]
+    return (exact or fitting or [History(rig_kind, procedure)])[0]
 
 
 def calibrations_in_force(store: Store) -> list[Calibration]:
@@ -140,8 +141,7 @@ def put_in_force(
     The store keeps the calibration first. `after` is the calibration that must be in force until then; None where any
     may be. Raises StoreError where it is another, or where the history cannot be written: then all is as it was.
     """
-    if calibration.calibration_id not in store.ids("calibrations"):
-        store.write_calibration(calibration)
+    store.keep_calibration(calibration)
     with logged(store.folder) as entry, locked(store.folder):
         history = history_of(histories(store), calibration)
         if after is not None and history.in_force != after:
@@ -174,8 +174,7 @@ def only_refresh(store: Store) -> Iterator[None]:
 
 def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CALIBRATED) -> bool:
     """Keep a calibration, and put it in force where none is for its rig kind; returns whether it is in force."""
-    if calibration.calibration_id not in store.ids("calibrations"):
-        store.write_calibration(calibration)
+    store.keep_calibration(calibration)
     before = history_of(histories(store), calibration).in_force
     if before is None:
         put_in_force(store, calibration, how)
