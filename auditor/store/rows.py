@@ -302,4 +302,6 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "causes": [one._asdict() for one in verdict.causes],
         "finding": verdict.finding and verdict.finding.kind.value,
         "finding_attacked": verdict.finding and list(verdict.finding.attacked),
+        "posterior": verdict.posterior,
+        "log10_ratio": verdict.log10_ratio,
     }
