@@ -138,7 +138,7 @@ def _needed(text: str) -> set[str]:
     tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
     bodies = all_macros() | {name: view.sql for name, view in views().items()}
     names = tables | bodies.keys()
-    found = _words(text.lower()) & names
+    found = {*_words(text.lower())} & names
     if not found & tables:
         return names
     while True:

@@ -91,7 +91,7 @@ def _add(store: Store, number: int, frames: int, one: Measured, tables: set[str]
     outputs = {}
     for table in (*OF_FRAMES, "verdicts"):
         content = _repeated(one.tables[table], frames, one, shift_ns)
-        content = _renamed(content, ids if table in tables else ids).slice(0, None if table in tables else 0)
+        content = _renamed(content, ids).slice(0, None if table in tables else 0)
         row_id = ids["judgement_id" if table == "verdicts" else "measurement_id"]
         outputs[table] = _write(store, table, row_id, content, None)
     measurement = {
