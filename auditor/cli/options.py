@@ -98,13 +98,14 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
         *,
         vehicle: str | None,
         drive: str | None,
+        weather: str | None,
         path_pattern: str | None,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.recordings import Origin  # noqa: PLC0415 - keeps --help quick
 
         def origin_of(path: Path) -> Origin:
-            given = Origin(vehicle, drive=drive)
+            given = Origin(vehicle, drive=drive, weather=weather)
             return given.over(Origin.of_path(path, path_pattern)) if path_pattern else given
 
         return command(origin_of=origin_of, **others)
@@ -119,6 +120,7 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--drive",
             help="Name of the drive that these recordings are parts of.  [default: those that follow each other]",
         ),
+        click.option("--weather", help="Weather that they were made in, in your own words: rain, snow, fog."),
         click.option("--vehicle", help="Name of the vehicle that made these recordings."),
     ):
         collected = option(collected)
