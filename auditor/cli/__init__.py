@@ -32,6 +32,7 @@ VERBS = (
     "query",
     "views",
     "report",
+    "show",
     "parameters",
     "store",
     "verify",
