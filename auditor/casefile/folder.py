@@ -36,3 +36,19 @@ def write_file(path: Path, content: bytes) -> None:
     path.parent.mkdir(0o700, parents=True, exist_ok=True)
     with open(path, "xb", opener=for_owner) as file:
         file.write(content)
+
+
+@contextmanager
+def new_file(target: Path) -> Iterator[Path]:
+    """The same for a file, which its user makes. Raises SettingError where the target exists or cannot be written."""
+    beside = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
+    try:
+        if target.exists() or target.is_symlink():
+            raise SettingError("it exists already", where=target, remedy="choose another name, or remove it")
+        beside.touch(0o600)
+        yield beside
+        beside.rename(target)
+    except OSError as error:
+        raise SettingError(f"it cannot be written ({error.strerror or error})", where=target) from error
+    finally:
+        beside.unlink(missing_ok=True)

@@ -33,6 +33,7 @@ VERBS = (
     "views",
     "report",
     "show",
+    "case",
     "parameters",
     "store",
     "verify",

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.rectification import rectification
 from auditor.measurement.localisation.points import among
 from auditor.model.arrays import Mask, Points
 from auditor.model.frames import PointCloud
@@ -23,14 +24,14 @@ def damaged_image(region: Region, camera: Camera) -> Mask:
 
 
 def damaged_cloud(cloud: PointCloud, rig: Rig, regions: Iterable[Region]) -> Mask:
-    """(N,) mask of a cloud's points: those of the LiDAR's region; `rig` is rectified."""
-    damaged = np.zeros(len(cloud.xyz_m), dtype=np.bool_)
+    """(N,) mask of a cloud's points: those of the LiDAR's region. Raises RigError."""
+    damaged, ideal = np.zeros(len(cloud.xyz_m), dtype=np.bool_), rectification(rig).rig
     for region in regions:
-        if region.sensor == LIDAR and rig.lidar is not None:
-            view = lidar_view(cloud, rig, region.view)
-            held = damaged_image(region, rig.camera(region.view))[view.row, view.column]
+        if region.sensor == LIDAR and ideal.lidar is not None:
+            view = lidar_view(cloud, ideal, region.view)
+            held = damaged_image(region, ideal.camera(region.view))[view.row, view.column]
             if region.solid is not None:
-                held &= _inside(view.point_m, region.solid, rig)
+                held &= _inside(view.point_m, region.solid, ideal)
             damaged |= among(cloud.xyz_m, view.point_m[held])
     return damaged
 

@@ -36,17 +36,23 @@ def draw_frame(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "
         FramePicture(frame.number, sensor, Content.COLOUR, form, _encoded(image.pixels, form))
         for sensor, image in sorted(frame.images.items())
     ]
-    ideal = rectification(rig)
+    pictures += draw_overlays(frame, rig, regions, form)
+    if frame.cloud is not None and rig.lidar is not None:
+        damaged = damaged_cloud(frame.cloud, rig, regions)
+        for content, draw in ((Content.ABOVE, seen_from_above), (Content.RANGE, range_image)):
+            drawn = draw(frame.cloud.xyz_m, damaged, rig.lidar.rig_SE3_lidar)
+            pictures.append(FramePicture(frame.number, LIDAR, content, "png", _encoded(drawn, "png")))
+    return pictures
+
+
+def draw_overlays(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:
+    """Those of the pictures of a frame that show what is damaged in cameras' images. Raises RigError."""
+    ideal, pictures = rectification(rig), []
     for sensor, image in sorted(frame.images.items()):
         own = [region for region in regions if region.view == sensor]
         if own:
             drawn = _overlaid(ideal.image(image).pixels, frame, ideal.rig, own)
             pictures.append(FramePicture(frame.number, sensor, Content.OVERLAY, form, _encoded(drawn, form)))
-    if frame.cloud is not None and rig.lidar is not None:
-        damaged = damaged_cloud(frame.cloud, ideal.rig, regions)
-        for content, draw in ((Content.ABOVE, seen_from_above), (Content.RANGE, range_image)):
-            drawn = draw(frame.cloud.xyz_m, damaged, rig.lidar.rig_SE3_lidar)
-            pictures.append(FramePicture(frame.number, LIDAR, content, "png", _encoded(drawn, "png")))
     return pictures
 
 

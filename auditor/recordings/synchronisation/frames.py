@@ -73,12 +73,14 @@ class FrameStream:
             if place is not None:
                 yield maker.make(group, place, self._stretches[place].reason)
 
-    def recorded_at(self, frames: Collection[int]) -> tuple[int, int] | None:
-        """When the first and the last message of some frames were recorded (log times); None where there are none."""
+    def recorded_at(self, frames: Collection[int]) -> dict[int, tuple[int, int]]:
+        """When the first and the last message of some frames were recorded (log times), by the frames' numbers."""
         self._counts = counts_of(self._rig.sensors, self.timing)
-        groups = self._chosen_groups(frames, Decoders(self._recording.definition))
-        times = [one.message.log_time_ns for group in groups for one in group.members.values()]
-        return (min(times), max(times)) if times else None
+        times = {}
+        for group in self._chosen_groups(frames, Decoders(self._recording.definition)):
+            of_members = [one.message.log_time_ns for one in group.members.values()]
+            times[group.number] = (min(of_members), max(of_members))
+        return times
 
     def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
         """The groups of some frames; the recording is not read behind the last one."""
