@@ -32,6 +32,8 @@ VERBS = (
     "query",
     "views",
     "report",
+    "show",
+    "case",
     "parameters",
     "store",
     "verify",

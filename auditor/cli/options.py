@@ -78,7 +78,8 @@ pictures_option = click.option(
     default=Pictures.ALL,
     show_default=True,
     help="Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is unusually "
-    "large), or all; of these the strongest of each second, at most 60 a recording.",
+    "large), or all; of these the strongest of each second, at most 60 a recording, small and grey. But for none, each "
+    "incident gets those that show it besides: all cameras at full resolution, and the cloud.",
 )
 
 

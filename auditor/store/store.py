@@ -10,6 +10,7 @@ from typing import Any, Self
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
+from auditor.model.pictures import FramePicture
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
@@ -28,7 +29,14 @@ from auditor.store.measurement_tables import (
     read_regions,
     read_statistics,
 )
-from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
+from auditor.store.pictures import (
+    Picture,
+    pictured_frames,
+    read_frame_pictures,
+    read_picture,
+    write_frame_pictures,
+    write_picture,
+)
 from auditor.store.records import (
     FrameErrors,
     FrameStatistics,
@@ -335,6 +343,15 @@ class Store:
     def pictured_frames(self, measurement_id: str) -> list[int]:
         """The frames of a measurement whose pictures were kept, ascending."""
         return pictured_frames(self.folder / "pictures", measurement_id)
+
+    def write_frame_pictures(self, measurement_id: str, pictures: Sequence[FramePicture]) -> None:
+        """Keep pictures of frames at full resolution beside those of its measurement; the log says so."""
+        with logged(self.folder) as entry:
+            write_frame_pictures(entry, measurement_id, pictures)
+
+    def frame_pictures(self, measurement_id: str, frame: int) -> list[FramePicture]:
+        """The pictures of a frame at full resolution, by sensor; none where none were kept."""
+        return read_frame_pictures(self.folder / "pictures", measurement_id, frame)
 
     # Files
 

@@ -45,6 +45,7 @@ def command(
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
+    from auditor.pipeline.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
@@ -62,6 +63,10 @@ def command(
         if kept is not None and not measure_only:
             ids = [known for one in measured for known in one.measurement_ids]
             judged = show_judging(judge_all(kept, ids, replace(settings, only_stale=True)), kept, tally)
+            found = judged if tally.found else []
+            for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
+                if pictured.remark:
+                    say(f"{pictured.recording}: {pictured.remark}")
         elif kept is not None:
             judged = [Judged(one.recording.name, known) for one in measured for known in one.measurement_ids]
             say("measured only: no verdicts were reached; auditor judge reaches them")
