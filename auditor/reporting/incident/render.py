@@ -4,15 +4,13 @@ import math
 from decimal import Decimal
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
 
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
 from auditor.reporting.incident.page import IncidentPage
-from auditor.reporting.page_text import shown_on_page
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
-from auditor.resources import resource_folder
+from auditor.reporting.templates import fill
 from auditor.store.store import Store
 
 LEAST_COVERAGE = 0.99
@@ -36,37 +34,25 @@ def render_incident_report(
 
 def render(page: IncidentPage) -> str:
     """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    return (
-        _environment()
-        .get_template("incident.html")
-        .render(
-            page=page,
-            title=_title(page),
-            left=LEFT_PX,
-            right=RIGHT_PX,
-            least_coverage=LEAST_COVERAGE,
-            most_sections=MOST_SECTIONS,
-        )
+    return fill(
+        "incident.html",
+        {
+            "page": page,
+            "title": _title(page),
+            "left": LEFT_PX,
+            "right": RIGHT_PX,
+            "least_coverage": LEAST_COVERAGE,
+            "most_sections": MOST_SECTIONS,
+        },
+        filters={
+            "count": _count,
+            "duration": _duration,
+            "first_upper": _first_upper,
+            "percent": _percent,
+            "rate": _rate,
+            "thousands": _thousands,
+        },
     )
-
-
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(resource_folder("reports")),
-        autoescape=True,
-        finalize=shown_on_page,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters |= {
-        "count": _count,
-        "duration": _duration,
-        "first_upper": _first_upper,
-        "percent": _percent,
-        "rate": _rate,
-        "thousands": _thousands,
-    }
-    return environment
 
 
 def _title(page: IncidentPage) -> str:
