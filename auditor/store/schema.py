@@ -34,6 +34,7 @@ TABLES = (
     "verdicts",
     "labels",
     "given_labels",
+    "reviews",
     "evaluations",
     "cases",
     "case_verdicts",

@@ -24,6 +24,7 @@ _ID = {
     "sensor_checks": "rig_id",
     **dict.fromkeys(("calibrations", "calibration_versions", "calibration_recordings"), "calibration_id"),
     "calibration_history": "history_id",
+    "reviews": "review_id",
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
