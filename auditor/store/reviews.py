@@ -4,17 +4,15 @@ A review is bound to what stays when an incident is measured or judged anew: rec
 time and the sensors. The views `reviews` and `incidents` find it again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, date, datetime
 from enum import StrEnum
 from typing import Any
 
 from auditor.errors import StoreError
-from auditor.store.export import rows_of
 from auditor.store.log import Kind, logged
 from auditor.store.log.provenance import user
-from auditor.store.queries import run_query
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store
 
@@ -25,6 +23,10 @@ class ReviewVerdict(StrEnum):
     CONFIRMED = "confirmed"
     FALSE_ALARM = "false-alarm"
     KNOWN = "known"
+
+
+EXCUSING = frozenset({ReviewVerdict.FALSE_ALARM, ReviewVerdict.KNOWN})
+"""What is said of incidents that nobody has to look at again."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class Review:
         return content_id("review", {name: str(value) for name, value in values.items()})
 
 
-def incident_called(store: Store, beginning: str) -> dict[str, Any]:
-    """The row of the incident whose id begins so. Raises StoreError unless it is just one."""
-    found = [row for row in rows_of(run_query(store, "incidents", {})) if row["incident_id"].startswith(beginning)]
+def incident_called(incidents: Sequence[dict[str, Any]], beginning: str) -> dict[str, Any]:
+    """The one of some rows of the view `incidents` whose id begins so. Raises StoreError unless it is just one."""
+    found = [row for row in incidents if row["incident_id"].startswith(beginning)]
     if len(found) == 1 and beginning:
         return found[0]
     what = f"{len(found)} incidents have an id that begins so" if found else "the store has no such incident"
