@@ -43,7 +43,10 @@ class VehicleRow:
 
 @dataclass(frozen=True)
 class ListedIncident:
-    """An incident of the list; `when` says when it began, `review` what somebody said of it."""
+    """An incident of the list; `when` says when it began, `review` what somebody said of it.
+
+    `excuse` is why it needs nobody's attention; empty where it does.
+    """
 
     incident_id: str
     kind: str
@@ -56,7 +59,7 @@ class ListedIncident:
     evidence: str
     causes: str
     review: str | None
-    review_reason: str | None
+    excuse: str
 
     @property
     def file(self) -> str:
