@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 4
+JUDGING_VERSION = 5
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -91,10 +91,17 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """The verdict of the temporal window of a frame that is a finding: frames of equal findings are incidents."""
+    """The event that a frame belongs to: an incident, or a `single` frame so strong that it is told by itself.
+
+    `kind` and `attacked` are what most of the event's evidence speaks for. `event` numbers the events of a recording
+    from 1. `added` is what this frame adds to the evidence.
+    """
 
     kind: VerdictKind
     attacked: tuple[int, ...]
+    event: int = 1
+    single: bool = False
+    added: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +115,7 @@ class Verdict:
     how many standard deviations the strongest sensor exceeds the next, or the limit; of a clean frame how far it stays
     below it. `evidence` is the strongest first, `alternatives` the next best
     first; `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
-    incident.
+    event; a frame that is clean by itself may belong to an incident as well.
     """
 
     kind: VerdictKind
@@ -122,6 +129,11 @@ class Verdict:
     alternatives: tuple[Alternative, ...] = ()
     causes: tuple[FaultHypothesis, ...] = ()
     finding: Finding | None = None
+
+    @property
+    def in_incident(self) -> bool:
+        """Whether the robust method holds the frame for part of an incident; a single-frame event is none."""
+        return self.finding is not None and not self.finding.single
 
 
 @dataclass(frozen=True)
