@@ -7,7 +7,7 @@ subtracted before. All chances are corrected for the number of series.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import groupby
 from math import erfc, exp, sqrt
@@ -75,9 +75,7 @@ class Drift:
     """
 
     name: SeriesName
-    days: int
-    first_day: int
-    last_day: int
+    levels: DailyLevels = field(compare=False, repr=False)
     level: float
     deviation: float
     per_day: float
@@ -233,9 +231,7 @@ def _drift(one: _Adjusted, tests: int) -> Drift:
     steep = abs(_slope_score(day[last], one.own[last], one.deviation))
     return Drift(
         name=one.levels.name,
-        days=len(day),
-        first_day=int(day[0]),
-        last_day=int(day[-1]),
+        levels=one.levels,
         level=float(np.median(level[last][-DRIFT.fewest_of_stretch :])),
         deviation=one.deviation,
         per_day=_slope(day[last], one.own[last]),

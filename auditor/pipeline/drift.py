@@ -1,7 +1,7 @@
 """Drift of a fleet: the daily levels of a store, and what became of each check of each sensor."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import date, timedelta
 from itertools import groupby
 from typing import Any
@@ -26,7 +26,7 @@ class SensorDrift:
     """What became of a check of a sensor of a vehicle; columns are those that `auditor drift` prints.
 
     `before` and `now` are the levels beside the last change, which came between `after_day` and `changed_on`;
-    `calibrated_anew` says whether the rig's calibration changed there.
+    `calibrated_anew` says whether the rig's calibration changed there; `levels` has its days.
     """
 
     vehicle: str
@@ -48,12 +48,36 @@ class SensorDrift:
     first_day: date
     last_day: date
     kind: str
+    levels: tuple[tuple[date, float], ...] = field(repr=False)
 
     @property
     def named(self) -> bool:
         """Whether it drifts or has changed."""
         return self.what != STEADY
 
+
+COLUMNS = {
+    "vehicle": "string",
+    "sensor": "int8",
+    "check": "string",
+    "what": "string",
+    "level": "double",
+    "unit": "string",
+    "per_day": "double",
+    "days_left": "double",
+    "after_day": "date32",
+    "changed_on": "date32",
+    "before": "double",
+    "now": "double",
+    "calibrated_anew": "bool",
+    "chance": "double",
+    "deviation": "double",
+    "days": "int32",
+    "first_day": "date32",
+    "last_day": "date32",
+    "kind": "string",
+}
+"""The columns of an answer, and their types in Arrow's words."""
 
 STEADY = "steady"
 
@@ -98,6 +122,11 @@ def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"])
 
 
+def row_of(one: SensorDrift) -> dict[str, object]:
+    """One row of an answer."""
+    return {name: getattr(one, name) for name in COLUMNS}
+
+
 def _rows(store: Store, first_day: date) -> list[dict[str, Any]]:
     sql = f"SELECT * FROM daily_levels WHERE day >= DATE '{first_day}' AND frames >= {DRIFT.fewest_frames}"  # noqa: S608 - ours
     return run_sql(store, sql).to_pylist()
@@ -115,6 +144,7 @@ def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
 
 
 def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
+    levels = tuple((_date(day), level) for day, level in zip(one.levels.day.tolist(), one.levels.level.tolist(), strict=True))
     change = one.changes[-1] if one.changes else None
     kind, vehicle = one.name.kind, one.name.vehicle
     after_day, changed_on = (_date(change.after_day), _date(change.on_day)) if change else (None, None)
@@ -136,10 +166,11 @@ def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, 
         else None,
         chance=min([one.chance, *(known.chance for known in one.changes)]),
         deviation=one.deviation,
-        days=one.days,
-        first_day=_date(one.first_day),
-        last_day=_date(one.last_day),
+        days=len(levels),
+        first_day=levels[0][0],
+        last_day=levels[-1][0],
         kind=kind,
+        levels=levels,
     )
 
 
