@@ -13,7 +13,7 @@ from statistics import median
 
 PACKAGE = Path(__file__).resolve().parent.parent / "auditor"
 
-ABOVE = (("cli",), ("evaluation", "training"), ("pipeline", "reporting"))
+ABOVE = (("cli",), ("evaluation", "training", "casefile"), ("pipeline", "reporting"))
 """Layers over the rooms, the highest first: a box imports from lower ones only."""
 
 ROOMS = ("recordings", "measurement", "identification", "store", "lab")

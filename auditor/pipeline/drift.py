@@ -1,15 +1,16 @@
 """Drift of a fleet: the daily levels of a store, and what became of each check of each sensor."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from datetime import date, timedelta
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from auditor.identification.drift import DailyLevels, Drift, SeriesName, drifts
-from auditor.identification.refresh_parameters import DRIFT, LEAST_DEVIATIONS
+from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
+from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.model.drift import STEADY, FleetDrift, SensorDrift
 from auditor.store import Store, run_sql
 
 _EPOCH = date(1970, 1, 1)
@@ -19,93 +20,6 @@ SELECT max(coalesce(date, CAST(make_timestamp_ns(from_ns) AS DATE))) FILTER (veh
     count(*) FILTER (vehicle IS NULL OR NOT ({known})) AS of_nobody
 FROM recordings
 """.format(known="date IS NOT NULL OR clock = 'utc'")
-
-
-@dataclass(frozen=True)
-class SensorDrift:
-    """What became of a check of a sensor of a vehicle; columns are those that `auditor drift` prints.
-
-    `before` and `now` are the levels beside the last change, which came between `after_day` and `changed_on`;
-    `calibrated_anew` says whether the rig's calibration changed there; `levels` has its days.
-    """
-
-    vehicle: str
-    sensor: int
-    check: str
-    what: str
-    level: float
-    unit: str
-    per_day: float
-    days_left: float | None
-    after_day: date | None
-    changed_on: date | None
-    before: float | None
-    now: float | None
-    calibrated_anew: bool | None
-    chance: float
-    deviation: float
-    days: int
-    first_day: date
-    last_day: date
-    kind: str
-    levels: tuple[tuple[date, float], ...] = field(repr=False)
-
-    @property
-    def named(self) -> bool:
-        """Whether it drifts or has changed."""
-        return self.what != STEADY
-
-
-COLUMNS = {
-    "vehicle": "string",
-    "sensor": "int8",
-    "check": "string",
-    "what": "string",
-    "level": "double",
-    "unit": "string",
-    "per_day": "double",
-    "days_left": "double",
-    "after_day": "date32",
-    "changed_on": "date32",
-    "before": "double",
-    "now": "double",
-    "calibrated_anew": "bool",
-    "chance": "double",
-    "deviation": "double",
-    "days": "int32",
-    "first_day": "date32",
-    "last_day": "date32",
-    "kind": "string",
-}
-"""The columns of an answer, and their types in Arrow's words."""
-
-STEADY = "steady"
-
-
-@dataclass(frozen=True)
-class FleetDrift:
-    """The drift of a fleet, the most certain first.
-
-    `false_alarms` is the chance that anything is named in a fleet without drift. `of_nobody` of the `recordings` have no
-    vehicle or no day.
-    """
-
-    sensors: tuple[SensorDrift, ...]
-    first_day: date | None
-    last_day: date | None
-    recordings: int
-    of_nobody: int
-    false_alarms: float = DRIFT.false_alarms
-
-    @property
-    def named(self) -> tuple[SensorDrift, ...]:
-        """Those that drift or have changed."""
-        return tuple(one for one in self.sensors if one.named)
-
-    @property
-    def vehicles(self) -> int:
-        """How many vehicles have enough days."""
-        return len({one.vehicle for one in self.sensors})
 
 
 def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
@@ -119,12 +33,7 @@ def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     units = {row["check_name"]: row["unit"] for row in rows}
     found = [_sensor(one, units, rigs) for one in drifts(comparisons, asdict(LEAST_DEVIATIONS))]
     found.sort(key=lambda one: (one.what == STEADY, one.chance, one.vehicle, one.sensor, one.check))
-    return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"])
-
-
-def row_of(one: SensorDrift) -> dict[str, object]:
-    """One row of an answer."""
-    return {name: getattr(one, name) for name in COLUMNS}
+    return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
 
 
 def _rows(store: Store, first_day: date) -> list[dict[str, Any]]:
