@@ -46,6 +46,7 @@ PARAMETER_FILES = (
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/refresh_parameters.py",
+    "identification/drift/parameters.py",
 )
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
