@@ -24,8 +24,9 @@ def render_fleet_report(
 ) -> Path:
     """Write the pages of a store into a folder: those of its gravest incidents, then the index; answer the index.
 
-    `excuses` say by id why incidents need nobody's attention; without them reviews do. Pages of incidents that are no longer found stay: others may point to them. Raises StoreError where nothing was
-    measured, or a page cannot be written.
+    `excuses` say by id why incidents need nobody's attention; without them reviews do. Pages of incidents that are no
+    longer found stay: others may point to them. Raises StoreError where nothing was measured, or a page cannot be
+    written.
     """
     incidents = Incidents(store, pictures)
     known = excuses_by_review(incidents.rows) if excuses is None else excuses
