@@ -33,6 +33,8 @@ VERBS = (
     "query",
     "views",
     "report",
+    "show",
+    "case",
     "parameters",
     "store",
     "verify",

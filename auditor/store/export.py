@@ -64,6 +64,27 @@ def _encoded(table: pa.Table, form: str) -> bytes:
     return sink.getvalue()
 
 
+def with_texts(table: pa.Table, change: Callable[[str, str], str]) -> pa.Table:
+    """A table with every text in it changed, also inside lists and structs: `change` gets the column, or the field of
+    the struct, and the text.
+    """
+
+    def changed(name: str, value: object) -> object:
+        if isinstance(value, str):
+            return change(name, value)
+        if isinstance(value, list):
+            return [changed(name, item) for item in value]
+        if isinstance(value, dict):
+            return {key: changed(key, item) for key, item in value.items()}
+        return value
+
+    for place, field in enumerate(table.schema):
+        if _holds(_is_text, field.type):
+            column = pa.array([changed(field.name, value) for value in table[field.name].to_pylist()], field.type)
+            table = table.set_column(place, field, column)
+    return table
+
+
 def as_json(value: object) -> bytes:
     """Rows, or what holds several lists of rows, as JSON text; it is ASCII, and what no number is becomes null."""
     return (json.dumps(_plain(value), indent=2, default=str, allow_nan=False) + "\n").encode()

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
@@ -10,6 +10,7 @@ from typing import Any, Self
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
+from auditor.model.pictures import FramePicture
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
@@ -28,7 +29,14 @@ from auditor.store.measurement_tables import (
     read_regions,
     read_statistics,
 )
-from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
+from auditor.store.pictures import (
+    Picture,
+    pictured_frames,
+    read_frame_pictures,
+    read_picture,
+    write_frame_pictures,
+    write_picture,
+)
 from auditor.store.records import (
     FrameErrors,
     FrameStatistics,
@@ -75,6 +83,7 @@ class Store:
         self.folder = folder
         self._rigs: dict[str, Rig] = {}
         self._measurements: dict[str, StoredMeasurement] = {}
+        self._only: Mapping[str, Collection[str]] = {}
 
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
@@ -93,6 +102,12 @@ class Store:
         if create:
             store.remove_abandoned()
         return store
+
+    def only(self, **ids: Collection[str]) -> "Store":
+        """This store with these ids of some tables alone, as if it had no others: what is asked of it costs as much."""
+        part = Store(self.folder)
+        part._only = ids
+        return part
 
     @staticmethod
     def is_at(path: Path) -> bool:
@@ -329,6 +344,15 @@ class Store:
         """The frames of a measurement whose pictures were kept, ascending."""
         return pictured_frames(self.folder / "pictures", measurement_id)
 
+    def write_frame_pictures(self, measurement_id: str, pictures: Sequence[FramePicture]) -> None:
+        """Keep pictures of frames at full resolution beside those of its measurement; the log says so."""
+        with logged(self.folder) as entry:
+            write_frame_pictures(entry, measurement_id, pictures)
+
+    def frame_pictures(self, measurement_id: str, frame: int) -> list[FramePicture]:
+        """The pictures of a frame at full resolution, by sensor; none where none were kept."""
+        return read_frame_pictures(self.folder / "pictures", measurement_id, frame)
+
     # Files
 
     def ids(self, table: str) -> list[str]:
@@ -337,7 +361,9 @@ class Store:
         Frames and their cells are finished with their measurement, verdicts with their judgement, cases with their
         evaluation.
         """
-        return finished(self.folder / MANIFESTS.get(table, table))
+        manifest = MANIFESTS.get(table, table)
+        known = finished(self.folder / manifest)
+        return known if manifest not in self._only else [one for one in known if one in self._only[manifest]]
 
     def finished_paths(self, table: str) -> list[Path]:
         """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
