@@ -173,7 +173,8 @@ SELECT
     max(gap) AS largest_gap,
     any_value(carried.evidence) AS evidence,
     alternatives_in_words(
-        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL),
+        arg_max(incident.posterior, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
     ) AS alternatives,
     causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
