@@ -65,17 +65,17 @@ again_option = click.option(
 )
 
 
-content_option = click.option(
-    "--verify-content",
-    is_flag=True,
-    help="Read also files whose path, size, times and inode are those of when the store read them.",
-)
-
-
 policy_option = click.option(
     "--policy",
     type=click.Path(path_type=Path),
     help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
+)
+
+
+content_option = click.option(
+    "--verify-content",
+    is_flag=True,
+    help="Read also files whose path, size, times and inode are those of when the store read them.",
 )
 
 
