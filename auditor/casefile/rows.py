@@ -38,7 +38,7 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
         ", ".join(f"'{part[column]}'" for part in parts)
         for column in ("recording_id", "measurement_id", "judgement_id")
     )
-    of_judgements = f"(FROM judgements WHERE judgement_id IN ({judgements})) AS judgement"
+    of_judgements = f"SEMI JOIN (FROM judgements WHERE judgement_id IN ({judgements})) AS judgement"
     return {
         "incident": f"FROM incidents WHERE {own}",
         "incident_frames": f"FROM incident_frames WHERE {own} ORDER BY stamp_ns",
@@ -50,7 +50,7 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
         "recordings": f"FROM recordings WHERE recording_id IN ({recordings})",
         "measurements": f"FROM measurements WHERE measurement_id IN ({measurements})",
         "judgements": f"FROM judgements WHERE judgement_id IN ({judgements})",
-        "calibrations": f"FROM (FROM calibrations SELECT * EXCLUDE samples) SEMI JOIN {of_judgements} USING (calibration_id)",
+        "calibrations": f"FROM (FROM calibrations SELECT * EXCLUDE samples) {of_judgements} USING (calibration_id)",
     }
 
 
