@@ -23,7 +23,7 @@ SELECT
     verdict.finding_attacked,
     verdict.out_of_system,
     verdict.evidence,
-    alternatives_in_words(verdict.alternatives) AS alternatives,
+    alternatives_in_words(verdict.alternatives, verdict.posterior) AS alternatives,
     causes_in_words(verdict.causes) AS causes,
     truth.truth,
     truth.labelled

@@ -13,7 +13,7 @@ from auditor.model.text import storable
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.many import Batch, Judged
-    from auditor.pipeline.measure import Measured
+    from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
     from auditor.store import Store
 
@@ -57,11 +57,12 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
     return results
 
 
-def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> list[str]:
-    """Print what could not be judged or not fully audited, and why; return the measurements that were judged."""
+def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> "list[Judged]":
+    """Print what could not be judged or not fully audited, and why; return what became of each measurement."""
     judged = []
     remarks: Remarks = {}
     for one in results:
+        judged.append(one)
         measurement = store.measurement(one.measurement_id)
         kind = str(store.rig(measurement.rig_id).kind)
         for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
@@ -76,9 +77,7 @@ def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> l
         tally.failed |= one.error is not None
         tally.incomplete |= one.error is None and not one.complete
         tally.found |= one.found
-        if one.judgement is not None:
-            tally.audited = True
-            judged.append(one.measurement_id)
+        tally.audited |= one.judgement is not None
     _say_once(remarks)
     return judged
 
@@ -88,12 +87,12 @@ def show_audit(
     form: str,
     tally: Tally,
     recording_ids: Collection[str] | None = None,
-    judged: Collection[str] | None = None,
+    judged: "Sequence[Judged] | None" = None,
 ) -> None:
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
-    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown. Without
-    a store nothing was measured.
+    `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was, and
+    the store is asked about it alone; earlier verdicts are counted. Without a store nothing was measured.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
     from auditor.store.export import as_json  # noqa: PLC0415
@@ -102,8 +101,11 @@ def show_audit(
         rows: list[dict[str, Any]] = []
         incidents = rows
     else:
+        if judged is not None:
+            store = _asked(store, judged)
         summary = run_query(store, "summary", {})
-        places = _places(rows_of(summary), recording_ids, judged)
+        every = recording_ids is None
+        places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
         if form in ("csv", "parquet"):
             emit(summary, form)
@@ -150,20 +152,21 @@ def _say_once(remarks: Remarks) -> None:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 
 
-def _places(
-    rows: Sequence[Mapping[str, Any]], recording_ids: Collection[str] | None, judged: Collection[str] | None
-) -> list[int]:
-    """Which rows of the summary are shown; of those that keep their verdicts from earlier, the number is said."""
-    wanted = [place for place, row in enumerate(rows) if recording_ids is None or row["recording_id"] in recording_ids]
-    now = [
-        place
-        for place in wanted
-        if judged is None or rows[place]["measurement_id"] in judged or rows[place]["method"] is None
-    ]
-    if earlier := len(wanted) - len(now):
+def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
+    """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said."""
+    verdicts = [one for one in judged if one.judgement is not None]
+    now = [one for one in verdicts if one.fresh] or verdicts
+    failed = [one.measurement_id for one in judged if one.judgement is None]
+    before = store.current_judgements() if failed else {}
+    shown = [one.measurement_id for one in now] + [one for one in failed if one not in before]
+    if earlier := len(judged) - len(shown):
         count = "1 measurement keeps its" if earlier == 1 else f"{earlier} measurements keep their"
         say(f"{count} verdicts from earlier, not shown here; auditor query summary shows them")
-    return now
+    return store.only(
+        recordings={store.measurement(one).recording_id for one in shown},
+        measurements=set(shown),
+        judgements={one.judgement.judgement_id for one in now if one.judgement is not None},
+    )
 
 
 def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[str, Any]]:

@@ -71,7 +71,7 @@ def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
 
     def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        series, thresholds = _as_scanned(left_out, thresholds_of(others, system, r), system)
+        series, thresholds = as_scanned(left_out, thresholds_of(others, system, r), system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
@@ -108,7 +108,7 @@ def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Flo
     scores: list[Floats] = []
     for left_out in calibration.clean:
         others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
-        series, thresholds = _as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
+        series, thresholds = as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
         scores += [window_scores(series, system, thresholds), apart]
     return np.concatenate(scores) if scores else apart
 
@@ -152,8 +152,8 @@ def hours_of(stamps_ns: Integers) -> float:
     return len(stamps_ns) * float(np.median(np.diff(stamps_ns))) / NS_PER_HOUR if len(stamps_ns) > 1 else 0.0
 
 
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """Both ends of Wilson's 95 % interval of k out of n; 0 and 1 where n = 0."""
+def wilson(k: float, n: float) -> tuple[float, float]:
+    """Both ends of Wilson's 95 % interval of k out of n, which may be effective numbers; 0 and 1 where n = 0."""
     if n == 0:
         return 0.0, 1.0
     p = k / n
@@ -170,7 +170,7 @@ def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
         yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
-def _as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
+def as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
     """The frames of a clean recording, and thresholds as a scan has them that knows its own usual statistics."""
     series = FrameSeries.of_clean(clean, system)
     return series, for_drive(learnt, system.sensor_checks, series.statistics)

@@ -166,16 +166,50 @@ class TemporalWindow:
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
 
+_CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
+_OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
+
+
 @dataclass(frozen=True)
 class Naming:
     """How sensors are named."""
 
-    confirming_share: float = parameter(
-        0.5, unit="of the limit: what a sensor's z must exceed where two cameras alone differ", source=_CONFIRMING
+    least_probability: float = parameter(
+        0.7, unit="posterior probability of a set, below which no sensor is named", source=_CURVES
     )
-    confirming_lead: float = parameter(0.5, unit="z above that of the next sensor, then", source=_CONFIRMING)
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How likely an attack set makes what a frame shows, and how likely it was before."""
+
+    own_at: tuple[float, ...] = parameter(
+        (-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0), unit="z of an attacked sensor", source=BY_HAND
+    )
+    of_camera: tuple[float, ...] = parameter(
+        (-9.79, -5.78, -4.43, -2.96, -1.29, 0.29, 1.64, 2.23, 2.23, 2.23, 2.3), unit=_OF_CURVE, source=_CURVES
+    )
+    of_lidar: tuple[float, ...] = parameter(
+        (-5.78, -3.34, -2.56, -1.86, -1.18, -0.54, 0.87, 2.51, 5.03, 7.56, 14.3), unit=_OF_CURVE, source=_CURVES
+    )
+    rest_at: tuple[float, ...] = parameter(
+        (-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0),
+        unit="largest z of the others, less their limit",
+        source=BY_HAND,
+    )
+    of_rest: tuple[float, ...] = parameter(
+        (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=_CURVES
+    )
+    of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=_CURVES)
+    usual_r: float = parameter(0.01, unit="rate of the limit that the largest z is measured from", source=BY_HAND)
+    clean_worth: float = parameter(
+        460.0, unit="independent clean frames: the largest ratio that is said", source=_CURVES
+    )
+    attacked: float = parameter(0.5, unit="prior probability that a frame is attacked", source="stated; even odds")
+    further_sensor: float = parameter(0.2, unit="times the prior, for each sensor after the first", source="stated")
+    suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 
 @dataclass(frozen=True)
@@ -284,6 +318,7 @@ LOCALISED_FROM = LocalisedFrom()
 FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
 NAMING = Naming()
+LIKELIHOOD = Likelihood()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
 LIGHT_OF_CAUSES = LightOfCauses()
@@ -301,6 +336,7 @@ JUDGING = (
     JOINT_TAIL,
     SCORE_LIMITS,
     NAMING,
+    LIKELIHOOD,
     TEMPORAL_WINDOW,
     FROZEN,
     POINT_EXCESS,

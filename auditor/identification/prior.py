@@ -53,7 +53,7 @@ class Prior(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Drive:
+class DriveValues:
     """The values of one drive: their mean, their sum of squares about it, and how many frames they are worth."""
 
     mean: float
@@ -107,9 +107,13 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end. Where
     drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
-    measured = [values[~np.isnan(values)] for values in drives]
-    known = [_drive(values if believed else _bounded(values, prior)) for values in measured]
-    seen = [one for one in known if one.frames]
+    seen = [drive_values(values, None if believed else prior) for values in drives]
+    return expected_after(prior, seen, believed=believed)
+
+
+def expected_after(prior: Prior, drives: Sequence[DriveValues], *, believed: bool = False) -> Expected:
+    """What is expected after drives whose values are summed up, see `expected`."""
+    seen = [one for one in drives if one.frames]
     freedom = sum(one.worth for one in seen)
     within = (HIERARCHY.prior_frames * prior.within**2 + sum(one.worth * one.squares / one.frames for one in seen)) / (
         HIERARCHY.prior_frames + freedom
@@ -157,6 +161,12 @@ def joint_limit(r: float, checks: int) -> float:
     return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / max(checks, 1)))
 
 
+def drive_values(values: Floats, prior: Prior | None) -> DriveValues:
+    """The values (F,) of one drive summed up, NaN where not measured; those of a `prior` within its bounds."""
+    measured = values[~np.isnan(values)]
+    return _drive(measured if prior is None else _bounded(measured, prior))
+
+
 def _bounded(values: Floats, prior: Prior) -> Floats:
     """The values, none further from their median than frames of one drive are: a few attacked ones count as those."""
     if not values.size:
@@ -165,11 +175,11 @@ def _bounded(values: Floats, prior: Prior) -> Floats:
     return np.clip(values, middle - reach, middle + reach)
 
 
-def _drive(values: Floats) -> _Drive:
+def _drive(values: Floats) -> DriveValues:
     if not values.size:
-        return _Drive(0.0, 0.0, 0, 0.0)
+        return DriveValues(0.0, 0.0, 0, 0.0)
     mean = float(values.mean())
-    return _Drive(mean, float(np.square(values - mean).sum()), values.size, effective_size(values))
+    return DriveValues(mean, float(np.square(values - mean).sum()), values.size, effective_size(values))
 
 
 def effective_size(values: Floats) -> float:

@@ -95,8 +95,7 @@ def judge_frames(
     missing = [unused[frame] for frame in judged.tolist()]
     frames = name_attacked(z[judged], system, missing, thresholds.limit)
     of_window = window_limit(thresholds)
-    # The window confirms what its frame shows; a second sensor has to be as clear there as in a frame.
-    windows = name_attacked(z_window[judged], system, missing, of_window, max(of_window, thresholds.limit))
+    windows = name_attacked(z_window[judged], system, missing, of_window)
     faults = [()] * len(judged) if without_causes else _fault_hypotheses(series, thresholds, judged)
     still = sensors_where(system.sensors, series.frozen[judged])
     hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]

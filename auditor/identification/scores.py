@@ -3,12 +3,22 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from auditor.identification.faults import TONES, faults_of
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
-from auditor.identification.prior import expected, joint_limit, log_odds, of_drive, prior_of_cause, prior_of_check
+from auditor.identification.prior import (
+    DriveValues,
+    drive_values,
+    expected_after,
+    joint_limit,
+    log_odds,
+    of_drive,
+    prior_of_cause,
+    prior_of_check,
+)
 from auditor.identification.thresholds import checked
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
@@ -21,6 +31,9 @@ _LOCALISED_FROM: Mapping[Check, float] = {
     Check.REMOVED_LIGHT: LOCALISED_FROM.light,
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
 }
+
+_SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
+"""By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
 
 
 def thresholds_from(
@@ -37,14 +50,14 @@ def thresholds_from(
     """
     limit = joint_limit(float(checked(r)), judged_together)
     of_checks = {
-        check: expected(
-            prior_of_check(check), [log_odds(one.statistics[check]) for one in clean if check in one.statistics]
+        check: expected_after(
+            prior_of_check(check), [_statistics_of(one, check) for one in clean if check in one.statistics]
         )
         for check in sensor_checks
     }
     causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
     of_causes = {
-        cause: _expected_of(cause, [one.strengths[cause] for one in clean if cause in one.strengths])
+        cause: _expected_of(cause, [_strengths_of(one, cause) for one in clean if cause in one.strengths])
         for cause in causes
     }
     drives = len({one.recording_id for one in clean})
@@ -68,13 +81,27 @@ def for_drive(
     return replace(thresholds, expected=of_checks)
 
 
-def _expected_of(cause: CauseIn, drives: Sequence[Floats]) -> Expected:
+def _expected_of(cause: CauseIn, drives: Sequence[DriveValues]) -> Expected:
     """What is expected of a fault's score; what is usual of a rig only its own drives say."""
     prior = prior_of_cause(cause)
-    means = [float(np.nanmean(scores)) for scores in drives if not np.isnan(scores).all()]
+    means = [one.mean for one in drives if one.frames]
     if cause[0] in TONES and means:
         prior = prior._replace(mean=float(np.median(means)))
-    return expected(prior, drives, believed=True)
+    return expected_after(prior, drives, believed=True)
+
+
+def _statistics_of(one: CleanFrames, check: SensorCheck) -> DriveValues:
+    known = _SUMMED_UP.setdefault(one, {})
+    if check not in known:
+        known[check] = drive_values(log_odds(one.statistics[check]), prior_of_check(check))
+    return known[check]
+
+
+def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
+    known = _SUMMED_UP.setdefault(one, {})
+    if cause not in known:
+        known[cause] = drive_values(one.strengths[cause], None)
+    return known[cause]
 
 
 def _shown(cause: CauseIn, clean: Sequence[CleanFrames]) -> float:

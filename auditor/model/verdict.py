@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 4
+JUDGING_VERSION = 5
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 
@@ -47,8 +47,8 @@ class Evidence(NamedTuple):
 class Alternative(NamedTuple):
     """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in z: how much weaker the strongest check of that sensor is; by the paper's in elements of e
-    that disagree.
+    By the robust method the decimal logarithm of how many times less likely it is; by the paper's in elements of e that
+    disagree.
     """
 
     attacked: tuple[int, ...]
@@ -107,7 +107,9 @@ class Verdict:
     among the measured elements, how far a disparity error would have to move to change e; by the robust method by
     how many standard deviations the strongest sensor exceeds the next, or the limit; of a clean frame how far it stays
     below it. `evidence` is the strongest first, `alternatives` the next best
-    first; `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
+    first. Of a finding of the robust method `posterior` is the probability of the likeliest attack set, that of
+    `attacked` or the first alternative, and `log10_ratio` the decimal logarithm of its likelihood ratio against no
+    attack (`identification.likelihood`); else None. `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
     incident.
     """
 
@@ -122,6 +124,8 @@ class Verdict:
     alternatives: tuple[Alternative, ...] = ()
     causes: tuple[FaultHypothesis, ...] = ()
     finding: Finding | None = None
+    posterior: float | None = None
+    log10_ratio: float | None = None
 
 
 @dataclass(frozen=True)

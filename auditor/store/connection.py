@@ -8,6 +8,7 @@ statements or functions decides.
 import re
 from collections.abc import Iterable
 from contextlib import ExitStack
+from functools import cache
 from graphlib import TopologicalSorter
 
 import duckdb
@@ -45,15 +46,15 @@ _CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 
 
-def constants() -> list[str]:
-    """The macros that stand for numbers of the program."""
-    return [f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()]
+def all_macros() -> dict[str, str]:
+    """The statements that make the macros, by name: those that stand for numbers of the program go first."""
+    return {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
 
 
 def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
-    """A connection with the views that a SQL text names (all, where it names none), then locked; for a `with`.
+    """A connection with the views and macros that a SQL text needs (all, where it names no view), then locked.
 
-    Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
+    For a `with`. Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
     files = ReadOnlyFiles()
@@ -63,8 +64,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         connection.execute("SET disabled_filesystems = 'LocalFileSystem'")
         if limits is not None:
             connection.execute("SET memory_limit = ?", [f"{limits.memory_bytes}B"])
-        for macro in (*constants(), *macros()):
-            connection.execute(macro)
+        connection.execute("\n".join(macro for name, macro in all_macros().items() if name in needed))
         readable: list[str] = []
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
@@ -134,21 +134,28 @@ def _shows_comments(text: str) -> bool:
 
 
 def _needed(text: str) -> set[str]:
-    """The views and stored tables behind the names in a SQL text; perhaps more than it uses, never fewer."""
-    names = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
-    found = {word for word in map(str.lower, _WORD.findall(text)) if word in names}
-    if not found:
+    """The views, stored tables and macros behind the names in a SQL text; perhaps more than it uses, never fewer."""
+    tables = {*views(), "stored_pictures", *(f"stored_{table}" for table in TABLES)}
+    bodies = all_macros() | {name: view.sql for name, view in views().items()}
+    names = tables | bodies.keys()
+    found = {*_words(text.lower())} & names
+    if not found & tables:
         return names
     while True:
-        behind = {word for name in found & views().keys() for word in _WORD.findall(views()[name].sql)} & names
+        behind = {word for name in found & bodies.keys() for word in _words(bodies[name])} & names
         behind |= {f"stored_{manifest}" for table, manifest in LARGE.items() if manifest and f"stored_{table}" in found}
         if behind <= found:
             return found
         found |= behind
 
 
+@cache
+def _words(sql: str) -> frozenset[str]:
+    return frozenset(_WORD.findall(sql))
+
+
 def in_order(needed: set[str]) -> Iterable[str]:
     """The views among `needed`, each after those that it reads; graphlib's CycleError where two read each other."""
     known = [name for name in views() if name in needed]
-    reads = {name: set(_WORD.findall(views()[name].sql)) & set(known) - {name} for name in known}
+    reads = {name: _words(views()[name].sql) & set(known) - {name} for name in known}
     return TopologicalSorter(reads).static_order()

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Self
@@ -83,6 +83,7 @@ class Store:
         self.folder = folder
         self._rigs: dict[str, Rig] = {}
         self._measurements: dict[str, StoredMeasurement] = {}
+        self._only: Mapping[str, Collection[str]] = {}
 
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
@@ -101,6 +102,12 @@ class Store:
         if create:
             store.remove_abandoned()
         return store
+
+    def only(self, **ids: Collection[str]) -> "Store":
+        """This store with these ids of some tables alone, as if it had no others: what is asked of it costs as much."""
+        part = Store(self.folder)
+        part._only = ids
+        return part
 
     @staticmethod
     def is_at(path: Path) -> bool:
@@ -354,7 +361,9 @@ class Store:
         Frames and their cells are finished with their measurement, verdicts with their judgement, cases with their
         evaluation.
         """
-        return finished(self.folder / MANIFESTS.get(table, table))
+        manifest = MANIFESTS.get(table, table)
+        known = finished(self.folder / manifest)
+        return known if manifest not in self._only else [one for one in known if one in self._only[manifest]]
 
     def finished_paths(self, table: str) -> list[Path]:
         """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""

@@ -62,10 +62,11 @@ def system_of(scene: Scene, cameras: Sequence[int]) -> System:
 def clean_frames(scene: Scene, system: System) -> CleanFrames:
     """The clean frames of a scene as a calibration has them."""
     cases = [case for case in scene.cases if not case.attack]
-    return _frames(scene, system, cases)
+    return frames_of(scene, system, cases)
 
 
-def _frames(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrames:
+def frames_of(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrames:
+    """Some cases of a scene, as a calibration has clean frames."""
     place = {check: column for column, check in enumerate(rig_sensor_checks(scene.rig))}
     stamps = np.array([case.stamp_ns for case in cases], dtype=np.int64)
     statistics = np.stack([case.statistics for case in cases])
@@ -113,7 +114,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     """The verdicts on a scene: clean frames in their order, attacked frames each by itself in the drive of these."""
     cases = [case for case in scene.cases if set(case.attacked) <= set(system.sensors)]
     clean = [case for case in cases if not case.attack]
-    own = _frames(scene, system, clean)
+    own = frames_of(scene, system, clean)
     here = np.ones((len(clean), len(system.sensors)), dtype=np.bool_)
     series = FrameSeries(
         own.stamps_ns,
@@ -129,7 +130,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     places = {case.frame: place for place, case in enumerate(clean)}
     attacked = [case for case in cases if case.attack]
     if attacked:
-        alone = _frames(scene, system, attacked).statistics_of(system.sensor_checks)
+        alone = frames_of(scene, system, attacked).statistics_of(system.sensor_checks)
         # Each attacked frame is a run of its own; faults are those of the clean frame at its place.
         number = np.arange(len(attacked))
         at = [places[case.frame] for case in attacked]

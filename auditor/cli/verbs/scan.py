@@ -1,6 +1,7 @@
 """`auditor scan`: the main job."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,19 +39,20 @@ def command(
 
     Files may be MCAP, ROS 1 .bag or ROS 2 .db3; folders may be rosbag2 folders, KITTI raw drives, or hold several of
     these. The parts of a split drive, given or found together, are one recording. What the store has measured already
-    is not measured again, but with --measure-again.
+    is not measured again, but with --measure-again. Files that are as they were when the store read them are not read
+    again, but with --verify-content, and verdicts that would be the same are kept. The tables show what was judged now.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
     from auditor.pipeline.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
-    from auditor.pipeline.many import find_batch, judge_all  # noqa: PLC0415
+    from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
 
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
-    tally, judged = Tally(), list[str]()
+    tally, judged = Tally(), list[Judged]()
     batch = find_batch(recordings, store, measuring)
     with logged(store) if batch.tasks else nullcontext():
         measured = show_measuring(batch, tally)
@@ -60,12 +62,13 @@ def command(
                 say(str(superseded))
         if kept is not None and not measure_only:
             ids = [known for one in measured for known in one.measurement_ids]
-            judged = show_judging(judge_all(kept, ids, settings), kept, tally)
+            judged = show_judging(judge_all(kept, ids, replace(settings, only_stale=True)), kept, tally)
             found = judged if tally.found else []
             for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
                 if pictured.remark:
                     say(f"{pictured.recording}: {pictured.remark}")
         elif kept is not None:
+            judged = [Judged(one.recording.name, known) for one in measured for known in one.measurement_ids]
             say("measured only: no verdicts were reached; auditor judge reaches them")
             tally.incomplete = True
             tally.not_audited += [

@@ -22,8 +22,10 @@ _ID = {
     "rigs": "rig_id",
     "triples": "rig_id",
     "sensor_checks": "rig_id",
-    **dict.fromkeys(("calibrations", "calibration_versions", "calibration_recordings"), "calibration_id"),
-    "calibration_history": "history_id",
+    **dict.fromkeys(
+        ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
+    ),
+    **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
@@ -44,6 +46,7 @@ _NAMED = {
     "judgements": (("measurement_id", "measurements"), ("calibration_id", "calibrations")),
     "calibration_versions": (("calibration_id", "calibrations"),),
     "calibration_history": (("calibration_id", "calibrations"),),
+    "calibration_conditions": (("calibration_id", "calibrations"),),
     "labels": (("recording_id", "recordings"),),
     "given_labels": (("recording_id", "recordings"),),
 }

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from auditor import __version__
-from auditor.store.connection import LARGE, connected, constants, in_order
+from auditor.store.connection import LARGE, all_macros, connected, in_order
 from auditor.store.marker import MARKER
 from auditor.store.schema import SCHEMA_VERSION, TABLES, TableSchema, table_schema
-from auditor.store.sql_files import macros, views
+from auditor.store.sql_files import views
 from auditor.store.views.comments import comments, literal
 
 _HEAD = f"""\
@@ -105,7 +105,7 @@ FROM glob(getvariable('auditor_pattern') || '/pictures/*/*');
 
 
 def _macros() -> Iterator[str]:
-    for macro in (*constants(), *macros()):
+    for macro in all_macros().values():
         yield re.sub(r"^CREATE MACRO ", "CREATE OR REPLACE TEMP MACRO ", macro, flags=re.MULTILINE) + "\n"
 
 
