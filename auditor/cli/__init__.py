@@ -28,6 +28,7 @@ VERBS = (
     "scan",
     "judge",
     "label",
+    "review",
     "evaluate",
     "query",
     "views",
@@ -87,7 +88,7 @@ def auditor() -> None:
     auditor calibrate clean_logs/*.mcap     make thresholds from clean recordings
     auditor scan fleet_logs/*.mcap          audit recordings
     auditor query incidents                 query the store
-    auditor report                          write the incident page
+    auditor report                          write pages of the fleet and of each incident
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
 

@@ -72,6 +72,13 @@ content_option = click.option(
 )
 
 
+policy_option = click.option(
+    "--policy",
+    type=click.Path(path_type=Path),
+    help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
+)
+
+
 pictures_option = click.option(
     "--pictures",
     type=click.Choice([*Pictures]),

@@ -144,7 +144,7 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
 
 
 def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
-    """The checks that name a sensor, by the votes of those that are left: those above the limit, or else the largest."""
+    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest."""
     checks = system.sensor_checks
     found = [
         (float(z[c]), checks[c])
@@ -215,8 +215,8 @@ def _doubt(found: _Explained, N: int) -> str:
         whole = sum(p for _, p in others)
         shares = " or ".join(f"{listed(one)} ({100 * p / whole:.0f} %)" for one, p in others[:2])
         beside = sorted({sensor for one in found.outside for sensor in one.nameable})
-        rest = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
-        return f"{shares}: less than {100 * NAMING.least_probability:.0f} % for any set of sensors{rest}"
+        more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
+        return f"{shares}: less than {100 * NAMING.least_probability:.0f} % for any set of sensors{more}"
     return ""
 
 

@@ -109,8 +109,8 @@ class Verdict:
     below it. `evidence` is the strongest first, `alternatives` the next best
     first. Of a finding of the robust method `posterior` is the probability of the likeliest attack set, that of
     `attacked` or the first alternative, and `log10_ratio` the decimal logarithm of its likelihood ratio against no
-    attack (`identification.likelihood`); else None. `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
-    incident.
+    attack (`identification.likelihood`); else None. `causes` are the fault hypotheses. `finding` is the robust
+    method's, None where the frame belongs to no incident.
     """
 
     kind: VerdictKind

@@ -36,6 +36,7 @@ TABLES = (
     "verdicts",
     "labels",
     "given_labels",
+    "reviews",
     "evaluations",
     "cases",
     "case_verdicts",

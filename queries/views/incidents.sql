@@ -6,6 +6,7 @@
 -- column incident_id: Hash of the judgement and the number of its first frame; other parameters make other incidents of an id.
 -- column judgement_id: The judgement of its first frame; the parts have those of the others.
 -- column rig_id: The rig.
+-- column drive_id: The recording that its drive begins with.
 -- column kind: What the verdicts are: attacked, unidentified or suspect.
 -- column attacked: The attacked sensors; empty unless kind is attacked.
 -- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
@@ -25,6 +26,8 @@
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
 -- column causes: What else than an attack may lie behind it, in words.
+-- column review: What somebody said of it (auditor review): confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
+-- column review_reason: Why, in the reviewer's own words.
 WITH placed AS (
     SELECT
         measurement.measurement_id,
@@ -140,12 +143,14 @@ carried AS (
         ) AS evidence
     FROM piece
     GROUP BY ALL
-)
+),
+found AS (
 SELECT
     any_value(md5(whole.parts[1].judgement_id || ' ' || whole.parts[1].first_frame)) AS incident_id,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
+    any_value(recording.drive_id) AS drive_id,
     any_value(whole.parts[1].measurement_id) AS measurement_id,
     any_value(whole.parts[1].judgement_id) AS judgement_id,
     any_value(incident.rig_id) AS rig_id,
@@ -168,7 +173,8 @@ SELECT
     max(gap) AS largest_gap,
     any_value(carried.evidence) AS evidence,
     alternatives_in_words(
-        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL),
+        arg_max(incident.posterior, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
     ) AS alternatives,
     causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
 FROM numbered AS incident
@@ -178,4 +184,21 @@ LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
 GROUP BY line, incident.kind, incident.attacked, run
 HAVING bool_or(wanted)
-ORDER BY name, from_ns, incident.kind, incident.attacked, first_frame
+),
+last AS (
+    SELECT found.incident_id, arg_max(reviews, {moment: reviews.reviewed_at, id: reviews.review_id}) AS review
+    FROM found
+    JOIN reviews ON is_one_incident(
+        list_concat([part.recording_id FOR part IN found.parts], [found.drive_id]),
+        found.attacked_names, found.from_ns, found.to_ns,
+        reviews.places, reviews.sensors, reviews.from_ns, reviews.to_ns
+    )
+    GROUP BY found.incident_id
+)
+SELECT
+    found.*,
+    CASE WHEN last.review.in_effect THEN last.review.verdict END AS review,
+    CASE WHEN last.review.in_effect THEN last.review.reason END AS review_reason
+FROM found
+LEFT JOIN last USING (incident_id)
+ORDER BY name, from_ns, kind, attacked, first_frame

@@ -162,9 +162,7 @@ def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(
 def test_a_vehicle_that_creeps_is_held_though_every_step_is_small(refreshed, audit_of, monkeypatch):
     audit = audit_of(refreshed)
     store = Store.open(audit.store)
-    monkeypatch.setattr(
-        gate, "GATE", replace(gate.GATE, most_step=9.0, most_creep=0.02, most_lost=1.0)
-    )
+    monkeypatch.setattr(gate, "GATE", replace(gate.GATE, most_step=9.0, most_creep=0.02, most_lost=1.0))
     decided = []
     for night in range(1, 9):
         for vehicle in range(VEHICLES):

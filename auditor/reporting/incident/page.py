@@ -131,6 +131,7 @@ class IncidentPart:
     """
 
     number: int
+    incident_id: str
     kind: VerdictKind
     attacked: tuple[int, ...]
     first_frame: int

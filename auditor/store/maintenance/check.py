@@ -26,6 +26,7 @@ _ID = {
         ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
     ),
     **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
+    "reviews": "review_id",
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
