@@ -25,6 +25,7 @@ VERBS = (
     "calibrate",
     "calibration",
     "refresh",
+    "drift",
     "scan",
     "judge",
     "label",

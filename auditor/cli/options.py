@@ -331,7 +331,7 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: at most so many on clean drives; sets what a window must exceed the limit by.",
+            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 2]",
         ),
         click.option(
             "-r",

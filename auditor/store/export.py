@@ -8,7 +8,7 @@ with spreadsheets: its texts are made safe for them (`csv_cell`).
 import io
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from typing import Any
 
@@ -24,9 +24,10 @@ Table = pa.Table
 """The form of every answer: an Arrow table."""
 
 
-def table_of(rows: list[dict[str, object]]) -> pa.Table:
-    """Rows of equal columns as a table."""
-    table: pa.Table = pa.Table.from_pylist(rows)
+def table_of(rows: list[dict[str, object]], columns: Mapping[str, str] | None = None) -> pa.Table:
+    """Rows of equal columns as a table; `columns` has Arrow's names of their types, also where there are no rows."""
+    schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in columns.items()]) if columns else None
+    table: pa.Table = pa.Table.from_pylist(rows, schema)
     return table
 
 
