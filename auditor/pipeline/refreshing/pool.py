@@ -14,6 +14,7 @@ from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, 
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
 from auditor.pipeline.versions import looked_at
 from auditor.store import RecordingRecord, Store, StoredMeasurement
+from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for
 from auditor.store.versions.records import UsedRecording
 
@@ -56,18 +57,20 @@ class Group:
 def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
-    `named` are the measurements that this call names clean. Measurements of an earlier way of counting are left out.
+    `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
+    false alarms. Measurements of an earlier way of counting are left out.
     """
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
+        clean = {*named, *false_alarms(store)}
         for measurement in store.ids("measurements"):
             if measurement not in seen and not counted_earlier(store, measurement):
                 seen.add(measurement)
                 stored = store.measurement(measurement)
                 rig = store.rig(stored.rig_id)
                 _group(groups, known, rig, stored.procedure).logs.append(
-                    _log(store, stored, named=measurement in named)
+                    _log(store, stored, named=measurement in clean)
                 )
     return groups
 
