@@ -6,6 +6,7 @@ from datetime import date
 STEADY = "steady"
 """What neither drifts nor has changed."""
 
+
 @dataclass(frozen=True)
 class SensorDrift:
     """What became of a check of a sensor of a vehicle; columns are those that `auditor drift` prints.
@@ -63,6 +64,7 @@ COLUMNS = {
     "kind": "string",
 }
 """The columns of an answer, and their types in Arrow's words."""
+
 
 @dataclass(frozen=True)
 class FleetDrift:

@@ -53,7 +53,9 @@ def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
 
 
 def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
-    levels = tuple((_date(day), level) for day, level in zip(one.levels.day.tolist(), one.levels.level.tolist(), strict=True))
+    levels = tuple(
+        (_date(day), level) for day, level in zip(one.levels.day.tolist(), one.levels.level.tolist(), strict=True)
+    )
     change = one.changes[-1] if one.changes else None
     kind, vehicle = one.name.kind, one.name.vehicle
     after_day, changed_on = (_date(change.after_day), _date(change.on_day)) if change else (None, None)

@@ -49,6 +49,9 @@ CREATE MACRO share_in_words(share) AS
         ELSE format('{:.0f} %', 100 * share)
     END;
 
+-- The ratio of a logarithm to two digits.
+CREATE MACRO ratio_figure(log10_ratio) AS format('{:g}', round(pow(10, log10_ratio), 1 - floor(log10_ratio)::INTEGER));
+
 -- A likelihood ratio, in the words of ENFSI's guideline of 2015 for evaluative reporting; `largest` is what can be said.
 CREATE MACRO ratio_in_words(log10_ratio, largest) AS
     CASE WHEN log10_ratio >= log10(largest) - 1e-9 THEN 'more than ' ELSE 'about ' END
@@ -61,9 +64,6 @@ CREATE MACRO ratio_in_words(log10_ratio, largest) AS
         WHEN log10_ratio < 6 THEN 'very strong support'
         ELSE 'extremely strong support'
     END);
-
--- The ratio of a logarithm to two digits.
-CREATE MACRO ratio_figure(log10_ratio) AS format('{:g}', round(pow(10, log10_ratio), 1 - floor(log10_ratio)::INTEGER));
 
 -- One cause that is not an attack in words.
 CREATE MACRO cause_in_words(cause, sensor) AS

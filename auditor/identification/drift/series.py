@@ -118,7 +118,9 @@ def drifts(comparisons: Sequence[DailyLevels], least: Mapping[str, float]) -> li
     measured = [_Adjusted(one, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     series = _each(own, attrgetter("kind", "check", "vehicle"), _of_sensors)
-    ready = _each(series, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
+    ready = _each(
+        series, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0))
+    )
     tests = 2 * max(len(ready), 1)
     return [_drift(one, tests) for one in ready]
 
