@@ -25,7 +25,6 @@ class LevelChange:
         return self.now - self.before
 
 
-
 @dataclass(frozen=True)
 class SensorDrift:
     """What became of a check of a sensor of a vehicle.

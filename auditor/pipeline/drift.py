@@ -60,13 +60,6 @@ def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
 
 
 def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
-<<<<<<< HEAD
-    levels = tuple(
-        (_date(day), level) for day, level in zip(one.levels.day.tolist(), one.levels.level.tolist(), strict=True)
-    )
-    change = one.changes[-1] if one.changes else None
-=======
->>>>>>> main
     kind, vehicle = one.name.kind, one.name.vehicle
     days = [_date(day) for day in one.levels.day.tolist()]
     change = None
