@@ -132,7 +132,7 @@ def _without_calibration(audits: list[_Audit], calibration_recordings: _Calibrat
 
 def _outline(store: Store, audit: _Audit, calibration_recordings: _CalibrationRecordings) -> RecordingPart:
     """What the tables at the top of the page need."""
-    ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
+    ticks = read_table("frames", store.source("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
     stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
     origin_ns, to_ns = (min(stamps_ns), max(stamps_ns)) if stamps_ns else (0, 0)
     counts = audit.judgement.counts if audit.judgement else {}
@@ -226,7 +226,7 @@ def _provenance(store: Store, audit: _Audit, calibration_recordings: _Calibratio
     )
     if judgement is None:
         return measured
-    (row,) = read_rows("judgements", store.path("judgements", judgement.judgement_id))
+    (row,) = read_rows("judgements", store.source("judgements", judgement.judgement_id))
     return replace(
         measured,
         calibration_id=judgement.calibration_id,
@@ -321,7 +321,7 @@ def _measured(
 
 def _truths(store: Store, audit: _Audit) -> tuple[Truth, ...]:
     recording_id = audit.recording.recording_id
-    carried = read_rows("labels", store.path("labels", recording_id)) if recording_id in store.ids("labels") else []
+    carried = read_rows("labels", store.source("labels", recording_id)) if recording_id in store.ids("labels") else []
     given = [vars(label) for label in store.given_labels(recording_id) if label.attack is not None]
     sensors = {audit.rig.topic(sensor): sensor for sensor in audit.rig.sensors}
     return tuple(
@@ -341,7 +341,7 @@ def _coverage(
     store: Store, audit: _Audit, errors: FrameErrors, sensors: Sequence[SensorLine]
 ) -> tuple[SensorLine, ...]:
     """Count the states of each sensor and take the medians of its coverage."""
-    path = store.path("frames", audit.measurement.measurement_id)
+    path = store.source("frames", audit.measurement.measurement_id)
     table = read_table("frames", path, ["skipped", *COVERAGE])
     table = table.filter(table["skipped"].is_null())
     medians: dict[str, list[float | None]] = {}
