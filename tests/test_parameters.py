@@ -46,6 +46,7 @@ PARAMETER_FILES = (
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/refresh_parameters.py",
+    "identification/drift/parameters.py",
 )
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
@@ -62,6 +63,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
+    "identification/incidents.py": ((3600,), "seconds in an hour"),
     "identification/cross_validation.py": (
         (
             1.959963984540054,

@@ -25,13 +25,17 @@ VERBS = (
     "calibrate",
     "calibration",
     "refresh",
+    "drift",
     "scan",
     "judge",
     "label",
+    "review",
     "evaluate",
     "query",
     "views",
     "report",
+    "show",
+    "case",
     "parameters",
     "store",
     "verify",
@@ -85,7 +89,7 @@ def auditor() -> None:
     auditor calibrate clean_logs/*.mcap     make thresholds from clean recordings
     auditor scan fleet_logs/*.mcap          audit recordings
     auditor query incidents                 query the store
-    auditor report                          write the incident page
+    auditor report                          write pages of the fleet and of each incident
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
 

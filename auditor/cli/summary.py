@@ -2,10 +2,12 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
+from auditor.cli.ci_forms import FORMS_OF_CI, as_form_of_ci
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from auditor.pipeline.many import Batch, Judged
     from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
+    from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store
 
 _WHERE_KNOWN = ("vehicle", "date")
@@ -23,6 +26,7 @@ _RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS,
 _EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
+_REMARK = "remark"
 _MOST_NAMED = 3
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -82,49 +86,78 @@ def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> "
     return judged
 
 
+def policy_of(path: Path | None) -> "Policy":
+    """The policy of a file; without one every incident fails that no review excuses. Raises SettingError."""
+    from auditor.reporting.ci.policy import Policy, read_policy  # noqa: PLC0415 - keeps --help quick
+
+    return Policy() if path is None else read_policy(path)
+
+
 def show_audit(
     store: "Store | None",
     form: str,
     tally: Tally,
     recording_ids: Collection[str] | None = None,
     judged: "Sequence[Judged] | None" = None,
+    policy: "Policy | None" = None,
 ) -> None:
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
     `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was, and
-    the store is asked about it alone; earlier verdicts are counted. Without a store nothing was measured.
+    the store is asked about it alone; earlier verdicts are counted. What no incident fails is not found, as far as the
+    tally is concerned. Without a store nothing was measured.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
-    from auditor.store.export import as_json  # noqa: PLC0415
 
-    if store is None:
-        rows: list[dict[str, Any]] = []
-        incidents = rows
-    else:
-        if judged is not None:
-            store = _asked(store, judged)
-        summary = run_query(store, "summary", {})
+    rows: list[dict[str, Any]] = []
+    decided: list[Decided] = []
+    if store is not None:
+        asked = store if judged is None else _asked(store, judged)
+        summary = run_query(asked, "summary", {})
         every = recording_ids is None
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
+        rows = rows_of(summary)
+        allowed = policy or policy_of(None)
+        decided = _decided(asked, {row["measurement_id"] for row in rows}, allowed)
+        earlier = {one.measurement_id for one in judged or () if one.judgement is not None} if tally.found else set()
+        earlier -= {row["measurement_id"] for row in rows}
+        _excuse(tally, [*decided, *(_decided(store.only(measurements=earlier), earlier, allowed) if earlier else ())])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
-        rows = rows_of(summary)
-        incidents = _incidents_of(store, {row["measurement_id"] for row in rows})
-    if form == "json":
-        left = [vars(one) for one in tally.not_audited]
-        write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
-    elif form == "table":
+    if form == "table":
         if store is not None:
-            _show_tables(rows, incidents)
+            _show_tables(rows, decided)
         answer(closing_line(tally))
+    elif form in FORMS_OF_CI:
+        write_bytes(as_form_of_ci(form, store, rows, decided, tally))
+    elif form == "json":
+        _show_json(rows, decided, tally)
+
+
+def _excuse(tally: Tally, decided: "Sequence[Decided]") -> None:
+    """Leave out of what was found the recordings all of whose incidents are excused."""
+    failing = {part["recording_id"] for one in decided if one.fails for part in one.incident["parts"]}
+    excused = {part["recording_id"] for one in decided if not one.fails for part in one.incident["parts"]} - failing
+    tally.excused = tally.with_incidents & excused
+    tally.found = tally.found and bool(tally.with_incidents - tally.excused)
+
+
+def _show_json(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]", tally: Tally) -> None:
+    from auditor.store.export import as_json  # noqa: PLC0415 - DuckDB is heavy
+
+    incidents = [{**one.incident, "excuse": one.excuse or None, "new": one.new} for one in decided]
+    left = [vars(one) for one in tally.not_audited]
+    write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
 
 def closing_line(tally: Tally) -> str:
     """How many recordings there were, how many of them have incidents, and how many were not fully audited, and why."""
     left = {one.path: one.reason for one in tally.not_audited}
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
+    if tally.excused:
+        line += f" ({len(tally.excused)} of them excused)"
     if not left:
         return f"{line}, all fully audited" if tally.audited else line
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
@@ -169,17 +202,20 @@ def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
     )
 
 
-def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[str, Any]]:
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+def _decided(store: "Store", measurements: Collection[str], policy: "Policy") -> "list[Decided]":
+    """The incidents of some measurements, and which of them fail today."""
+    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
 
-    return [
+    incidents = [
         row
         for row in rows_of(run_query(store, "incidents", {}))
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
+    return decide(incidents, policy, datetime.now(UTC).date())
 
 
-def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
+def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
@@ -187,13 +223,15 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
-    if incidents:
+    if decided:
+        shown_rows = [_incident(one) for one in decided]
+        told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
         print_rows(
-            [_incident(row) for row in incidents],
-            _INCIDENT_COLUMNS,
+            shown_rows,
+            (*_INCIDENT_COLUMNS, *told),
             "Incidents",
             expendable=("gap", "seconds"),
-            wrapped=("sensors",),
+            wrapped=("sensors", *told),
         )
 
 
@@ -214,8 +252,11 @@ def _named(one: Mapping[str, Any]) -> str:
     return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
 
 
-def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
+def _incident(one: "Decided") -> dict[str, Any]:
+    row = one.incident
+    said = f"reviewed as {row['review']}: {row['review_reason']}" if row["review"] else None
     return {
+        _REMARK: one.excuse or said,
         "recording": _first([part["name"] for part in row["parts"]]),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],

@@ -40,9 +40,6 @@ _OF_CAMERAS = {
 """By check the priors of one voter, of two, and of more."""
 
 
-_NO = np.zeros(0)
-
-
 class Prior(NamedTuple):
     """What is known before any drive of a rig kind: mean, and standard deviations within and between drives.
 
@@ -55,11 +52,18 @@ class Prior(NamedTuple):
     tail: float = 1.0
 
 
+class DriveValues(NamedTuple):
+    """The values of one drive: their mean, their sum of squares about it, and how many frames they are worth."""
+
+    mean: float
+    squares: float
+    frames: int
+    worth: float
+
+
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """What is learnt of D drives, each (D,): the mean of its values, their sum of squares about it, how many frames
-    they are of, and how many independent ones they are worth. A drive without values has no frames.
-    """
+    """The values of D drives summed up, each (D,), as those of one are in `DriveValues`."""
 
     mean: Floats
     squares: Floats
@@ -67,11 +71,9 @@ class Drives:
     worth: Floats
 
     @classmethod
-    def of(cls, drives: Sequence[Floats], prior: Prior, *, believed: bool = False) -> "Drives":
-        """Of the values of each, in the order of time, NaN where not measured; see `expected`."""
-        measured = [values[~np.isnan(values)] for values in drives]
-        found = [_drive(values if believed else _bounded(values, prior)) for values in measured]
-        mean, squares, frames, worth = (np.array(column) for column in zip(*found, strict=True)) if found else [_NO] * 4
+    def of(cls, drives: Sequence[DriveValues]) -> "Drives":
+        """Of each of them; a drive without values has no frames."""
+        mean, squares, frames, worth = (np.array([one[n] for one in drives]) for n in range(4))
         return cls(mean, squares, frames.astype(np.int64), worth)
 
     def chosen(self, places: Flags) -> "Drives":
@@ -124,11 +126,12 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     drive alone shows may be an attack, what many show belongs to the rig. None widens the deviation without end. Where
     drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
-    return expected_after(prior, Drives.of(drives, prior, believed=believed), believed=believed)
+    seen = [drive_values(values, None if believed else prior) for values in drives]
+    return expected_after(prior, Drives.of(seen), believed=believed)
 
 
 def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> Expected:
-    """As `expected`, of drives whose values were looked at before."""
+    """What is expected after drives whose values are summed up, see `expected`."""
     seen = drives.chosen(drives.frames > 0)
     D = seen.mean.size
     within = (HIERARCHY.prior_frames * prior.within**2 + _sum(seen.worth * seen.squares / seen.frames)) / (
@@ -176,6 +179,12 @@ def joint_limit(r: float, checks: int) -> float:
     return JOINT_TAIL.stretch * NormalDist().inv_cdf((1 - r) ** (1 / max(checks, 1)))
 
 
+def drive_values(values: Floats, prior: Prior | None) -> DriveValues:
+    """The values (F,) of one drive summed up, NaN where not measured; those of a `prior` within its bounds."""
+    measured = values[~np.isnan(values)]
+    return _drive(measured if prior is None else _bounded(measured, prior))
+
+
 def _bounded(values: Floats, prior: Prior) -> Floats:
     """The values, none further from their median than frames of one drive are: a few attacked ones count as those."""
     if not values.size:
@@ -184,16 +193,15 @@ def _bounded(values: Floats, prior: Prior) -> Floats:
     return np.clip(values, middle - reach, middle + reach)
 
 
-def _drive(values: Floats) -> tuple[float, float, int, float]:
-    """Mean, squares, frames and worth of one drive."""
+def _drive(values: Floats) -> DriveValues:
     if not values.size:
-        return 0.0, 0.0, 0, 0.0
+        return DriveValues(0.0, 0.0, 0, 0.0)
     mean = float(values.mean())
-    return mean, float(np.square(values - mean).sum()), values.size, effective_size(values)
+    return DriveValues(mean, float(np.square(values - mean).sum()), values.size, effective_size(values))
 
 
 def _sum(values: Floats) -> float:
-    """The sum in order, whatever their number: what the last digits are does not depend on how NumPy groups them."""
+    """The sum in order: its last digits do not depend on how NumPy groups the values."""
     return float(np.cumsum(values)[-1]) if values.size else 0.0
 
 

@@ -3,14 +3,18 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from auditor.identification.faults import TONES, faults_of
+from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Without, ascending
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
     Drives,
+    DriveValues,
+    drive_values,
     expected_after,
     joint_limit,
     log_odds,
@@ -33,6 +37,9 @@ _LOCALISED_FROM: Mapping[Check, float] = {
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
 }
 
+_SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
+"""By drive: what of it thresholds need, so that many thresholds of many drives take no longer than their frames."""
+
 
 def thresholds_from(
     clean: Sequence[CleanFrames],
@@ -43,7 +50,7 @@ def thresholds_from(
 ) -> RobustThresholds:
     """Thresholds at r from the clean frames of recordings, each taken for a drive; from none of them the prior.
 
-    `judged_together` is how many checks a frame is judged by at once. The threshold of the window's score is 0. Raises
+    `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
     return CleanDrives(clean, sensor_checks).thresholds(judged_together, r, calibration_id)
@@ -55,14 +62,9 @@ class CleanDrives:
     def __init__(self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck]) -> None:
         self._clean = clean
         self._names = np.array([one.recording_id for one in clean], dtype=np.str_)
-        self._of_checks = {
-            check: Drives.of([log_odds(one.statistics.get(check, _NONE)) for one in clean], prior_of_check(check))
-            for check in sensor_checks
-        }
+        self._of_checks = {check: Drives.of([_statistics_of(one, check) for one in clean]) for check in sensor_checks}
         causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
-        self._of_causes = {
-            cause: Drives.of(self._strengths(cause), prior_of_cause(cause), believed=True) for cause in causes
-        }
+        self._of_causes = {cause: Drives.of([_strengths_of(one, cause) for one in clean]) for cause in causes}
         self._ascending = {cause: ascending(self._strengths(cause)) for cause in causes if cause[0] not in TONES}
 
     def thresholds(
@@ -80,7 +82,8 @@ class CleanDrives:
         scales = {
             cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
         }
-        return RobustThresholds(calibration_id, r, limit, of_checks, scales, np.unique(self._names[used]).size)
+        drives = np.unique(self._names[used]).size
+        return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
 
     def _strengths(self, cause: CauseIn) -> list[Floats]:
         return [one.strengths.get(cause, _NONE) for one in self._clean]
@@ -115,6 +118,20 @@ def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
     if cause[0] in TONES and means.size:
         prior = prior._replace(mean=float(np.median(means)))
     return expected_after(prior, drives, believed=True)
+
+
+def _statistics_of(one: CleanFrames, check: SensorCheck) -> DriveValues:
+    known = _SUMMED_UP.setdefault(one, {})
+    if check not in known:
+        known[check] = drive_values(log_odds(one.statistics.get(check, _NONE)), prior_of_check(check))
+    return known[check]
+
+
+def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
+    known = _SUMMED_UP.setdefault(one, {})
+    if cause not in known:
+        known[cause] = drive_values(one.strengths.get(cause, _NONE), None)
+    return known[cause]
 
 
 def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0) -> Scale:

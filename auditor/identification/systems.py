@@ -23,8 +23,12 @@ class System:
 
     @property
     def judged_together(self) -> int:
-        """How many checks a frame is judged by that lacks no sensor; all of two cameras alone are one, being alike."""
-        checks = [self.sensor_checks[column] for column in self.detecting(frozenset()).tolist()]
+        """How many checks a frame is judged by that lacks no sensor."""
+        return self.judged_without(frozenset())
+
+    def judged_without(self, absent: frozenset[int]) -> int:
+        """How many checks a frame without these sensors is judged by; all of two cameras alone are one, being alike."""
+        checks = [self.sensor_checks[column] for column in self.detecting(absent).tolist()]
         pairs = {frozenset(one.nameable) for one in checks if len(one.nameable) > 1}
         return sum(len(one.nameable) == 1 for one in checks) + len(pairs)
 

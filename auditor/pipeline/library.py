@@ -4,7 +4,7 @@ Keywords have the names, meanings and defaults of the options of the command lin
 """
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -21,6 +21,7 @@ from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.calibration_names import listing_calibrations, named_calibration
+from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import (
     Batch,
@@ -221,7 +222,15 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
                 if outcome.result.fresh:
                     relate(store)
                 judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
+                _picture(store, judged, batch.settings)
                 yield Scanned(str(outcome.item), outcome.result, judged)
+
+
+def _picture(store: Store, judged: Sequence[Judged], settings: MeasureSettings) -> None:
+    """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
+    found = [one.measurement_id for one in judged if one.found]
+    for _ in picture_incidents(store, found, settings.pictures, settings.limits):
+        pass
 
 
 def judge(

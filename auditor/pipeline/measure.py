@@ -86,7 +86,7 @@ class MeasureTask:
     """One recording to be measured into a store.
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it,
+    says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
     as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
     incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
     """
@@ -314,7 +314,7 @@ def _recording_record(
 ) -> RecordingRecord:
     origin = task.origin.over(Origin.of_metadata(recording.metadata()))
     if known is not None:
-        origin = origin.over(Origin(known.vehicle, known.date, known.drive))
+        origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
     ids = [one.measurement_id for one in measurements]
     sightings = sighted(known.sightings if known is not None else (), recording.path, stamp, ids)
     return RecordingRecord(
@@ -330,6 +330,7 @@ def _recording_record(
         vehicle=origin.vehicle and storable(origin.vehicle),
         date=origin.date,
         drive=origin.drive and storable(origin.drive),
+        weather=origin.weather and storable(origin.weather),
         damage=damage_of(measurements),
         sightings=sightings,
         superseded_by=known.superseded_by if known else None,

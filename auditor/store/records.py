@@ -58,6 +58,7 @@ class RecordingRecord:
     vehicle: str | None = None
     date: datetime.date | None = None
     drive: str | None = None
+    weather: str | None = None
     damage: tuple[str, ...] = ()
     sightings: tuple[Sighting, ...] = ()
     superseded_by: str | None = None

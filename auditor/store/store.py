@@ -10,13 +10,14 @@ from typing import Any, Self
 from auditor.errors import StoreError
 from auditor.model.calibration import Calibration
 from auditor.model.measurement import Region, Statistic
+from auditor.model.pictures import FramePicture
 from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import Written, checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.files import Written, checked_id, finished, remove_abandoned, write_whole
 from auditor.store.log import Output, logged
-from auditor.store.marker import MARKER, check_marker, write_marker
+from auditor.store.marker import MARKER, check_free, check_marker, write_marker
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
@@ -30,7 +31,14 @@ from auditor.store.measurement_tables import (
 )
 from auditor.store.packs.files import Files, finished_files, rows_of_files
 from auditor.store.packs.index import Packs
-from auditor.store.pictures import Picture, pictured_frames, read_picture, write_picture
+from auditor.store.pictures import (
+    Picture,
+    pictured_frames,
+    read_frame_pictures,
+    read_picture,
+    write_frame_pictures,
+    write_picture,
+)
 from auditor.store.records import (
     FrameErrors,
     FrameStatistics,
@@ -90,7 +98,7 @@ class Store:
         if storable(str(folder)) != str(folder):
             raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
         if not (folder / MARKER).exists():
-            _check_free(folder, create=create)
+            check_free(folder, create=create)
             write_marker(folder)
         check_marker(folder)
         store = cls(folder)
@@ -314,7 +322,7 @@ class Store:
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             for frame, stamp_ns, verdict in verdicts:
                 counts[verdict.kind] += 1
-                in_incidents += verdict.finding is not None if robust else verdict.kind in FINDINGS
+                in_incidents += verdict.kind in FINDINGS and (verdict.in_incident or not robust)
                 table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
             written = table.commit()
         row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}
@@ -350,6 +358,15 @@ class Store:
         """The frames of a measurement whose pictures were kept, ascending."""
         return pictured_frames(self.folder / "pictures", measurement_id)
 
+    def write_frame_pictures(self, measurement_id: str, pictures: Sequence[FramePicture]) -> None:
+        """Keep pictures of frames at full resolution beside those of its measurement; the log says so."""
+        with logged(self.folder) as entry:
+            write_frame_pictures(entry, measurement_id, pictures)
+
+    def frame_pictures(self, measurement_id: str, frame: int) -> list[FramePicture]:
+        """The pictures of a frame at full resolution, by sensor; none where none were kept."""
+        return read_frame_pictures(self.folder / "pictures", measurement_id, frame)
+
     # Files
 
     def ids(self, table: str) -> list[str]:
@@ -380,18 +397,3 @@ class Store:
         if len(rows) != 1:
             raise StoreError(f"it has {len(rows)} rows in place of one", where=self.path(table, row_id))
         return rows[0]
-
-
-def _check_free(folder: Path, *, create: bool) -> None:
-    """Refuse a folder that is no store, unless one may be made in it."""
-    if folder.exists() and not folder.is_dir():
-        raise StoreError("it is a file, not a store", where=folder, remedy="name a folder")
-    content = [path for path in folder.iterdir() if not is_part(path)] if folder.exists() else []
-    if content:
-        raise StoreError(
-            f"it is no store: it has no {MARKER} but holds {content[0].name!r}",
-            where=folder,
-            remedy="name a store, or an empty or new folder to make one in",
-        )
-    if not create:
-        raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")

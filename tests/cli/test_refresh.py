@@ -4,12 +4,13 @@ import fcntl
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from auditor.cli import run
-from auditor.identification import refreshing
+from auditor.identification.refreshing import gate
 from auditor.pipeline.labels import label_clean
 from auditor.store import Store, files, make_calibration
 from auditor.store.log import Kind, entries
@@ -148,7 +149,7 @@ def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(
     audit = audit_of(refreshed)
     store, before = Store.open(audit.store), in_force(audit)
     add_drive(store, "v0d6.mcap", seed=61, vehicle="car0", day=6, raised=0.05)
-    monkeypatch.setattr(refreshing, "GATE", refreshing.replace(refreshing.GATE, most_step=-10.0))
+    monkeypatch.setattr(gate, "GATE", replace(gate.GATE, most_step=-10.0))
     answer = audit("refresh")
     kind = kind_of(answer)
     assert (answer.code, kind["decided"]) == (1, "held")
@@ -161,9 +162,7 @@ def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(
 def test_a_vehicle_that_creeps_is_held_though_every_step_is_small(refreshed, audit_of, monkeypatch):
     audit = audit_of(refreshed)
     store = Store.open(audit.store)
-    monkeypatch.setattr(
-        refreshing, "GATE", refreshing.replace(refreshing.GATE, most_step=9.0, most_creep=0.02, most_lost=1.0)
-    )
+    monkeypatch.setattr(gate, "GATE", replace(gate.GATE, most_step=9.0, most_creep=0.02, most_lost=1.0))
     decided = []
     for night in range(1, 9):
         for vehicle in range(VEHICLES):

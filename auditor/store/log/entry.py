@@ -39,6 +39,9 @@ class Kind(StrEnum):
     IN_FORCE = "in_force"
     """A calibration came into force for a rig kind, in place of another."""
 
+    REVIEWED = "reviewed"
+    """Somebody said what an incident is."""
+
     CLOSED = "closed"
     """A run ended, or was found to have been interrupted."""
 

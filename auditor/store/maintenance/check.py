@@ -29,6 +29,7 @@ _NAMED = {
     "judgements": (("measurement_id", "measurements"), ("calibration_id", "calibrations")),
     "calibration_versions": (("calibration_id", "calibrations"),),
     "calibration_history": (("calibration_id", "calibrations"),),
+    "calibration_conditions": (("calibration_id", "calibrations"),),
     "labels": (("recording_id", "recordings"),),
     "given_labels": (("recording_id", "recordings"),),
 }

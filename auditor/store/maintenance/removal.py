@@ -5,6 +5,7 @@ The rows that make other files finished go first: a removal that is killed leave
 
 import shutil
 from collections.abc import Collection, Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from auditor.store.files import locked
 from auditor.store.log import logged
 from auditor.store.log.outputs import place_in
 from auditor.store.packs.files import rows_of_files
+from auditor.store.pictures import full_pictures
 from auditor.store.records import RecordingRecord
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.tables import read_table
@@ -85,9 +87,20 @@ def _remove_measurements(store: Store, measurement_ids: Collection[str]) -> int:
     for one in measurement_ids:
         if store.has_measurement(one):
             _remove(store, "measurements", one)
-        shutil.rmtree(store.folder / "pictures" / one, ignore_errors=True)
+        _remove_pictures(store, one)
         store.forget(one)
     return len(judgements)
+
+
+def _remove_pictures(store: Store, measurement_id: str) -> None:
+    """The log has written those of incidents; the row of the measurement finished the others."""
+    folder = store.folder / "pictures"
+    of_incidents = _places(store, full_pictures(folder, measurement_id))
+    with ExitStack() as stack:
+        if of_incidents:
+            entry = stack.enter_context(logged(store.folder))
+            stack.enter_context(entry.removing(of_incidents, f"measurements {measurement_id} was removed"))
+        shutil.rmtree(folder / measurement_id, ignore_errors=True)
 
 
 def _parts_of(store: Store, table: str, recording_ids: Collection[str]) -> list[str]:

@@ -1,0 +1,63 @@
+"""How much of a calibration one log, vehicle, day or place may be."""
+
+from collections import Counter
+from collections.abc import Hashable, Iterator, Sequence, Set
+
+from auditor.identification.refresh_parameters import INFLUENCE
+from auditor.identification.refreshing.drives import Source
+
+Cell = tuple[int, int]
+
+
+def limited(sources: Sequence[Source]) -> Iterator[tuple[int, str]]:
+    """The places in `sources` of the drives that are too many, each with the reason; later days go first.
+
+    A calibration has so many drives at most, and so many of a vehicle's day. No vehicle and no day has more than its
+    share of them, where there are three.
+    """
+    order = sorted(range(len(sources)), key=lambda place: (str(sources[place].day or ""), -place), reverse=True)
+    of_day: Counter[Hashable] = Counter()
+    left = []
+    for place in order:
+        recording_id, vehicle, day = sources[place]
+        key = vehicle, recording_id if day is None else day
+        of_day[key] += 1
+        if of_day[key] > INFLUENCE.most_of_a_day:
+            yield place, f"its vehicle has {INFLUENCE.most_of_a_day} others of that day"
+        else:
+            left.append(place)
+    too_many = dict(_beyond_share(left, [one.vehicle for one in sources], "vehicle", INFLUENCE.share_of_vehicle))
+    yield from too_many.items()
+    left = [place for place in left if place not in too_many]
+    too_many = dict(_beyond_share(left, [one.day for one in sources], "day", INFLUENCE.share_of_day))
+    yield from too_many.items()
+    for place in [place for place in left if place not in too_many][INFLUENCE.most_drives :]:
+        yield place, f"{INFLUENCE.most_drives} recordings of later days are enough"
+
+
+def crowded(visited: Sequence[Set[Cell]]) -> Iterator[tuple[int, str]]:
+    """The places in `visited` of the drives whose road many others drove; earlier ones of the sequence go first.
+
+    Each entry holds the cells of the ground that a drive was in; one that is empty is not known, and is no reason.
+    """
+    taken: list[Set[Cell]] = []
+    for place, cells in enumerate(visited):
+        same = sum(len(cells & other) >= INFLUENCE.same_place * len(cells) for other in taken) if cells else 0
+        if same >= INFLUENCE.most_of_a_place:
+            yield place, f"{same} others drove the same road"
+        else:
+            taken.append(cells)
+
+
+def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str, share: float) -> Iterator[tuple[int, str]]:
+    """The drives beyond the share of their vehicle or day, where there are three; what is not known has no limit.
+
+    The share is reckoned from the drives of the others: nobody raises it by more drives of their own.
+    """
+    count = Counter(of[place] for place in order)
+    taken: Counter[Hashable] = Counter()
+    for place in order:
+        most = max(1, int((len(order) - count[of[place]]) * share / (1 - share)))
+        taken[of[place]] += 1
+        if len(count) > 2 and of[place] is not None and taken[of[place]] > most:
+            yield place, f"its {what} has {most} others, and no {what} has more than its share"
