@@ -63,6 +63,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
+    "identification/incidents.py": ((3600,), "seconds in an hour"),
     "identification/cross_validation.py": (
         (
             1.959963984540054,

@@ -17,6 +17,13 @@ _BY_NAMES = frozenset({"poses", "calibrations"})
 """Tables that say where or by which recordings: a redacted case has none of them."""
 
 
+_CLOCKS = {
+    "utc": "",
+    "relative": " (not UTC: the recorder counts from a start of its own)",
+    "unknown": " (not known to be UTC: the recorder states no time zone)",
+}
+
+
 def write_rows(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
     """Write each table of the incident as rows/NAME.parquet and rows/NAME.csv. Raises OSError and StoreError."""
     for name, sql in _tables(incident).items():
@@ -38,7 +45,7 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
         ", ".join(f"'{part[column]}'" for part in parts)
         for column in ("recording_id", "measurement_id", "judgement_id")
     )
-    of_judgements = f"(FROM judgements WHERE judgement_id IN ({judgements})) AS judgement"
+    of_judgements = f"SEMI JOIN (FROM judgements WHERE judgement_id IN ({judgements})) AS judgement"
     return {
         "incident": f"FROM incidents WHERE {own}",
         "incident_frames": f"FROM incident_frames WHERE {own} ORDER BY stamp_ns",
@@ -50,7 +57,7 @@ def _tables(incident: CaseIncident) -> dict[str, str]:
         "recordings": f"FROM recordings WHERE recording_id IN ({recordings})",
         "measurements": f"FROM measurements WHERE measurement_id IN ({measurements})",
         "judgements": f"FROM judgements WHERE judgement_id IN ({judgements})",
-        "calibrations": f"FROM (FROM calibrations SELECT * EXCLUDE samples) SEMI JOIN {of_judgements} USING (calibration_id)",
+        "calibrations": f"FROM (FROM calibrations SELECT * EXCLUDE samples) {of_judgements} USING (calibration_id)",
     }
 
 
@@ -97,7 +104,7 @@ def write_ticket(described: dict[str, Any], folder: Path) -> None:
 def write_timeline(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
     """Write timeline.jsonl as Timesketch imports it: a line for the beginning, each frame and the end. Raises OSError.
 
-    Stamps of a clock that is not UTC count from 1970 there, and the line says so.
+    Stamps count from 1970 there also where the recording's clock does not, and the line says so.
     """
     lines = (json.dumps(redaction.value(line) if redaction else line) for line in _timeline(incident))
     write_file(folder / "timeline.jsonl", "".join(f"{line}\n" for line in lines).encode())
@@ -105,7 +112,7 @@ def write_timeline(incident: CaseIncident, folder: Path, redaction: Redaction | 
 
 def _timeline(incident: CaseIncident) -> Iterator[dict[str, Any]]:
     row = incident.row
-    clock = "" if incident.recording.clock == "utc" else " (not UTC: counted from the recorder's own start)"
+    clock = _CLOCKS[incident.recording.clock]
     same = {"incident_id": incident.incident_id, "name": incident.recording.name, "data_type": "auditor:incident"}
     what = " + ".join(incident.called(sensor) for sensor in incident.attacked) or "no sensor named"
     first = f"incident begins: {row['kind']}, {what}; {row['evidence'] or 'no evidence in words'}"

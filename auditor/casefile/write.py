@@ -78,7 +78,7 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
             write_file(folder / "place.svg", place.encode())
         write_file(folder / "page.html", _page(incident, redaction).encode())
         title = str(redaction.value(described, "")["title"] if redaction else described["title"])
-        write_file(folder / "index.html", _index(incident, folder, title, remarks).encode())
+        write_file(folder / "index.html", _index(incident, folder, title, remarks, redacted=settings.redact).encode())
         write_manifest(folder, _predicate(incident, remarks, settings, redaction), settings.key)
         files = len(files_of(folder))
     return Case(incident.incident_id, files, remarks)
@@ -122,14 +122,15 @@ def _page(incident: CaseIncident, redaction: Redaction | None) -> str:
     return render(redaction.value(page) if redaction is not None else page)
 
 
-def _index(incident: CaseIncident, folder: Path, title: str, remarks: tuple[str, ...]) -> str:
+def _index(incident: CaseIncident, folder: Path, title: str, remarks: tuple[str, ...], *, redacted: bool) -> str:
     names = {frame: example for example, frame in reversed(incident.examples.items())}
+    words = {**_WORDS, Content.COLOUR: "blurred"} if redacted else _WORDS
     pictures = []
-    for path in sorted((folder / "pictures").glob("*"), key=lambda one: (int(one.name.partition("_")[0]), one.name)):
+    for path in (folder / "pictures").glob("*"):
         frame, _, rest = path.name.partition("_S")
         sensor, content, _ = rest.split(".")
-        of = f"S_{sensor} {_WORDS[Content(content)]}"
-        pictures.append(PictureLine(f"pictures/{path.name}", names.get(int(frame), ""), int(frame), of))
+        of = f"S_{sensor} {words[Content(content)]}"
+        pictures.append(PictureLine(f"pictures/{path.name}", names.get(int(frame), ""), int(frame), int(sensor), of))
     return render_case(
         CasePage(
             title,

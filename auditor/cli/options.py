@@ -65,17 +65,17 @@ again_option = click.option(
 )
 
 
-content_option = click.option(
-    "--verify-content",
-    is_flag=True,
-    help="Read also files whose path, size, times and inode are those of when the store read them.",
-)
-
-
 policy_option = click.option(
     "--policy",
     type=click.Path(path_type=Path),
     help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
+)
+
+
+content_option = click.option(
+    "--verify-content",
+    is_flag=True,
+    help="Read also files whose path, size, times and inode are those of when the store read them.",
 )
 
 
@@ -331,7 +331,7 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: at most so many on clean drives; sets what a window must exceed the limit by.",
+            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 2]",
         ),
         click.option(
             "-r",

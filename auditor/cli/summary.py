@@ -107,22 +107,22 @@ def show_audit(
     the store is asked about it alone; earlier verdicts are counted. What no incident fails is not found, as far as the
     tally is concerned. Without a store nothing was measured.
     """
-    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
-    from auditor.store import rows_of, run_query  # noqa: PLC0415
+    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
 
     rows: list[dict[str, Any]] = []
     decided: list[Decided] = []
     if store is not None:
-        if judged is not None:
-            store = _asked(store, judged)
-        summary = run_query(store, "summary", {})
+        asked = store if judged is None else _asked(store, judged)
+        summary = run_query(asked, "summary", {})
         every = recording_ids is None
         places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
         rows = rows_of(summary)
-        incidents = _incidents_of(store, {row["measurement_id"] for row in rows})
-        decided = decide(incidents, policy or policy_of(None), datetime.now(UTC).date())
-        _excuse(tally, decided)
+        allowed = policy or policy_of(None)
+        decided = _decided(asked, {row["measurement_id"] for row in rows}, allowed)
+        earlier = {one.measurement_id for one in judged or () if one.judgement is not None} if tally.found else set()
+        earlier -= {row["measurement_id"] for row in rows}
+        _excuse(tally, [*decided, *(_decided(store.only(measurements=earlier), earlier, allowed) if earlier else ())])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
@@ -202,14 +202,17 @@ def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
     )
 
 
-def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[str, Any]]:
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+def _decided(store: "Store", measurements: Collection[str], policy: "Policy") -> "list[Decided]":
+    """The incidents of some measurements, and which of them fail today."""
+    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
 
-    return [
+    incidents = [
         row
         for row in rows_of(run_query(store, "incidents", {}))
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
+    return decide(incidents, policy, datetime.now(UTC).date())
 
 
 def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
-from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.robust import FrameSeries, judge_frames, window_scores
+from auditor.identification.incidents import incident_limit
+from auditor.identification.parameters import INCIDENTS
+from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.scores import for_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
@@ -17,11 +18,11 @@ from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import fallback_of
-from auditor.model.verdict import FINDINGS, Finding
+from auditor.model.verdict import FINDINGS, Finding, VerdictKind
 
 NS_PER_HOUR = 3600 * 10**9
 
-INCIDENT_GAP_S = TEMPORAL_WINDOW.incident_gap_s
+INCIDENT_GAP_S = INCIDENTS.gap_s
 """The default of the queries on incidents."""
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
@@ -49,15 +50,17 @@ def robust_thresholds(
     *,
     transferred: bool = False,
 ) -> RobustThresholds:
-    """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
+    """Thresholds at r; with `incidents_per_hour` also what clean recordings exceed in no more incidents than that.
 
-    `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not in [0, 1].
+    Without it the limit of incidents is the prior's at the usual rate; with it the clean recordings count, each judged
+    by the others. `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not
+    in [0, 1].
     """
     found = thresholds_of(calibration.clean, system, r, calibration.calibration_id)
-    score = 0.0
+    limit = found.score
     if incidents_per_hour is not None:
-        score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
-    return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
+        limit = incident_limit(incidents_per_hour, left_out_peaks(calibration, system, r), clean_hours(calibration))
+    return replace(found, score=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def thresholds_of(
@@ -99,46 +102,35 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
     return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
 
 
-def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
-    """The window scores of all clean frames, each recording by the thresholds of the others, in order of time.
+def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:
+    """The peaks of the evidence of all clean frames, each recording by the thresholds of the others.
 
-    A score of -inf separates two recordings. Those of one recording alone are in sample.
+    Those of one recording alone are in sample.
     """
-    apart = np.full(1, -np.inf)
-    scores: list[Floats] = []
+    peaks: list[float] = []
     for left_out in calibration.clean:
         others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
         series, thresholds = as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
-        scores += [window_scores(series, system, thresholds), apart]
-    return np.concatenate(scores) if scores else apart
-
-
-def score_threshold(scores: Floats, hours: float, incidents_per_hour: float) -> float:
-    """The smallest score threshold, zero at least, that clean frames cross in no more than so many incidents an hour.
-
-    `scores` (F,) are in the order of time; an incident is a run of frames whose score lies above the threshold.
-    """
-    allowed = int(incidents_per_hour * hours)
-    for candidate in [0.0, *np.unique(scores[scores > 0]).tolist()]:
-        if _count_runs(scores > candidate) <= allowed:
-            return float(candidate)
-    raise AssertionError("nothing lies above the largest score")
+        peaks += clean_peaks(series, system, thresholds)
+    return peaks
 
 
 def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> int:
     """How many incidents the findings of F successive frames make.
 
-    Frames of equal findings that are no further apart than INCIDENT_GAP_S are one; where the clock is set back a new
-    one begins. The query `incidents` counts the same.
+    Frames of one event are one, and so are events of one kind and one set of sensors that are no further apart than
+    INCIDENT_GAP_S; single-frame events are none. Where the clock is set back a new one begins. The query `incidents`
+    counts the same.
     """
     clock = np.cumsum(np.diff(stamps_ns, prepend=stamps_ns[:1]) < 0)
-    latest: dict[tuple[Finding, int], int] = {}
+    latest: dict[tuple[VerdictKind, tuple[int, ...], int], tuple[int, float]] = {}
     count = 0
     for finding, stamp_ns, since in zip(findings, stamps_ns.tolist(), clock.tolist(), strict=True):
-        if finding is not None:
-            before = latest.get((finding, since))
-            count += before is None or stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
-            latest[finding, since] = stamp_ns
+        if finding is not None and not finding.single:
+            key = finding.kind, finding.attacked, since
+            event, before = latest.get(key, (0, -inf))
+            count += event != finding.event and stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
+            latest[key] = finding.event, stamp_ns
     return count
 
 

@@ -28,6 +28,11 @@ _WARMTH = "three real drives: within drives 0.03, between them 0.065, between th
 _LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one has a tilt that its drives must teach"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
+_TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/incidents.md)"
+_TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
+_CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
+_AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
+_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053 and 5000 to 5041 (docs/incidents.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 
@@ -154,20 +159,48 @@ class FaultScale:
 
 @dataclass(frozen=True)
 class TemporalWindow:
-    """Means over time: attacks last, most mistakes do not."""
+    """Means of fault features over time, and where a run of frames ends."""
 
     seconds: float = parameter(0.5, unit="s around a frame", source=BY_HAND)
-    limit_share: float = parameter(
-        0.65,
-        unit="of a frame's limit that the mean z of the window must exceed",
-        source="demo, streets 2000 to 2053, 800 frames of long streets",
-    )
-    incident_gap_s: float = parameter(0.5, unit="s that frames of one incident are apart at most", source=BY_HAND)
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
 
 _CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
+
+
+@dataclass(frozen=True)
+class Incidents:
+    """The sequential test of attacked frames against clean ones."""
+
+    tail_rate: float = parameter(
+        0.01, unit="rate at which clean frames exceed the joint limit where their tail begins", source=_TAIL
+    )
+    tail_slope: float = parameter(2.5, unit="powers of e a z, by which clean frames are rarer beyond", source=_TAIL)
+    duty: float = parameter(
+        0.2,
+        unit="share of the frames that an attack changes",
+        source="a strobe of one frame in five",
+    )
+    most_of_a_frame: float = parameter(5.0, unit="log-likelihood ratio that a frame counts with at most", source=_TRIED)
+    correlation: float = parameter(0.33, unit="autocorrelation of clean evidence at once", source=_CORRELATED)
+    correlation_s: float = parameter(0.4, unit="s in which it falls by e", source=_CORRELATED)
+    quiet_s: float = parameter(1.0, unit="s without a rise, after which an incident has ended", source=BY_HAND)
+    quiet_frames: int = parameter(
+        5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
+    )
+    fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
+    per_hour: float = parameter(2.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
+    fewest_per_hour: float = parameter(
+        0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
+    )
+    peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
+    prior_peaks: float = parameter(4.0, unit="clean peaks beyond it, of the prior", source=_PEAKS)
+    prior_hours: float = parameter(0.05, unit="hours of clean driving, of the prior", source=_PEAKS)
+    prior_scale: float = parameter(0.55, unit="mean of what such peaks exceed it by", source=_PEAKS)
+    gap_s: float = parameter(
+        0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
+    )
 
 
 @dataclass(frozen=True)
@@ -317,6 +350,7 @@ SCORE_LIMITS = ScoreLimits()
 LOCALISED_FROM = LocalisedFrom()
 FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
+INCIDENTS = Incidents()
 NAMING = Naming()
 LIKELIHOOD = Likelihood()
 FAULT_SCORES = FaultScores()
@@ -338,6 +372,7 @@ JUDGING = (
     NAMING,
     LIKELIHOOD,
     TEMPORAL_WINDOW,
+    INCIDENTS,
     FROZEN,
     POINT_EXCESS,
     ADDED_LIGHT,

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from auditor.identification.faults import TONES, faults_of
+from auditor.identification.incidents import incident_limit
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
     DriveValues,
@@ -45,7 +46,7 @@ def thresholds_from(
 ) -> RobustThresholds:
     """Thresholds at r from the clean frames of recordings, each taken for a drive; from none of them the prior.
 
-    `judged_together` is how many checks a frame is judged by at once. The threshold of the window's score is 0. Raises
+    `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
     limit = joint_limit(float(checked(r)), judged_together)
@@ -63,7 +64,7 @@ def thresholds_from(
     drives = len({one.recording_id for one in clean})
     known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
     scales = {cause: fault_scale(cause[0], found, limit, _shown(cause, clean)) for cause, found in known.items()}
-    return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives)
+    return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
 
 
 def for_drive(

@@ -91,10 +91,17 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """The verdict of the temporal window of a frame that is a finding: frames of equal findings are incidents."""
+    """The event that a frame belongs to: an incident, or a `single` frame so strong that it is told by itself.
+
+    `kind` and `attacked` are what most of the event's evidence speaks for. `event` numbers the events of a recording
+    from 1. `added` is what this frame adds to the evidence.
+    """
 
     kind: VerdictKind
     attacked: tuple[int, ...]
+    event: int = 1
+    single: bool = False
+    added: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ class Verdict:
     first. Of a finding of the robust method `posterior` is the probability of the likeliest attack set, that of
     `attacked` or the first alternative, and `log10_ratio` the decimal logarithm of its likelihood ratio against no
     attack (`identification.likelihood`); else None. `causes` are the fault hypotheses. `finding` is the robust
-    method's, None where the frame belongs to no incident.
+    method's, None where the frame belongs to no event; a frame that is clean by itself may belong to an incident, too.
     """
 
     kind: VerdictKind
@@ -126,6 +133,11 @@ class Verdict:
     finding: Finding | None = None
     posterior: float | None = None
     log10_ratio: float | None = None
+
+    @property
+    def in_incident(self) -> bool:
+        """Whether the robust method holds the frame for part of an incident; a single-frame event is none."""
+        return self.finding is not None and not self.finding.single
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
 from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
+from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import provisional_of
 
@@ -177,7 +178,7 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
 
     Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
     there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
-    incidents.
+    incidents, unless all of these were reviewed as false alarms.
     """
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
@@ -200,12 +201,12 @@ def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recou
 
 def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
-    judgements = store.current_judgements()
+    judgements, excused = store.current_judgements(), false_alarms(store)
     for measurement in store.ids("measurements"):
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
-            yield measurement, reason or _in_incidents(judgements.get(measurement))
+            yield measurement, reason or (_in_incidents(judgements.get(measurement)) * (measurement not in excused))
 
 
 def attacked_by_labels(store: Store, measurement: str) -> str:

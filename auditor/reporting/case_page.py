@@ -7,11 +7,12 @@ from auditor.reporting.templates import fill
 
 @dataclass(frozen=True)
 class PictureLine:
-    """One picture: its place in the folder, what its frame is to the incident, the frame, and what it shows."""
+    """One picture: its place in the folder, what its frame is to the incident, the frame, the sensor, and its words."""
 
     file: str
     example: str
     frame: int
+    sensor: int
     shows: str
 
 
@@ -30,8 +31,15 @@ class CasePage:
 
     @property
     def frames(self) -> list[tuple[int, str]]:
-        """The pictured frames, each with what it is to the incident."""
-        return sorted({(one.frame, one.example) for one in self.pictures})
+        """The pictured frames, each with what it is to the incident, the strongest first."""
+        there = {(one.frame, one.example) for one in self.pictures}
+        return sorted(there, key=lambda one: (one[1] != "strongest", one[1] == "clean", one[0]))
+
+    def of_frame(self, frame: int) -> list[PictureLine]:
+        """The pictures of a frame: those of the cameras from right to left, then those of the cloud."""
+        return sorted(
+            (one for one in self.pictures if one.frame == frame), key=lambda one: (not one.sensor, one.sensor, one.file)
+        )
 
 
 def render_case(page: CasePage) -> str:

@@ -11,8 +11,10 @@ from enum import StrEnum
 from typing import Any
 
 from auditor.errors import StoreError
+from auditor.store.export import rows_of
 from auditor.store.log import Kind, logged
 from auditor.store.log.provenance import user
+from auditor.store.queries import run_query
 from auditor.store.records import content_id, to_utc
 from auditor.store.store import Store
 
@@ -103,3 +105,13 @@ def keep_review(store: Store, review: Review) -> None:
                 "until": str(review.until) if review.until else None,
             },
         )
+
+
+def false_alarms(store: Store) -> frozenset[str]:
+    """The measurements that have incidents, all of them reviewed as false alarms. Raises StoreError."""
+    said: dict[str, set[str | None]] = {}
+    if store.ids("reviews"):
+        for row in rows_of(run_query(store, "incidents", {})):
+            for part in row["parts"]:
+                said.setdefault(part["measurement_id"], set()).add(row["review"])
+    return frozenset(known for known, words in said.items() if words == {ReviewVerdict.FALSE_ALARM})

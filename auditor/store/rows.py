@@ -315,4 +315,7 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "finding_attacked": verdict.finding and list(verdict.finding.attacked),
         "posterior": verdict.posterior,
         "log10_ratio": verdict.log10_ratio,
+        "event": verdict.finding and verdict.finding.event,
+        "single_frame": verdict.finding and verdict.finding.single,
+        "event_added": verdict.finding and verdict.finding.added,
     }

@@ -308,7 +308,7 @@ class Store:
         with writing("verdicts", self.path("verdicts", judgement_id)) as table:
             for frame, stamp_ns, verdict in verdicts:
                 counts[verdict.kind] += 1
-                in_incidents += verdict.finding is not None if robust else verdict.kind in FINDINGS
+                in_incidents += verdict.kind in FINDINGS and (verdict.in_incident or not robust)
                 table.add(verdict_row(judgement_id, judgement.measurement_id, frame, stamp_ns, verdict))
             written = table.commit()
         row = {**row, **{kind.value: counts[kind] for kind in VerdictKind}, "in_incidents": in_incidents}

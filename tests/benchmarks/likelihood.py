@@ -9,7 +9,8 @@ frames as much as half of all kinds, the share of each set in that being taken f
 
 With --judge the scenes of those folders are judged by the curves that were fitted (those of one NAME alone where scenes
 of it were left out), with three and with four cameras: of the frames that are findings at r = 1 %, by attack, how many
-are named with at least the least probability, rightly and wrongly; then the expected calibration error, and Brier scores.
+are named with at least the least probability, rightly and wrongly; then the expected calibration error and Brier
+scores, of all and of the families that have enough names.
 """
 
 import argparse
@@ -24,12 +25,13 @@ import numpy as np
 import torch
 
 from auditor.identification import likelihood, parameters
+from auditor.identification.algorithm2 import FEWEST_COMPARED
 from auditor.identification.likelihood import AttackSet, attack_sets, explained, log_likelihood_ratios, posteriors
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import effective_size
 from auditor.identification.scores import for_drive, normalised_scores
 from auditor.identification.systems import System
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Floats, Integers
 from auditor.model.rig import LIDAR
 from tests.benchmarks.rates import clean_frames, frames_of, system_of, thresholds_of
 from tests.benchmarks.scenes import Scene, load
@@ -42,6 +44,8 @@ REST_AT = np.array([-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0]
 CLEAN_WEIGHT = 4.0
 SMOOTH = 1e-3
 BINS = 10
+SURE = 0.9
+FEWEST_NAMES = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +88,8 @@ class Curves(torch.nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.steps = torch.nn.ParameterList(
-            [torch.zeros(len(OWN_AT)), torch.zeros(len(OWN_AT)), torch.zeros(len(REST_AT))]
-        )
+        knots = (OWN_AT, OWN_AT, REST_AT)
+        self.steps = torch.nn.ParameterList([torch.zeros(len(at)) for at in knots])
         self.starts = torch.nn.Parameter(torch.tensor([-3.0, -3.0]))
         self.several = torch.nn.Parameter(torch.tensor(-1.0))
 
@@ -98,17 +101,16 @@ class Curves(torch.nn.Module):
         return [self.starts[0] + camera, self.starts[1] + lidar, -rest]
 
     def roughness(self) -> torch.Tensor:
-        knots = (OWN_AT, OWN_AT, REST_AT)
-        slopes = (
-            (one[1:] - one[:-1]) / torch.tensor(np.diff(at), dtype=torch.float32)
-            for one, at in zip(self.values(), knots, strict=True)
-        )
-        return sum(((one[1:] - one[:-1]) ** 2).sum() for one in slopes)
+        total = torch.zeros(())
+        for one, at in zip(self.values(), (OWN_AT, OWN_AT, REST_AT), strict=True):
+            slopes = (one[1:] - one[:-1]) / torch.tensor(np.diff(at), dtype=torch.float32)
+            total = total + ((slopes[1:] - slopes[:-1]) ** 2).sum()
+        return total
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """N frames and their H sets: (N, H, K) weights of the knots, (N,) true sets and weights, (H,) sensors and priors."""
+    """N frames, H sets: (N, H, K) weights of the knots, (N,) true sets and weights, (H,) sensors and priors."""
 
     camera: torch.Tensor
     lidar: torch.Tensor
@@ -140,26 +142,29 @@ def design(frames: Sequence[Scored]) -> Design:
         kind = CLEAN_WEIGHT if not one.attack else 1.0
         each = kind / in_family[one.scene.family, one.attack, len(one.system.sensors)] / len(families[one.attack])
         weight += [each] * len(one.z)
-    sets = attack_sets(frames[0].system, NOBODY, frames[0].system.sensors)
     weights, answers = np.array(weight) / sum(weight), np.array(true)
-    share = {size: 0.0 for size in range(4)}
-    for answer, value in zip(answers.tolist(), weights.tolist(), strict=True):
-        share[len(sets[answer])] += value
-    of_size = Counter(len(one) for one in sets)
-    lidar_share = sum(v for a, v in zip(answers.tolist(), weights.tolist(), strict=True) if sets[a] == (LIDAR,))
-    prior = np.array([share[len(one)] / of_size[len(one)] for one in sets])
-    for place, one in enumerate(sets):
-        if len(one) == 1:
-            prior[place] = lidar_share if one == (LIDAR,) else (share[1] - lidar_share) / (of_size[1] - 1)
-    tensors = [torch.tensor(np.concatenate(part), dtype=torch.float32) for part in zip(*rows, strict=True)]
-    several = torch.tensor([max(len(one) - 1, 0) for one in sets], dtype=torch.float32)
+    sets = attack_sets(frames[0].system, NOBODY, frames[0].system.sensors)
+    camera_part, lidar_part, rest_part = (
+        torch.tensor(np.concatenate(part), dtype=torch.float32) for part in zip(*rows, strict=True)
+    )
     return Design(
-        *tensors,
-        several,
+        camera_part,
+        lidar_part,
+        rest_part,
+        torch.tensor([max(len(one) - 1, 0) for one in sets], dtype=torch.float32),
         torch.tensor(answers),
         torch.tensor(weights, dtype=torch.float32),
-        torch.log(torch.tensor(prior + 1e-6, dtype=torch.float32)),
+        torch.tensor(np.log(_shares(sets, answers, weights) + 1e-6), dtype=torch.float32),
     )
+
+
+def _shares(sets: Sequence[AttackSet], answers: Integers, weights: Floats) -> Floats:
+    """(H,) the share of the weights that each set has, those of one kind taken for equal."""
+    kinds = [(len(one), one == (LIDAR,)) for one in sets]
+    whole: Counter[tuple[int, bool]] = Counter()
+    for answer, value in zip(answers.tolist(), weights.tolist(), strict=True):
+        whole[kinds[answer]] += value
+    return np.array([whole[kind] / kinds.count(kind) for kind in kinds])
 
 
 def fit(designs: Sequence[Design]) -> parameters.Likelihood:
@@ -177,10 +182,10 @@ def fit(designs: Sequence[Design]) -> parameters.Likelihood:
             )
             chosen = torch.log_softmax(logits, 1)[torch.arange(len(one.true)), one.true]
             total = total - (one.weight * chosen).sum()
-        total.backward()
+        total.backward()  # type: ignore[no-untyped-call]
         return total
 
-    optimiser.step(loss)
+    optimiser.step(loss)  # type: ignore[no-untyped-call]
     camera, lidar, rest = (tuple(round(v, 2) for v in one.tolist()) for one in curves.values())
     return replace(
         parameters.LIKELIHOOD,
@@ -194,7 +199,7 @@ def fit(designs: Sequence[Design]) -> parameters.Likelihood:
 
 
 def judged(frames: Sequence[Scored]) -> Iterator[tuple[Scored, float, AttackSet]]:
-    """Of each finding the probability of the likeliest set of sensors, and that set; then of what is no finding None."""
+    """Of each frame the likeliest set of sensors, and its probability, 0 where it is no finding."""
     for one in frames:
         sets = attack_sets(one.system, NOBODY, one.system.sensors)
         findings = attack_scores(one.z, one.system, [NOBODY] * len(one.z)) > one.limit
@@ -208,24 +213,31 @@ def judged(frames: Sequence[Scored]) -> Iterator[tuple[Scored, float, AttackSet]
 def report(frames: Sequence[Scored], least: float) -> Iterator[str]:
     """By attack the shares found, named rightly and wrongly; then how true the probabilities of findings are."""
     found = list(judged(frames))
-    attacks = dict.fromkeys(one.attack for one in frames)
-    for attack in attacks:
+    for attack in dict.fromkeys(one.attack for one in frames):
         those = [(p, best == one.attacked) for one, p, best in found if one.attack == attack]
-        raised = [p for p, _ in those if p > 0]
-        right, wrong, sure = (
-            sum(p >= bar and is_right == wanted for p, is_right in those)
-            for bar, wanted in ((least, True), (least, False), (0.9, True))
-        )
-        shares = " ".join(
-            f"{name} {100 * k / len(those):.1f} %"
-            for name, k in (("found", len(raised)), ("named", right), ("wrongly", wrong), ("with 90 %", sure))
-        )
+        counts = {
+            "found": sum(p > 0 for p, _ in those),
+            "named": sum(p >= least and right for p, right in those),
+            "wrongly": sum(p >= least and not right for p, right in those),
+            "with 90 %": sum(p >= SURE and right for p, right in those),
+        }
+        shares = ", ".join(f"{name} {100 * k / len(those):.1f} %" for name, k in counts.items())
         yield f"  {attack or 'clean'} ({len(those)}): {shares}"
-    p, right = (
-        np.array(column) for column in zip(*((p, best == o.attacked) for o, p, best in found if p > 0), strict=True)
-    )
-    names = p >= least
-    yield f"  {truth(p[names], right[names])}"
+    known = [(one, p, best == one.attacked) for one, p, best in found if p > 0 and len(one.attacked) <= _most(one)]
+    groups = defaultdict(list)
+    for one, p, right in known:
+        if p >= least:
+            family = one.scene.family
+            groups["all names"].append((p, right))
+            groups[family.partition(", ")[2] or family].append((p, right))
+        groups["all findings"].append((p, right))
+    for name, those in groups.items():
+        if len(those) >= FEWEST_NAMES:
+            yield f"  {name}: {truth(*(np.array(column) for column in zip(*those, strict=True)))}"
+
+
+def _most(one: Scored) -> int:
+    return len(one.system.sensors) - FEWEST_COMPARED
 
 
 def truth(p: Floats, right: Floats) -> str:
@@ -236,7 +248,7 @@ def truth(p: Floats, right: Floats) -> str:
     )
     share, sure = right.mean(), p >= 0.9
     return (
-        f"{len(p)} names, {100 * share:.1f} % right; expected calibration error {error:.3f}, Brier score"
+        f"{len(p)}, {100 * share:.1f} % right; expected calibration error {error:.3f}, Brier score"
         f" {np.mean((p - right) ** 2):.4f}, a constant's {share * (1 - share):.4f}; of {sure.sum()} with 90 % or more"
         f" {100 * right[sure].mean():.1f} % right"
     )
@@ -270,7 +282,7 @@ def main() -> None:
         three = [one for cameras in CAMERAS[:-1] for one in frames[cameras]]
         fitted = replace(fit([design(three), design(four)]), clean_worth=round(clean_worth(four), -1))
         print(fitted)
-        likelihood.LIKELIHOOD = fitted
+        likelihood.LIKELIHOOD = fitted  # type: ignore[attr-defined]
         likelihood.LARGEST_RATIO = float(np.log(fitted.clean_worth))
     for folder in options.judge:
         for cameras in (CAMERAS[0], CAMERAS[-1]):

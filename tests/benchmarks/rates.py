@@ -101,7 +101,7 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
     return fault_scores(ObservedFeatures(pairs, columns, cameras, brightness), stamps, system.sensors)
 
 
-def _brightness(cases: Sequence[Case], system: System) -> dict[tuple[str, int], np.ndarray]:
+def brightness_of(cases: Sequence[Case], system: System) -> dict[tuple[str, int], np.ndarray]:
     return {
         (name, camera): np.array([case.brightness(name).get(camera) for case in cases], dtype=np.float64)
         for name in BRIGHTNESS
@@ -123,7 +123,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         here,
         ~here,
         own.strengths,
-        _brightness(clean, system),
+        brightness_of(clean, system),
     )
     thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
     verdicts = judge_frames(series, system, thresholds)
@@ -136,7 +136,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         at = [places[case.frame] for case in attacked]
         scores = {cause: values[at] for cause, values in own.strengths.items()}
         here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
-        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, _brightness(attacked, system))
+        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, brightness_of(attacked, system))
         verdicts += judge_frames(lone, system, thresholds)
     ordered = [*clean, *attacked]
     papers = _paper(ordered, scene, system, theta)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auditor.errors import SettingError
+from auditor.identification.incidents import incident_limit
 from auditor.identification.parameters import FAULT_SCALE
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
 from auditor.identification.scores import fault_scale, for_drive, normalised_scores, thresholds_from, worth_localising
@@ -35,7 +36,7 @@ def test_without_clean_frames_every_check_has_the_prior():
     found = thresholds_from([], CHECKS, 11, R, "prior")
     assert set(found.expected) == set(CHECKS)
     assert all(found.expected[check] == expected(prior_of_check(check), []) for check in CHECKS)
-    assert (found.calibration_id, found.r, found.drives, found.score) == ("prior", R, 0, 0.0)
+    assert (found.calibration_id, found.r, found.drives, found.score) == ("prior", R, 0, incident_limit())
     assert found.limit == joint_limit(0.01, 11)
 
 

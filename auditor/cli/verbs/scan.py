@@ -69,7 +69,7 @@ def command(
         if kept is not None and not measure_only:
             ids = [known for one in measured for known in one.measurement_ids]
             judged = show_judging(judge_all(kept, ids, replace(settings, only_stale=True)), kept, tally)
-            found = [one.measurement_id for one in judged] if tally.found else []
+            found = [one.measurement_id for one in judged if one.found]
             for pictured in picture_incidents(kept, found, measuring.pictures, measuring.limits, measuring.jobs):
                 if pictured.remark:
                     say(f"{pictured.recording}: {pictured.remark}")
