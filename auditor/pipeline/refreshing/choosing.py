@@ -6,7 +6,7 @@ from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
-from auditor.identification.refreshing.influence import crowded, limited
+from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
@@ -88,6 +88,12 @@ class Choice:
     out: tuple[UsedRecording, ...]
     judged: int
     raised: int
+
+    @property
+    def judged_twice(self) -> tuple[list[Shown], list[Shown]]:
+        """What the new logs that are learnt from show by the version in force, and by the others."""
+        both = [(one.at_first, one.shown) for one in self.chosen if one.at_first is not None and one.shown is not None]
+        return [before for before, _ in both], [after for _, after in both]
 
     @property
     def waiting(self) -> int:
@@ -176,13 +182,15 @@ def _eligible(group: Group, known: Known) -> tuple[list[Log], list[Log], list[Us
 def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
     """New logs compared with the others, then each judged by logs of other vehicles and days.
 
-    Those that nobody named, and that are not like the others or are raised, go out; then the rest is compared again.
+    Those that nobody named, and that are not like the others, move a threshold far or are raised, go out; then the rest
+    is compared again.
     """
     while True:
         drives = [one.drive for one in choice.chosen]
         new = [place for place, one in enumerate(choice.chosen) if one.new]
-        if unlike := differing(drives, new, system):
-            choice = choice.without({place: str(one) for place, one in unlike.items()})
+        unlike = {place: str(one) for place, one in differing(drives, new, system).items()}
+        if unlike := unlike or influential(drives, new, system, r):
+            choice = choice.without(unlike)
             continue
         every = shown_by_others(drives, system, r)
         chosen = tuple(replace(one, shown=shown) for one, shown in zip(choice.chosen, every, strict=True))
