@@ -91,9 +91,9 @@ class TwoSamples:
         0.01, unit="chance that a night of clean drives leaves one out, all tests together", source=BY_HAND
     )
     shape: float = parameter(
-        0.5,
-        unit="deviation between drives of the log of the scaled distance of their shapes",
-        source="21 streets of 100 frames: 0.3 to 0.7 by check",
+        0.4,
+        unit="deviation between drives of the log of the distance of their shapes",
+        source="21 streets of 100 frames: 0.27 to 0.53 by check",
     )
     fewest_drives: int = parameter(8, unit="others that a drive is compared with", source=BY_HAND)
     fewest_frames: int = parameter(10, unit="measured frames of a drive that are compared", source=BY_HAND)

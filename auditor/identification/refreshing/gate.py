@@ -7,12 +7,12 @@ from math import sqrt
 
 import numpy as np
 
-from auditor.identification.cross_validation import as_scanned
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import log_odds
 from auditor.identification.refresh_parameters import GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import Share, difference_of, share_of
 from auditor.identification.refreshing.drives import Shown
+from auditor.identification.scores import for_drive
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import SensorCheck
@@ -62,24 +62,28 @@ def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: Rob
 
     One is planted into each check that counts and each frame: its statistic is raised by so many log odds.
     """
-    columns = system.counting(frozenset())
+    checks = [system.sensor_checks[column] for column in system.counting(frozenset()).tolist()]
     found = []
     for one in drives:
-        series, known = as_scanned(one, thresholds, system)
-        expected = [known.expected[system.sensor_checks[column]] for column in columns.tolist()]
-        theta = np.array([one.mean + known.limit * one.deviation for one in expected])
-        odds = log_odds(series.statistics[:, columns]) + GATE.planted
+        statistics = one.statistics_of(checks)
+        expected = for_drive(thresholds, checks, statistics).expected
+        theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
+        odds = log_odds(statistics) + GATE.planted
         found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
     return Planted(tuple(one for one, _ in found), tuple(of for _, of in found))
 
 
 @dataclass(frozen=True)
 class Compared:
-    """How the thresholds of a candidate compare with those of another version, which was made of so many `drives`."""
+    """How the thresholds of a candidate compare with those of another version, which was made of so many `drives`.
+
+    `found` is the share of planted attacks that the other one finds, `lost` what the candidate loses of them.
+    """
 
     drives: int
     steps: tuple[Step, ...]
     lost: Share
+    found: Share
 
     @property
     def rise(self) -> float:
@@ -88,11 +92,11 @@ class Compared:
 
 
 def compared(
-    drives: Sequence[CleanFrames], system: System, before: RobustThresholds, after: RobustThresholds
+    drives: Sequence[CleanFrames], system: System, before: RobustThresholds, after: RobustThresholds, found: Planted
 ) -> Compared:
-    """Compare thresholds, on drives that attacks are planted into."""
-    found = [planted_found(drives, system, one) for one in (before, after)]
-    return Compared(before.drives, tuple(steps(before, after, system)), found[1].lost_since(found[0]))
+    """Compare thresholds, on drives that attacks are planted into; `found` is what those of after find."""
+    earlier = planted_found(drives, system, before)
+    return Compared(before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share)
 
 
 def doubts(step: Compared, creep: Compared) -> Iterator[str]:

@@ -2,9 +2,10 @@
 
 Two tests of each check that counts. Of the level: the mean of the drive against the means of the others, whose median
 and scatter are robust against a few bad ones. Of the shape: the frames of the drive about their median against those
-of all drives about theirs. Their largest distance (Kolmogorov and Smirnov), scaled by the frames that the drive is
-worth (`effective_size`), since they depend on each other, is compared with that of the others: clean drives differ in
-shape far more than frames of one population would. All tests of a night are corrected together by Holm.
+of all drives about theirs: the largest distance of the two (Kolmogorov and Smirnov) against the distances of the
+others, since clean drives differ in shape far more than frames of one population would. Frames of a drive depend on
+each other: a drive's mean counts as that of the frames that it is worth (`effective_size`), and its distance as one
+value. All tests of a night are corrected together by Holm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,9 +49,9 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """The log odds of one check in one drive: their mean, how many frames they are worth, and the scaled distance.
+    """The log odds of one check in one drive: their mean, how many frames they are worth, and the distance in shape.
 
-    `distance` is the logarithm of Kolmogorov's and Smirnov's statistic against all drives, each about its own median.
+    `distance` is the logarithm of Kolmogorov's and Smirnov's against all drives, each about its own median.
     """
 
     mean: float
@@ -115,7 +116,7 @@ def _sample(odds: Floats, centred: Floats, pool: Floats) -> _Sample:
     of_pool = np.searchsorted(pool, at, side="right") / pool.size
     own = np.arange(1, at.size + 1) / at.size
     distance = max(float(np.max(np.abs(own - of_pool))), float(np.max(np.abs(own - 1 / at.size - of_pool))))
-    return _Sample(float(odds.mean()), worth, log(sqrt(worth) * distance))
+    return _Sample(float(odds.mean()), worth, log(distance))
 
 
 def _of_level(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> float:

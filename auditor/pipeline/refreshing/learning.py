@@ -94,7 +94,8 @@ def _decide(
     after = thresholds_of(calibration.clean, system, r)
     before = thresholds_of(known.parent.clean, system, r) if known.parent is not None else after
     confirmed = thresholds_of(known.confirmed.clean, system, r) if known.confirmed is not None else before
-    step, creep = compared(drives, system, before, after), compared(drives, system, confirmed, after)
+    found = planted_found(drives, system, after)
+    step, creep = (compared(drives, system, one, after, found) for one in (before, confirmed))
     rates = rates_by_condition([_conditions(one.used) for one in choice.chosen], shown)
     at_first, again = choice.judged_twice if known.parent is not None else ((), ())
     refused = [*_raised_named(choice, r), *_too_many_raised(choice), *worse(step, at_first, again)]
@@ -113,8 +114,8 @@ def _decide(
         by_others=Interval(*false_alarms(shown)) if shown else None,
         new_by_others=Interval(*false_alarms(again)) if at_first else None,
         new_before=Interval(*false_alarms(at_first)) if at_first else None,
-        found_before=None if first else planted_found(drives, system, before).share.value,
-        found_after=planted_found(drives, system, after).share.value,
+        found_before=None if first else step.found.value,
+        found_after=found.share.value,
         lost=None if first else Interval(*step.lost),
         lost_in_all=None if first else Interval(*creep.lost),
         creep=None if first else creep.rise,
