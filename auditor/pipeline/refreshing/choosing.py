@@ -16,8 +16,10 @@ from auditor.store.versions.quarantine import Quarantined
 from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"
+LABELLED = "labelled clean"
+"""With a label of its own: somebody looked at this recording."""
 
-_BY_PERSON = (NAMED, GIVEN)
+_BY_PERSON = (NAMED, LABELLED, GIVEN)
 _WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"
 _BEFORE = "in the version of before"
 _NOT_NAMED = "the first version is made of what was named clean"
@@ -60,6 +62,11 @@ class Chosen:
     def named(self) -> bool:
         """Whether a person called it clean."""
         return self.used.reason in _BY_PERSON
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it was named clean among others, and nobody says that this one was looked at."""
+        return self.named and self.used.reason != LABELLED
 
     @property
     def new(self) -> bool:
@@ -126,7 +133,7 @@ def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
     base = thresholds_of(known.parent.clean if known.parent is not None else (), system, r)
     in_force = set(known.parent.recordings) if known.parent is not None else set()
     by = known.judges if known.parent is not None else f"{known.judges} and the others"
-    chosen = [_chosen(log, known, NAMED) for log in named] + _gone(known, group)
+    chosen = [_chosen(log, known, LABELLED if log.labelled else NAMED) for log in named] + _gone(known, group)
     raised = list[UsedRecording]()
     for log in others:
         if log.used.recording_id in in_force:
@@ -188,9 +195,9 @@ def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
     while True:
         drives = [one.drive for one in choice.chosen]
         new = [place for place, one in enumerate(choice.chosen) if one.new]
-        unlike = {place: str(one) for place, one in differing(drives, new, system).items()}
-        if unlike := unlike or influential(drives, new, system, r):
-            choice = choice.without(unlike)
+        odd = {place: str(one) for place, one in differing(drives, new, system).items()}
+        if odd := odd or influential(drives, new, system, r):
+            choice = choice.without(odd)
             continue
         every = shown_by_others(drives, system, r)
         chosen = tuple(replace(one, shown=shown) for one, shown in zip(choice.chosen, every, strict=True))

@@ -130,7 +130,7 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
 
 def _raised_named(choice: Choice, r: Decimal) -> Iterator[str]:
     for one in choice.chosen:
-        if one.named and one.shown is not None and (reason := one.shown.raised(r)):
+        if one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
             yield f"{one.used.name} was named clean, and others find {reason}"
 
 
@@ -211,7 +211,7 @@ def _decision(
 
 def _doubted(one: Chosen) -> bool:
     """Whether others find an incident in what a person named clean."""
-    return one.named and one.shown is not None and bool(one.shown.strong)
+    return one.doubtful and one.shown is not None and bool(one.shown.strong)
 
 
 def _rise(step: Step) -> Rise:
