@@ -3,42 +3,70 @@
 from dataclasses import dataclass, field
 from datetime import date
 
-STEADY = "steady"
-"""What neither drifts nor has changed."""
+DRIFTS, CHANGED, STEADY = "drifts", "changed", "steady"
+
+
+@dataclass(frozen=True)
+class LevelChange:
+    """A level that changed after one day and by another, the next with data: the medians of days beside it.
+
+    `calibrated_anew` says whether the rig's calibration changed there.
+    """
+
+    after_day: date
+    on_day: date
+    before: float
+    now: float
+    calibrated_anew: bool
+
+    @property
+    def size(self) -> float:
+        """How far it changed."""
+        return self.now - self.before
+
 
 @dataclass(frozen=True)
 class SensorDrift:
-    """What became of a check of a sensor of a vehicle; columns are those that `auditor drift` prints.
+    """What became of a check of a sensor of a vehicle.
 
-    `before` and `now` are the levels beside the last change, which came between `after_day` and `changed_on`;
-    `calibrated_anew` says whether the rig's calibration changed there; `levels` has its days.
+    `level` is that of the last days, in `unit`, and changes by `per_day`; `days_left` until frames are raised as those
+    of a displaced camera, where that is known. `change` is the last one. `chance` is how likely as much is seen
+    anywhere in a fleet without drift, `deviation` what a day's level differs by chance. `levels` has its days.
     """
 
     vehicle: str
     sensor: int
     check: str
-    what: str
     level: float
     unit: str
     per_day: float
+    drifting: bool
     days_left: float | None
-    after_day: date | None
-    changed_on: date | None
-    before: float | None
-    now: float | None
-    calibrated_anew: bool | None
+    change: LevelChange | None
     chance: float
     deviation: float
-    days: int
-    first_day: date
-    last_day: date
     kind: str
     levels: tuple[tuple[date, float], ...] = field(repr=False)
+
+    @property
+    def what(self) -> str:
+        """What became of it, in a word."""
+        return DRIFTS if self.drifting else CHANGED if self.change is not None else STEADY
 
     @property
     def named(self) -> bool:
         """Whether it drifts or has changed."""
         return self.what != STEADY
+
+    @property
+    def first_day(self) -> date:
+        """Its first day."""
+        return self.levels[0][0]
+
+    @property
+    def last_day(self) -> date:
+        """Its last day."""
+        return self.levels[-1][0]
 
 
 COLUMNS = {
@@ -64,12 +92,13 @@ COLUMNS = {
 }
 """The columns of an answer, and their types in Arrow's words."""
 
+
 @dataclass(frozen=True)
 class FleetDrift:
     """The drift of a fleet, the most certain first.
 
-    `false_alarms` is the chance that anything is named in a fleet without drift. `of_nobody` of the `recordings` have no
-    vehicle or no day.
+    `false_alarms` is the chance that anything is named in a fleet without drift. `of_nobody` of the `recordings` have
+    no vehicle or no day.
     """
 
     sensors: tuple[SensorDrift, ...]
@@ -91,5 +120,26 @@ class FleetDrift:
 
 
 def row_of(one: SensorDrift) -> dict[str, object]:
-    """One row of an answer."""
-    return {name: getattr(one, name) for name in COLUMNS}
+    """One row of an answer, by COLUMNS."""
+    change = one.change
+    return {
+        "vehicle": one.vehicle,
+        "sensor": one.sensor,
+        "check": one.check,
+        "what": one.what,
+        "level": one.level,
+        "unit": one.unit,
+        "per_day": one.per_day,
+        "days_left": one.days_left,
+        "after_day": change and change.after_day,
+        "changed_on": change and change.on_day,
+        "before": change and change.before,
+        "now": change and change.now,
+        "calibrated_anew": change and change.calibrated_anew,
+        "chance": one.chance,
+        "deviation": one.deviation,
+        "days": len(one.levels),
+        "first_day": one.first_day,
+        "last_day": one.last_day,
+        "kind": one.kind,
+    }

@@ -10,16 +10,22 @@ import numpy as np
 
 from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
-from auditor.model.drift import STEADY, FleetDrift, SensorDrift
+from auditor.model.drift import FleetDrift, LevelChange, SensorDrift
 from auditor.store import Store, run_sql
 
 _EPOCH = date(1970, 1, 1)
 _DAYS = """
-SELECT max(coalesce(date, CAST(make_timestamp_ns(from_ns) AS DATE))) FILTER (vehicle IS NOT NULL AND ({known})) AS last_day,
-    count(*) AS recordings,
-    count(*) FILTER (vehicle IS NULL OR NOT ({known})) AS of_nobody
-FROM recordings
-""".format(known="date IS NOT NULL OR clock = 'utc'")
+SELECT max(day) AS last_day, count(*) AS recordings, count(*) FILTER (day IS NULL) AS of_nobody
+FROM (
+    SELECT
+        CASE
+            WHEN vehicle IS NULL THEN NULL
+            WHEN date IS NULL AND clock = 'utc' THEN CAST(make_timestamp_ns(from_ns) AS DATE)
+            ELSE date
+        END AS day
+    FROM recordings
+)
+"""
 
 
 def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
@@ -32,13 +38,14 @@ def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
     rigs = {(row["kind"], row["vehicle"], row["day"]): row["rigs"] for row in rows}
     units = {row["check_name"]: row["unit"] for row in rows}
     found = [_sensor(one, units, rigs) for one in drifts(comparisons, asdict(LEAST_DEVIATIONS))]
-    found.sort(key=lambda one: (one.what == STEADY, one.chance, one.vehicle, one.sensor, one.check))
+    found.sort(key=lambda one: (not one.named, one.chance, one.vehicle, one.sensor, one.check))
     return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
 
 
 def _rows(store: Store, first_day: date) -> list[dict[str, Any]]:
     sql = f"SELECT * FROM daily_levels WHERE day >= DATE '{first_day}' AND frames >= {DRIFT.fewest_frames}"  # noqa: S608 - ours
-    return run_sql(store, sql).to_pylist()
+    rows: list[dict[str, Any]] = run_sql(store, sql).to_pylist()
+    return rows
 
 
 def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
@@ -53,33 +60,28 @@ def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
 
 
 def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
-    levels = tuple((_date(day), level) for day, level in zip(one.levels.day.tolist(), one.levels.level.tolist(), strict=True))
-    change = one.changes[-1] if one.changes else None
     kind, vehicle = one.name.kind, one.name.vehicle
-    after_day, changed_on = (_date(change.after_day), _date(change.on_day)) if change else (None, None)
+    days = [_date(day) for day in one.levels.day.tolist()]
+    change = None
+    if one.changes:
+        last = one.changes[-1]
+        after, on = _date(last.after_day), _date(last.on_day)
+        anew = rigs[kind, vehicle, after] != rigs[kind, vehicle, on]
+        change = LevelChange(after, on, last.before, last.now, anew)
     return SensorDrift(
         vehicle=vehicle,
         sensor=one.name.sensors[0],
         check=one.name.check,
-        what="drifts" if one.trending else "changed" if change else STEADY,
         level=one.level,
         unit=units[one.name.check],
         per_day=one.per_day,
+        drifting=one.trending,
         days_left=one.days_left,
-        after_day=after_day,
-        changed_on=changed_on,
-        before=change.before if change else None,
-        now=change.now if change else None,
-        calibrated_anew=rigs[kind, vehicle, after_day] != rigs[kind, vehicle, changed_on]
-        if after_day is not None and changed_on is not None
-        else None,
+        change=change,
         chance=min([one.chance, *(known.chance for known in one.changes)]),
         deviation=one.deviation,
-        days=len(levels),
-        first_day=levels[0][0],
-        last_day=levels[-1][0],
         kind=kind,
-        levels=levels,
+        levels=tuple(zip(days, one.levels.level.tolist(), strict=True)),
     )
 
 

@@ -117,8 +117,8 @@ def drifts(comparisons: Sequence[DailyLevels], least: Mapping[str, float]) -> li
     """
     measured = [_Adjusted(one, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
-    series = _each(own, attrgetter("kind", "check", "vehicle"), _of_sensors)
-    ready = _each(series, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
+    noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
+    ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
     tests = 2 * max(len(ready), 1)
     return [_drift(one, tests) for one in ready]
 
@@ -167,12 +167,15 @@ def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
         alike = np.abs(np.sum(np.sign(own), axis=0)) == len(own)
         moved = np.where(alike, np.sign(own[0]) * np.min(np.abs(own), axis=0), 0.0)
         name = mine[0].levels.name._replace(sensors=(sensor,))
-        yield _Adjusted(DailyLevels(name, signed=False, day=day, level=level), moved - np.median(moved))
+        # What moves as little as the least of several differs by chance no more than any of them.
+        deviation = min(one.deviation for one in mine)
+        yield _Adjusted(DailyLevels(name, signed=False, day=day, level=level), moved, deviation)
 
 
 def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
     """The series of a check with the deviation of a day, which they learn from each other."""
-    typical = float(np.median([_spread(one.own) for one in series]))
+    pooled = np.concatenate([one.own for one in series])
+    typical = _spread(pooled) * (1 + DRIFT.margin / sqrt(len(pooled)))
     found = []
     for one in series:
         deviation = max(typical, _spread_of_steps(one.own), least, float(np.finfo(np.float64).tiny))
