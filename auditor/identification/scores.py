@@ -20,6 +20,7 @@ _LOCALISED_FROM: Mapping[Check, float] = {
     Check.ADDED_LIGHT: LOCALISED_FROM.light,
     Check.REMOVED_LIGHT: LOCALISED_FROM.light,
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
+    Check.COLOURED_LIGHT: LOCALISED_FROM.coloured,
 }
 
 
