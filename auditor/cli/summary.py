@@ -218,14 +218,13 @@ def _decided(store: "Store", measurements: Collection[str], policy: "Policy") ->
 
 def _tell_single_frames(store: "Store", measurements: Collection[str]) -> None:
     """How many frames are so strong that they are told by themselves, though they belong to no incident."""
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_sql  # noqa: PLC0415 - DuckDB is heavy
 
-    found = [
-        row["name"] for row in rows_of(run_query(store, "single_frames", {})) if row["measurement_id"] in measurements
-    ]
-    if found:
-        frames = f"{len(found)} very strong frame{'s' * (len(found) > 1)}"
-        answer(f"{frames} in no incident ({_first(sorted(set(found)))}): auditor query single_frames")
+    told = rows_of(run_sql(store, "SELECT name, measurement_id FROM single_frames"))
+    names = [row["name"] for row in told if row["measurement_id"] in measurements]
+    if names:
+        frames = f"{len(names)} very strong frame{'s' * (len(names) > 1)}"
+        answer(f"{frames} in no incident ({_first(sorted(set(names)))}): auditor query look_first")
 
 
 def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:

@@ -217,4 +217,4 @@ def test_very_strong_frames_in_no_incident_are_counted_by_their_recordings(store
     rows = [(frame, frame, single if frame == 1 else make_verdict(rig, "c")) for frame in range(3)]
     store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
     summary.show_audit(store, "table", Tally())
-    assert "1 very strong frame in no incident (a.mcap): auditor query single_frames" in capfd.readouterr().out
+    assert "1 very strong frame in no incident (a.mcap): auditor query look_first" in capfd.readouterr().out
