@@ -75,6 +75,11 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
+    "identification/refreshing/clustered.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
+    "identification/refreshing/two_samples.py": (
+        (1.4826, 3, 8),
+        "standard deviations in a median absolute deviation; Wallace's approximation",
+    ),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),

@@ -30,6 +30,17 @@ CREATE MACRO evidence_in_words(evidence) AS
 CREATE MACRO sensors_in_words(sensors, if_none) AS
     CASE WHEN len(sensors) = 0 THEN if_none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;
 
+-- A probability in per cent, none as certain or impossible.
+CREATE MACRO share_in_words(share) AS
+    CASE
+        WHEN share < 0.01 THEN 'under 1 %'
+        WHEN share > 0.99 THEN 'over 99 %'
+        ELSE format('{:.0f} %', 100 * share)
+    END;
+
+-- The ratio of a logarithm to two digits.
+CREATE MACRO ratio_figure(log10_ratio) AS format('{:g}', round(pow(10, log10_ratio), 1 - floor(log10_ratio)::INTEGER));
+
 -- The next-best explanations, the next best first, with their probabilities where that of the best is known; else by
 -- how much they are worse. NULL where there is none.
 CREATE MACRO alternatives_in_words(alternatives, posterior) AS
@@ -40,14 +51,6 @@ CREATE MACRO alternatives_in_words(alternatives, posterior) AS
             ELSE format(' ({})', share_in_words(posterior / pow(10, x['worse_by'])))
         END
     ), ', '), '');
-
--- A probability in per cent, none as certain or impossible.
-CREATE MACRO share_in_words(share) AS
-    CASE
-        WHEN share < 0.01 THEN 'under 1 %'
-        WHEN share > 0.99 THEN 'over 99 %'
-        ELSE format('{:.0f} %', 100 * share)
-    END;
 
 -- A likelihood ratio, in the words of ENFSI's guideline of 2015 for evaluative reporting; `largest` is what can be said.
 CREATE MACRO ratio_in_words(log10_ratio, largest) AS
@@ -61,9 +64,6 @@ CREATE MACRO ratio_in_words(log10_ratio, largest) AS
         WHEN log10_ratio < 6 THEN 'very strong support'
         ELSE 'extremely strong support'
     END);
-
--- The ratio of a logarithm to two digits.
-CREATE MACRO ratio_figure(log10_ratio) AS format('{:g}', round(pow(10, log10_ratio), 1 - floor(log10_ratio)::INTEGER));
 
 -- One cause that is not an attack in words.
 CREATE MACRO cause_in_words(cause, sensor) AS

@@ -48,9 +48,7 @@ def turned(image: CameraImage, camera: Camera, angles_deg: Sequence[float]) -> C
     K = camera.intrinsics
     moved = K @ rotation(*np.deg2rad(angles_deg)) @ np.linalg.inv(K)
     size = image.pixels.shape[1], image.pixels.shape[0]
-    pixels = cv2.warpPerspective(
-        image.pixels, moved, size, flags=cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE
-    )
+    pixels = cv2.warpPerspective(image.pixels, moved, size, flags=cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
     return CameraImage(image.sensor, image.stamp_ns, pixels)
 
 

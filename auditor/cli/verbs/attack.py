@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
 
 _SECOND_NS = 10**9
-_KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
+_KINDS = (
+    *("facula", "spot", "blue", "green", "red", "infrared", "veil", "projected", "stripes", "shutter"),
+    *("blur", "electromagnetic", "dimmed", "soiled", "shifted", "pattern"),
+)
 _LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
 _EITHER = ("delayed", "frozen")
 
@@ -37,9 +40,10 @@ _EITHER = ("delayed", "frozen")
 @click.option(
     "--size",
     type=options.FiniteRange(min=0),
-    help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
-    "hidden sector or turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
-    "(blobs), share of light that dims.",
+    help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
+    "(grey levels), share of the rows that the shutter's stripes light, height of what is projected (px of such an "
+    "image), blur (px), electromagnetic stripes (number), hidden sector or turned LiDAR (degrees), scattered points, "
+    "rain (mm/h), delay (frames), shift (rows), soil (blobs), share of light that dims.",
 )
 @click.option(
     "--pattern",

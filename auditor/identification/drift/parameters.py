@@ -17,6 +17,9 @@ class Drifting:
     fewest_days: int = parameter(6, unit="days of a series: two stretches", source=BY_HAND)
     fewest_of_stretch: int = parameter(3, unit="days of a stretch: a line and one more", source=BY_HAND)
     fewest_vehicles: int = parameter(3, unit="vehicles of a day whose median is the fleet's", source=BY_HAND)
+    margin: float = parameter(
+        1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"
+    )
     most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
     days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)
     extreme: float = parameter(2.0, unit="deviations that an odd day may differ from it", source=BY_HAND)

@@ -69,5 +69,5 @@ def _plot(one: SensorDrift) -> Plot:
         return _TOP_PX + (_HEIGHT_PX - 2 * _TOP_PX) * (high - level) / span
 
     points = " ".join(f"{at((day - first).days):.1f},{down(level):.1f}" for day, level in one.levels)
-    changed = at((one.changed_on - first).days - 0.5) if one.changed_on is not None else None
+    changed = at((one.change.on_day - first).days - 0.5) if one.change is not None else None
     return Plot(one, f"M{points}", low, high, changed)
