@@ -117,9 +117,15 @@ def contaminated(share: float, names: Sequence[str]) -> Attacker:
     return lambda told: Attack(names) if told.rng.random() < share else None
 
 
-def creeps(told: Told) -> Attack | None:
-    """A fifth of the logs, all frames, one camera: 1 % of a strong attack more each night."""
-    return Attack(("R 75 opaque",), (told.night - BEGINS) / 100, 1.0, 2) if told.rng.random() < 0.2 else None
+def creeps(share: float) -> Attacker:
+    """A share of the logs, all frames, one camera: 1 % of a strong attack more each night."""
+
+    def attacks(told: Told) -> Attack | None:
+        if told.rng.random() >= share:
+            return None
+        return Attack(("R 75 opaque",), (told.night - BEGINS) / 100, 1.0, 2)
+
+    return attacks
 
 
 def owns(names: Sequence[str], frames: float) -> Attacker:
@@ -136,7 +142,8 @@ BEGINS, FLOOD, WORKSHOP = 8, 38, 45
 """The nights of the first attack, of a flood, and of a visit to the workshop."""
 SCENARIOS: Mapping[str, Attacker | None] = {
     "nobody": None,
-    "creeps 1 % a night in a fifth of logs": creeps,
+    "creeps 1 % a night in a fifth of logs": creeps(0.2),
+    "creeps 1 % a night in all logs": creeps(1.0),
     "owns a vehicle, all frames mild": owns(("R 75 mild",), 1.0),
     "20 % of logs, mild": contaminated(0.2, MILD),
     "20 % of logs, strong": contaminated(0.2, STRONG),
