@@ -163,6 +163,12 @@ def is_finding(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
 
 
+def z_of(hypothesis: FaultHypothesis) -> float:
+    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
+    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
+    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
+
+
 def _explaining(
     causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, Seen]
 ) -> Iterator[bool]:
@@ -176,7 +182,7 @@ def _explaining(
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
-            yield _z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
+            yield z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -315,12 +321,6 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
     for step in range(length):
         result[step : step + len(starts)] |= starts
     return result
-
-
-def _z_of(hypothesis: FaultHypothesis) -> float:
-    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
-    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
-    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
 
 
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
