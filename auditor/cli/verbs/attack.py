@@ -85,6 +85,7 @@ def command(
     auditor attack clean.mcap attacked.mcap --on S_2
     auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
     auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
+    auditor attack clean.mcap attacked.mcap --on S_3 --kind blue --strength mild
     auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
 
     The ground truth travels inside the copy and comes into the store with it.

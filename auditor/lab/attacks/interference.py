@@ -43,7 +43,7 @@ class AcousticBlur(Described):
 class ElectromagneticStripes(Described):
     """Radio waves on the cable between sensor and processor: rows are lost, and the rows after them take their places.
 
-    Jiang et al., "GlitchHiker", USENIX Security 2023; Zhang et al., arXiv:2408.05124. A colour camera sends rows of
+    Jiang et al., "GlitchHiker", USENIX Security 2023; Kang et al., arXiv:2409.10922. A colour camera sends rows of
     blue and green, and of green and red, in turn. After one lost row the processor takes each kind for the other until
     a second one is lost: a stripe in which green stands for blue and red, and their mean for green; the white balance
     amplifies it as blue and red, so that it is magenta. A grey camera's stripe is only moved. `stripes` of `height_px`

@@ -1,9 +1,9 @@
 """Light of one colour that one of two colour cameras alone sees.
 
 All channels of a camera have one tone curve but for their gains, the white balance. So the curve is fitted to all of
-them together, and a gain to each: light of one colour is in a third of the samples, and hardly moves it however large
-it is. A curve for each channel would follow light that covers half of the image, and the other camera would seem to be
-lit outside.
+them together, and a gain to each, twice: the second time to levels without the gains. Light of one colour is in a third
+of the samples, and hardly moves it however large it is. A curve for each channel would follow light that covers half of
+the image, and the other camera would seem to be lit outside.
 """
 
 from collections.abc import Sequence
@@ -52,10 +52,11 @@ def coloured_light(channels: Sequence[Channel], seen: Mask) -> Floats32:
     `channels` are blue, green and red, `seen` (h, w) is where both cameras see.
     """
     samples = [one.samples(seen) for one in channels]
-    curve = tone_curve(*(np.concatenate(levels) for levels in zip(*samples, strict=True)))
+    rough = _common_curve(samples)
+    curve = _common_curve([(s, _scaled(t, 1 / _gain(rough, s, t))) for s, t in samples])
     residuals = [
-        one.residual(np.asarray(cv2.LUT(one.other, _with_gain(curve, source, target)), dtype=np.uint8))
-        for one, (source, target) in zip(channels, samples, strict=True)
+        one.residual(np.asarray(cv2.LUT(one.other, _scaled(curve, _gain(curve, s, t))), dtype=np.uint8))
+        for one, (s, t) in zip(channels, samples, strict=True)
     ]
     return of_one_channel(*residuals) * ~_white([one.saturated for one in channels])
 
@@ -84,11 +85,20 @@ def of_one_channel(blue: Floats32, green: Floats32, red: Floats32) -> Floats32:
     return np.asarray(np.clip(np.maximum(own, _ZERO) - np.maximum(others, _ZERO), -1, 1), dtype=np.float32)
 
 
-def _with_gain(curve: Image, source: Image, target: Image) -> Image:
-    """(256,) the curve with the gain of a channel: the most frequent one, of which light is no part."""
+def _common_curve(samples: Sequence[tuple[Image, Image]]) -> Image:
+    """(256,) the curve of the channels' samples, (M,) levels of the source and of the reference each."""
+    return tone_curve(*(np.concatenate(levels) for levels in zip(*samples, strict=True)))
+
+
+def _gain(curve: Image, source: Image, target: Image) -> float:
+    """The gain of a channel beyond the curve: the most frequent one, of which light is no part."""
     gains = np.log((target + _OFFSET) / (curve[source] + _OFFSET))
     counts = np.convolve(np.histogram(gains, _EDGES)[0], _SMOOTH, mode="same")
     usual = (_EDGES[:-1] + _EDGES[1:])[int(np.argmax(counts))] / 2
     near = gains[np.abs(gains - usual) < COLOURED_LIGHT.near]
-    gain = np.exp(np.median(near)) if near.size else 1.0
-    return np.asarray(np.clip(np.rint((curve + _OFFSET) * gain - _OFFSET), 0, _WHITE), dtype=np.uint8)
+    return float(np.exp(np.median(near))) if near.size else 1.0
+
+
+def _scaled(levels: Image, gain: float) -> Image:
+    """The levels with a gain, of any shape."""
+    return np.asarray(np.clip(np.rint((levels + _OFFSET) * np.float32(gain) - _OFFSET), 0, _WHITE), dtype=np.uint8)
