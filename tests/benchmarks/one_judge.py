@@ -3,7 +3,7 @@
 The first frames of drive 0009 of the folder AUDITOR_TEST_DATA (LiDAR, cam1, cam3, reference cam2), by thresholds of
 drive 0001 at r = 1 %. All cases of `auditor evaluate` for each so many-th frame, and of the first interval, is
 compared with `auditor scan` of copies that are attacked alike: the kind of verdict, the sensors it names, causes,
-and the finding of the temporal window. A scan cannot repeat experiments that measure a single triple (sensitivity).
+and the incident that it belongs to. A scan cannot repeat experiments that measure a single triple (sensitivity).
 """
 
 import argparse
@@ -36,7 +36,7 @@ def main() -> None:
         for one in compare(folder, *paths, experiments_of(patterns), every=options.every, patterns=patterns):
             agree = same(one.evaluated, one.scanned)
             counts.update([f"{one.experiment}, {one.attack}", "all"])
-            counts.update([f"verdict {one.scanned.kind}", f"temporal window {one.scanned.finding or 'no finding'}"])
+            counts.update([f"verdict {one.scanned.kind}", f"incident {one.scanned.finding or 'none'}"])
             counts["differ"] += not agree
             if not agree:
                 print(one)

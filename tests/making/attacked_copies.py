@@ -19,7 +19,7 @@ from auditor.store import Store, run_sql
 
 R = Decimal("0.01")
 APART = 12
-"""Frames attacked in one copy lie so far apart that no verdict depends on two of them: a second and the next frame."""
+"""Frames attacked in one copy lie so far apart that no verdict depends on two of them, and no incident."""
 
 
 @dataclass(frozen=True)
@@ -148,8 +148,10 @@ _KEY = ("experiment", "frame", "attacked", "attack", "strength", "size")
 
 
 def _scanned(store: Store, measurement: str, calibration: object) -> dict[int, Judged]:
+    """By frame. An evaluation tells of no event of a single frame."""
     kept = judge_measurement(store, measurement, calibration, Criteria(R))
-    columns = "frame, kind, attacked, causes, finding, finding_attacked"
+    event = "CASE WHEN NOT single_frame THEN finding END, CASE WHEN NOT single_frame THEN finding_attacked END AS named"
+    columns = f"frame, kind, attacked, causes, {event}"
     sql = f"SELECT {columns} FROM verdicts WHERE judgement_id = '{kept.judgement_id}'"
     rows = (list(row.values()) for row in run_sql(store, sql).to_pylist())
     return {frame: _judged(*row) for frame, *row in rows}

@@ -233,6 +233,8 @@ def test_everything_of_one_frame_is_told(store):
         ("verdict", "attacked", "S_1", None, None, None, None),
         ("verdict", "reached with", "S_0 and S_1 and S_2 and S_3", None, None, None, None),
         ("verdict", "gap", None, 0.1, None, None, "the smallest distance of an E from its theta"),
+        ("verdict", "probability", None, None, None, None, None),
+        ("verdict", "likelihood ratio", None, None, None, None, None),
         ("verdict", "finding", None, None, None, None, None),
         ("verdict", "method", "algorithm2", None, None, None, None),
         ("error", "E_0,1,3", "1", 0.25, 0.1, None, "250 of 1000 px with texture inconsistent"),
