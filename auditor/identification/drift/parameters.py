@@ -20,6 +20,9 @@ class Drifting:
     margin: float = parameter(
         1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"
     )
+    tails: tuple[float, ...] = parameter(
+        (0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99), unit="shares of a fleet's days, whose levels are made normal", source=BY_HAND
+    )
     most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
     days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)
     extreme: float = parameter(2.0, unit="deviations that an odd day may differ from it", source=BY_HAND)
