@@ -22,7 +22,7 @@ from auditor.model.rig import Rig
 from tests.benchmarks.turned_frames import AXES, DRIVES, STEPS, TURNED, TurnedFrame, kept_frames
 
 VEHICLES, NIGHTS, FRAMES, PLACES = 20, 40, 24, 4
-LONGEST = 9
+LONGEST = 6
 """Nights that a camera turns for."""
 
 Key = tuple[str, tuple[int, ...], bool]
@@ -104,8 +104,8 @@ def main() -> None:
                 others += any(name.vehicle != "car0" for name in some)
             alarms, evenings = alarms + others, evenings + fleets
             print(
-                f"{axis}, {turning} nights ({0.02 * turning:.2f} deg): camera named in {found} of {fleets}, another sensor "
-                f"of its vehicle in {beside}, another vehicle in {others}; "
+                f"{axis}, {turning} nights ({0.02 * turning:.2f} deg): camera named in {found} of {fleets}, another "
+                f"sensor of its vehicle in {beside}, another vehicle in {others}; "
                 f"{', '.join(f'{check} {count}' for check, count in by.most_common(3))}",
                 flush=True,
             )

@@ -124,7 +124,7 @@ def drifts(comparisons: Sequence[DailyLevels], least: Mapping[str, float]) -> li
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
-    tests = 2 * max(len(ready), 1)
+    tests = DRIFT.rougher * 2 * max(len(ready), 1)
     return [_drift(one, tests) for one in ready]
 
 
@@ -250,7 +250,7 @@ def _slope_score(day: Integers, scores: Floats) -> float:
     return float(apart @ scores) / sqrt(float(apart @ apart))
 
 
-def _drift(one: _Adjusted, tests: int) -> Drift:
+def _drift(one: _Adjusted, tests: float) -> Drift:
     day, level = one.levels.day, one.levels.level
     cuts = _cuts(one, 0, len(day), tests)
     places = sorted(cuts)
@@ -278,17 +278,17 @@ def _drift(one: _Adjusted, tests: int) -> Drift:
     )
 
 
-def _cuts(one: _Adjusted, start: int, end: int, tests: int) -> dict[int, float]:
+def _cuts(one: _Adjusted, start: int, end: int, tests: float) -> dict[int, float]:
     """Where a stretch is cut in two, and these again, each with its chance: two lines fit far better than one.
 
-    Where no line changes, the misfit that a cut saves is chi-squared with two degrees of freedom.
+    Where no line changes, the squared error that a cut saves is chi-squared with two degrees of freedom.
     """
     least = DRIFT.fewest_of_stretch
     cuts = np.arange(start + least, end - least + 1)
     if len(cuts) == 0:
         return {}
     day, score = one.levels.day[start:end].astype(np.float64), one.score[start:end]
-    before, after = _misfits(day, score), _misfits(day[::-1], score[::-1])[::-1]
+    before, after = _squared_errors(day, score), _squared_errors(day[::-1], score[::-1])[::-1]
     saved = before[-1] - before[cuts - start - 1] - after[cuts - start]
     best = int(np.argmax(saved))
     chance = len(one.score) * tests * exp(-max(float(saved[best]), 0.0) / 2)
@@ -298,8 +298,8 @@ def _cuts(one: _Adjusted, start: int, end: int, tests: int) -> dict[int, float]:
     return {cut: chance} | _cuts(one, start, cut, tests) | _cuts(one, cut, end, tests)
 
 
-def _misfits(day: Floats, values: Floats) -> Floats:
-    """(K,) the squared misfit of the line through the first one, two, ... of the values."""
+def _squared_errors(day: Floats, values: Floats) -> Floats:
+    """(K,) the squared error of the line through the first one, two, ... of the values."""
     count = np.arange(1, len(day) + 1)
     x, y = day - day[0], values - values[0]
     sums = {name: np.cumsum(one) for name, one in (("x", x), ("y", y), ("xx", x * x), ("xy", x * y), ("yy", y * y))}
