@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
-    from auditor.model.drift import FleetDrift, SensorDrift
+    from auditor.store.versions.drift import FleetDrift, SensorDrift
 
 _DRIFT = "auditor_drift_"
 

@@ -1,11 +1,10 @@
 """Frames of the real drives with one camera turned little by little, measured as a scan would.
 
-`python -m tests.benchmarks.turned_frames FOLDER` keeps them in FOLDER. The turned camera's picture is resampled (Lanczos)
-at every angle, also where nothing is turned, so that resampling is no difference between nights.
+The turned camera's picture is resampled (Lanczos) at every angle, also where nothing is turned, so that resampling is
+no difference between nights.
 """
 
 import pickle
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.simulation.vehicles import rotation
-from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import CameraImage, Frame
@@ -73,16 +72,11 @@ def measured_frames(number: str) -> Iterator[TurnedFrame]:
                 yield TurnedFrame(f"{number}.{place // 5}", axis, step, replace(found, cells={}), statistics)
 
 
-def main() -> None:
-    """Measure what is not kept yet."""
-    use_one_thread()
-    folder = Path(sys.argv[1])
-    for number in DRIVES:
-        kept = folder / f"turned_{number}.pickle"
-        if not kept.exists():
-            kept.write_bytes(pickle.dumps([frames(number)[0], list(measured_frames(number))]))
-            print(f"measured {number}", flush=True)
-
-
-if __name__ == "__main__":
-    main()
+def kept_frames(folder: Path, number: str) -> tuple[Rig, list[TurnedFrame]]:
+    """A drive's rig and frames from their file, measured where there is none."""
+    path = folder / f"turned_{number}.pickle"
+    if not path.exists():
+        path.write_bytes(pickle.dumps((frames(number)[0], list(measured_frames(number)))))
+        print(f"measured {number}", flush=True)
+    rig, found = pickle.loads(path.read_bytes())
+    return rig, found

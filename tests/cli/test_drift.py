@@ -6,7 +6,7 @@ import io
 import pytest
 
 from auditor.cli.metrics import drift_metrics
-from auditor.pipeline.drift import fleet_drift
+from auditor.pipeline.refreshing.drift import fleet_drift
 from auditor.store import Store
 from tests.making.audits import Audit
 from tests.making.fleets import add_drive

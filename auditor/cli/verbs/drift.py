@@ -11,8 +11,8 @@ from auditor.cli.logged import logged, reading
 from auditor.cli.output import emit, format_option, print_rows, say
 
 if TYPE_CHECKING:
-    from auditor.model.drift import FleetDrift
     from auditor.store import Store
+    from auditor.store.versions.drift import FleetDrift
 
 _COLUMNS = (
     "vehicle",
@@ -55,9 +55,9 @@ def command(store: Path, days: int, vehicle: str | None, page: Path | None, form
 
     Exit codes: 0 nothing drifts; 1 something drifts or has changed; 2 could not run; 3 no vehicle has enough days.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.model.drift import COLUMNS, row_of  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.drift import fleet_drift  # noqa: PLC0415
+    from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.store import Store, table_of  # noqa: PLC0415
+    from auditor.store.versions.drift import COLUMNS, row_of  # noqa: PLC0415 - keeps --help quick
 
     kept = Store.open(store)
     with reading(kept.folder):

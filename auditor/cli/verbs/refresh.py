@@ -57,7 +57,7 @@ def command(
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.refresh_answers import exit_code, json_line, refresh_metrics  # noqa: PLC0415
-    from auditor.pipeline.drift import fleet_drift  # noqa: PLC0415
+    from auditor.pipeline.refreshing.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
     from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415

@@ -12,6 +12,11 @@ class Drifting:
     false_alarms: float = parameter(
         0.01, unit="chance, a night, that anything is named in a fleet without drift", source=BY_HAND
     )
+    rougher: float = parameter(
+        10.0,
+        unit="times a chance by the normal distribution: days are rougher",
+        source="docs/drift.md, figures: without it another vehicle is named on 3 of 24 drawn evenings",
+    )
     days: int = parameter(60, unit="days that are looked at", source=BY_HAND)
     fewest_frames: int = parameter(20, unit="measured frames of a vehicle's day", source=BY_HAND)
     fewest_days: int = parameter(6, unit="days of a series: two stretches", source=BY_HAND)
@@ -19,6 +24,11 @@ class Drifting:
     fewest_vehicles: int = parameter(3, unit="vehicles of a day whose median is the fleet's", source=BY_HAND)
     margin: float = parameter(
         1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"
+    )
+    tails: tuple[float, ...] = parameter(
+        (0.01, 0.05, 0.16, 0.5, 0.84, 0.95, 0.99),
+        unit="shares of a fleet's days, whose levels are made normal",
+        source=BY_HAND,
     )
     most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
     days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)

@@ -12,6 +12,7 @@ from functools import reduce
 from itertools import groupby
 from math import erfc, exp, sqrt
 from operator import attrgetter
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,10 +104,14 @@ class Drift:
 
 @dataclass(frozen=True, eq=False)
 class _Adjusted:
-    """Levels without what the fleet shares: `own` (K,) about 0, extremes drawn in; `deviation` of a day by chance."""
+    """Levels without what the fleet shares: `own` (K,) about 0, with the `deviation` of a day by chance.
+
+    `score` (K,) is as unusual as the same number of a standard normal variable, extremes drawn in.
+    """
 
     levels: DailyLevels
     own: Floats
+    score: Floats
     deviation: float = 0.0
 
 
@@ -115,11 +120,11 @@ def drifts(comparisons: Sequence[DailyLevels], least: Mapping[str, float]) -> li
 
     `least` has by check the smallest deviation that is believed: less is not worth a visit to a workshop.
     """
-    measured = [_Adjusted(one, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
+    measured = [_Adjusted(one, one.level, one.level) for one in comparisons if len(one.day) >= DRIFT.fewest_days]
     own = _each(measured, attrgetter("kind", "check", "sensors"), _without_the_fleet)
     noisy = _each(own, attrgetter("kind", "check"), lambda some: _noisy(some, least.get(some[0].levels.name.check, 0)))
     ready = _each(noisy, attrgetter("kind", "check", "vehicle"), _of_sensors)
-    tests = 2 * max(len(ready), 1)
+    tests = DRIFT.rougher * 2 * max(len(ready), 1)
     return [_drift(one, tests) for one in ready]
 
 
@@ -163,25 +168,46 @@ def _of_sensors(comparisons: Sequence[_Adjusted]) -> Iterator[_Adjusted]:
         signs = [-1.0 if one.levels.signed and one.levels.name.sensors[0] != sensor else 1.0 for one in mine]
         places = [np.searchsorted(one.levels.day, day) for one in mine]
         level = np.mean([s * one.levels.level[p] for s, one, p in zip(signs, mine, places, strict=True)], axis=0)
-        own = np.array([s * one.own[p] for s, one, p in zip(signs, mine, places, strict=True)])
-        alike = np.abs(np.sum(np.sign(own), axis=0)) == len(own)
-        moved = np.where(alike, np.sign(own[0]) * np.min(np.abs(own), axis=0), 0.0)
+        own, score = (
+            _least(np.array([s * values[p] for s, values, p in zip(signs, parts, places, strict=True)]))
+            for parts in ([one.own for one in mine], [one.score for one in mine])
+        )
         name = mine[0].levels.name._replace(sensors=(sensor,))
         # What moves as little as the least of several differs by chance no more than any of them.
         deviation = min(one.deviation for one in mine)
-        yield _Adjusted(DailyLevels(name, signed=False, day=day, level=level), moved, deviation)
+        yield _Adjusted(DailyLevels(name, signed=False, day=day, level=level), own, score, deviation)
+
+
+def _least(values: Floats) -> Floats:
+    """(K,) of (C, K) values the least where all have one sign, else 0."""
+    alike = np.abs(np.sum(np.sign(values), axis=0)) == len(values)
+    return np.asarray(np.where(alike, np.sign(values[0]) * np.min(np.abs(values), axis=0), 0.0))
 
 
 def _noisy(series: Sequence[_Adjusted], least: float) -> Iterator[_Adjusted]:
     """The series of a check with the deviation of a day, which they learn from each other."""
     pooled = np.concatenate([one.own for one in series])
     typical = _spread(pooled) * (1 + DRIFT.margin / sqrt(len(pooled)))
-    found = []
-    for one in series:
-        deviation = max(typical, _spread_of_steps(one.own), least, float(np.finfo(np.float64).tiny))
-        found.append(replace(one, own=_drawn_in(one.own, DRIFT.extreme * deviation), deviation=deviation))
-    wider = _widening(found)
-    return (replace(one, deviation=one.deviation * wider) for one in found)
+    tiny = float(np.finfo(np.float64).tiny)
+    deviations = [max(typical, _spread_of_steps(one.own), least, tiny) for one in series]
+    standard = [one.own / deviation for one, deviation in zip(series, deviations, strict=True)]
+    tails = np.median([np.quantile(values, DRIFT.tails) for values in standard], axis=0)
+    scores = [_drawn_in(_as_normal(values, tails), DRIFT.extreme) for values in standard]
+    wider = _widening(scores)
+    for one, score, deviation in zip(series, scores, deviations, strict=True):
+        yield replace(one, score=score / wider, deviation=deviation * wider)
+
+
+def _as_normal(values: Floats, tails: Floats) -> Floats:
+    """Values that are as unusual as these, by the `tails` of the fleet's days, were they normal: never further off.
+
+    Days whose tails are rough, or long on one side, would else give more alarms than is said.
+    """
+    normal = np.array([NormalDist().inv_cdf(share) for share in DRIFT.tails])
+    knots = np.sign(normal) * np.maximum(np.abs(normal), np.sign(normal) * tails)
+    inside = np.interp(values, knots, normal)
+    beyond = np.where(values < knots[0], values * normal[0] / knots[0], values * normal[-1] / knots[-1])
+    return np.asarray(np.where((values < knots[0]) | (values > knots[-1]), beyond, inside))
 
 
 def _spread(values: Floats) -> float:
@@ -194,13 +220,13 @@ def _spread_of_steps(values: Floats) -> float:
     return float(np.median(np.abs(np.diff(values)))) / _OF_A_DEVIATION / sqrt(2)
 
 
-def _widening(series: Sequence[_Adjusted]) -> float:
+def _widening(scores: Sequence[Floats]) -> float:
     """By how much means of the fleet's days are wider than those of normal days without memory, at least 1.
 
     A vehicle that drives one road for a week has days that resemble each other; snow has days that are far off.
     """
-    rough = float(np.median([sqrt(float(np.mean(one.own**2))) / one.deviation for one in series]))
-    alike = float(np.clip(np.median([_likeness(one.own) for one in series]), 0.0, DRIFT.most_alike))
+    rough = float(np.median([sqrt(float(np.mean(one**2))) for one in scores]))
+    alike = float(np.clip(np.median([_likeness(one) for one in scores]), 0.0, DRIFT.most_alike))
     return max(rough, 1.0) * sqrt((1 + alike) / (1 - alike))
 
 
@@ -218,20 +244,20 @@ def _drawn_in(values: Floats, most: float) -> Floats:
     return np.clip(values, around - most, around + most)
 
 
-def _slope_score(day: Integers, values: Floats, deviation: float) -> float:
-    """The slope of a line over its standard deviation."""
+def _slope_score(day: Integers, scores: Floats) -> float:
+    """The slope of a line through scores over its standard deviation."""
     apart = day - np.mean(day)
-    return float(apart @ values) / (deviation * sqrt(float(apart @ apart)))
+    return float(apart @ scores) / sqrt(float(apart @ apart))
 
 
-def _drift(one: _Adjusted, tests: int) -> Drift:
+def _drift(one: _Adjusted, tests: float) -> Drift:
     day, level = one.levels.day, one.levels.level
     cuts = _cuts(one, 0, len(day), tests)
     places = sorted(cuts)
     starts, ends = [0, *places], [*places, len(day)]
     last = slice(starts[-1], None)
     searched = len(day) if cuts else 1
-    steep = abs(_slope_score(day[last], one.own[last], one.deviation))
+    steep = abs(_slope_score(day[last], one.score[last]))
     return Drift(
         name=one.levels.name,
         levels=one.levels,
@@ -252,28 +278,28 @@ def _drift(one: _Adjusted, tests: int) -> Drift:
     )
 
 
-def _cuts(one: _Adjusted, start: int, end: int, tests: int) -> dict[int, float]:
+def _cuts(one: _Adjusted, start: int, end: int, tests: float) -> dict[int, float]:
     """Where a stretch is cut in two, and these again, each with its chance: two lines fit far better than one.
 
-    Where no line changes, the misfit that a cut saves is chi-squared with two degrees of freedom.
+    Where no line changes, the squared error that a cut saves is chi-squared with two degrees of freedom.
     """
     least = DRIFT.fewest_of_stretch
     cuts = np.arange(start + least, end - least + 1)
     if len(cuts) == 0:
         return {}
-    day, own = one.levels.day[start:end].astype(np.float64), one.own[start:end] / one.deviation
-    before, after = _misfits(day, own), _misfits(day[::-1], own[::-1])[::-1]
+    day, score = one.levels.day[start:end].astype(np.float64), one.score[start:end]
+    before, after = _squared_errors(day, score), _squared_errors(day[::-1], score[::-1])[::-1]
     saved = before[-1] - before[cuts - start - 1] - after[cuts - start]
     best = int(np.argmax(saved))
-    chance = len(one.own) * tests * exp(-max(float(saved[best]), 0.0) / 2)
+    chance = len(one.score) * tests * exp(-max(float(saved[best]), 0.0) / 2)
     if chance >= DRIFT.false_alarms:
         return {}
     cut = int(cuts[best])
     return {cut: chance} | _cuts(one, start, cut, tests) | _cuts(one, cut, end, tests)
 
 
-def _misfits(day: Floats, values: Floats) -> Floats:
-    """(K,) the squared misfit of the line through the first one, two, ... of the values."""
+def _squared_errors(day: Floats, values: Floats) -> Floats:
+    """(K,) the squared error of the line through the first one, two, ... of the values."""
     count = np.arange(1, len(day) + 1)
     x, y = day - day[0], values - values[0]
     sums = {name: np.cumsum(one) for name, one in (("x", x), ("y", y), ("xx", x * x), ("xy", x * y), ("yy", y * y))}

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auditor import __version__
-from auditor.model.drift import FleetDrift, SensorDrift
 from auditor.reporting.templates import fill
 from auditor.store.store import Store
+from auditor.store.versions.drift import FleetDrift, SensorDrift
 
 _WIDTH_PX, _HEIGHT_PX = 600.0, 120.0
 _TOP_PX, _LEFT_PX = 8.0, 56.0

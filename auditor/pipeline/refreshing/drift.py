@@ -10,8 +10,8 @@ import numpy as np
 
 from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
 from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
-from auditor.model.drift import FleetDrift, LevelChange, SensorDrift
 from auditor.store import Store, run_sql
+from auditor.store.versions.drift import FleetDrift, LevelChange, SensorDrift
 
 _EPOCH = date(1970, 1, 1)
 _DAYS = """
