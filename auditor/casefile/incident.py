@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from auditor.errors import StoreError
 from auditor.model.measurement import Region
 from auditor.model.rig import LIDAR, Rig
-from auditor.store import RecordingRecord, Store, rows_of, run_query, run_sql
+from auditor.store import RecordingRecord, Store, rows_of
+from auditor.store.export import Table
+from auditor.store.queries import run_sqls
 
 _NS_PER_S = 10**9
 
@@ -60,21 +61,26 @@ class CaseIncident:
     @cached_property
     def frames(self) -> list[dict[str, Any]]:
         """The verdicts of the frames from the first second to the last, with what is `in_incident`, by frame."""
-        within = self.where("stamp_ns")
-        rows = rows_of(run_sql(self.store, f"FROM verdicts WHERE {within} ORDER BY frame"))
-        own = rows_of(run_sql(self.store, f"FROM incident_frames WHERE {self._own} AND {within}"))
+        rows, own = (rows_of(table) for table in (self._tables["verdicts"], self._tables["own"]))
         inside = {row["frame"] for row in own}
         return [{**row, "in_incident": row["frame"] in inside} for row in rows]
 
     @cached_property
     def examples(self) -> dict[str, int]:
         """The frames that show it, by what they are to it: before, strongest, after, clean."""
-        rows = rows_of(run_sql(self.store, f"FROM incident_examples WHERE {self._own}"))
-        return {row["example"]: row["frame"] for row in rows}
+        return {row["example"]: row["frame"] for row in rows_of(self._tables["examples"])}
 
-    @property
-    def _own(self) -> str:
-        return f"incident_id = '{self.incident_id}'"
+    @cached_property
+    def _tables(self) -> dict[str, Table]:
+        within, own = self.where("stamp_ns"), f"incident_id = '{self.incident_id}'"
+        return run_sqls(
+            self.store,
+            {
+                "verdicts": f"FROM verdicts WHERE {within} ORDER BY frame",
+                "own": f"FROM incident_frames WHERE {own} AND {within}",
+                "examples": f"FROM incident_examples WHERE {own}",
+            },
+        )
 
     def where(self, stamp: str) -> str:
         """A condition of SQL: rows of the measurement within the seconds."""
@@ -90,12 +96,3 @@ class CaseIncident:
     def called(self, sensor: int) -> str:
         """A sensor as people write it."""
         return f"S_{sensor} (LiDAR)" if sensor == LIDAR else f"S_{sensor}"
-
-
-def incident_called(store: Store, beginning: str) -> dict[str, Any]:
-    """The row of the incident whose id begins so. Raises StoreError unless it is just one."""
-    found = [row for row in rows_of(run_query(store, "incidents", {})) if row["incident_id"].startswith(beginning)]
-    if len(found) == 1 and beginning:
-        return found[0]
-    what = f"{len(found)} incidents have an id that begins so" if found else "the store has no such incident"
-    raise StoreError(what, where=beginning, remedy="auditor query incidents lists them with their ids")

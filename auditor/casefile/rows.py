@@ -10,8 +10,8 @@ import auditor
 from auditor.casefile.folder import write_file
 from auditor.casefile.incident import CaseIncident
 from auditor.casefile.redaction import Redaction
-from auditor.store import run_sql
 from auditor.store.export import as_json, encode, with_texts
+from auditor.store.queries import run_sqls
 
 _BY_NAMES = frozenset({"poses", "calibrations"})
 """Tables that say where or by which recordings: a redacted case has none of them."""
@@ -26,14 +26,11 @@ _CLOCKS = {
 
 def write_rows(incident: CaseIncident, folder: Path, redaction: Redaction | None) -> None:
     """Write each table of the incident as rows/NAME.parquet and rows/NAME.csv. Raises OSError and StoreError."""
-    for name, sql in _tables(incident).items():
-        if redaction is not None and name in _BY_NAMES:
-            continue
-        table = run_sql(incident.store, sql)
-        if redaction is not None:
-            table = with_texts(table, redaction.cell)
+    wanted = {name: sql for name, sql in _tables(incident).items() if redaction is None or name not in _BY_NAMES}
+    for name, table in run_sqls(incident.store, wanted).items():
+        left = table if redaction is None else with_texts(table, redaction.cell)
         for form in ("parquet", "csv"):
-            write_file(folder / "rows" / f"{name}.{form}", encode(table, form))
+            write_file(folder / "rows" / f"{name}.{form}", encode(left, form))
 
 
 def _tables(incident: CaseIncident) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import auditor
 from auditor.casefile.folder import new_file, new_folder, write_file
-from auditor.casefile.incident import CaseIncident, incident_called
+from auditor.casefile.incident import CaseIncident
 from auditor.casefile.manifest import files_of, write_manifest
 from auditor.casefile.recorded import RecordedTask, write_kept, write_recorded
 from auditor.casefile.redaction import Redaction
@@ -21,12 +21,16 @@ from auditor.pipeline.at_hand import location_of
 from auditor.pipeline.many import LimitsOf, limits_by_size
 from auditor.pipeline.workers import run_within
 from auditor.reporting.case_page import CasePage, PictureLine, render_case
-from auditor.reporting.incident.loading import load_page
-from auditor.reporting.incident.render import render
+from auditor.reporting.incident.one import Incidents
+from auditor.reporting.incident.render import render_one
 from auditor.reporting.sketch import sketch, track_of
 from auditor.store import Store
 from auditor.store.log import heads
 from auditor.store.log.signatures import SigningKey
+from auditor.store.reviews import incident_called
+
+INDEX = "index.html"
+"""The first page of a case."""
 
 SECONDS = 2.0
 """Before and after the incident so much belongs to a case."""
@@ -64,7 +68,9 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
     Raises StoreError where no or several incidents begin so, and SettingError where the folder exists or cannot be
     written. A recording that is gone or is another by now is no error: the case says what it lacks for that.
     """
-    incident = CaseIncident(store, incident_called(store, beginning), settings.seconds)
+    # a redacted page has no pictures of its own: those in the folder are blurred
+    incidents = Incidents(store, Pictures.NONE if settings.redact else Pictures.INCIDENTS)
+    incident = CaseIncident(store, incident_called(incidents.rows, beginning), settings.seconds)
     redaction = Redaction.of_store(store) if settings.redact else None
     with new_folder(into) as folder:
         remarks = _of_several(incident) + _write_recorded(incident, folder, settings, redaction)
@@ -76,9 +82,11 @@ def write_case(store: Store, beginning: str, into: Path, settings: CaseSettings)
         if track is not None:
             place = sketch(track, incident.part["first_frame"], incident.part["last_frame"])
             write_file(folder / "place.svg", place.encode())
-        write_file(folder / "page.html", _page(incident, redaction).encode())
+        page = incidents.one(incident.row)
+        text = render_one(redaction.value(page) if redaction else page, index=INDEX)
+        write_file(folder / "page.html", text.encode())
         title = str(redaction.value(described, "")["title"] if redaction else described["title"])
-        write_file(folder / "index.html", _index(incident, folder, title, remarks, redacted=settings.redact).encode())
+        write_file(folder / INDEX, _index(incident, folder, title, remarks, redacted=settings.redact).encode())
         write_manifest(folder, _predicate(incident, remarks, settings, redaction), settings.key)
         files = len(files_of(folder))
     return Case(incident.incident_id, files, remarks)
@@ -113,13 +121,6 @@ def _of_several(incident: CaseIncident) -> tuple[str, ...]:
     if parts == 1:
         return ()
     return (f"the incident runs through {parts} recordings: clip and pictures are of the one with its strongest frame",)
-
-
-def _page(incident: CaseIncident, redaction: Redaction | None) -> str:
-    """The incident page; a redacted one without pictures, which stand in the folder blurred."""
-    pictures = Pictures.NONE if redaction is not None else Pictures.INCIDENTS
-    page = load_page(incident.store, incident.recording.recording_id, pictures)
-    return render(redaction.value(page) if redaction is not None else page)
 
 
 def _index(incident: CaseIncident, folder: Path, title: str, remarks: tuple[str, ...], *, redacted: bool) -> str:

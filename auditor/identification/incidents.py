@@ -121,6 +121,27 @@ def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | No
     return found
 
 
+def apart(event: Event, named: Sequence[tuple[int, ...]], added: Sequence[float], limit: float) -> list[Event]:
+    """The incidents that an event holds: one, or several where one attack follows another on other sensors.
+
+    `named` are the sensors that each of its frames names, and `added` what it adds. Each part must have evidence beyond
+    the `limit` for sensors that the other names nowhere, and in time none may lie within another.
+    """
+    spans: dict[tuple[int, ...], list[int]] = {}
+    for place, attacked in enumerate(named):
+        if attacked:
+            spans.setdefault(attacked, []).append(place)
+    clear = [(places, one) for one, places in spans.items() if sum(added[place] for place in places) > limit]
+    ordered = sorted(clear)
+    follow = all(
+        earlier[-1] < later[0] and set(one).isdisjoint(other) for (earlier, one), (later, other) in pairwise(ordered)
+    )
+    if len(ordered) < 2 or not follow:
+        return [event]
+    begins = [0, *(places[0] for places, _ in ordered[1:]), len(named)]
+    return [Event(event.frames[first:end]) for first, end in pairwise(begins)]
+
+
 def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), hours: float = 0.0) -> float:
     """What the sum exceeds in no more than so many incidents an hour of clean driving; None for the usual rate.
 

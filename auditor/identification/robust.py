@@ -9,12 +9,13 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
 from auditor.identification.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
-from auditor.identification.incidents import Evidence, events, evidence_of, excursions
+from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, excursions
 from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.parameters import INCIDENTS
@@ -98,13 +99,19 @@ def judge_frames(
     judged = list(frames if only is None else only)
     together = sorted({*judged, *(place for event in found for place in event.frames)})
     verdicts = dict(zip(together, judge.verdicts(together), strict=True))
-    for number, event in enumerate(found, 1):
+    whole = [_apart(event, verdicts, evidence, thresholds.score) for event in found]
+    for number, event in enumerate(chain.from_iterable(whole), 1):
         added = evidence.added[list(event.frames)].tolist()
         kind, attacked = _likeliest([verdicts[place] for place in event.frames], added)
         for place, more in zip(event.frames, added, strict=True):
             finding = Finding(kind, attacked, number, event.single, more)
             verdicts[place] = replace(verdicts[place], finding=finding)
     return [verdicts[place] for place in judged]
+
+
+def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, limit: float) -> list[Event]:
+    added = evidence.added[list(event.frames)].tolist()
+    return apart(event, [verdicts[place].attacked for place in event.frames], added, limit)
 
 
 def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThresholds) -> list[float]:

@@ -19,7 +19,7 @@
 -- column first_frame: Number of the first frame, within the first recording.
 -- column last_frame: Number of the last frame, within the last recording.
 -- column parts: What each recording has of it, in order.
--- column strongest_frame: Number of the frame with the largest gap.
+-- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident.
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
@@ -196,17 +196,17 @@ SELECT
     any_value(whole.parts[1].first_frame) AS first_frame,
     any_value(whole.parts[-1].last_frame) AS last_frame,
     any_value(whole.parts) AS parts,
-    -- of equal gaps the last frame's
-    arg_max(frame, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_frame,
-    arg_max(incident.name, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_name,
-    arg_max(incident.measurement_id, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
+    -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
+    arg_max(frame, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_frame,
+    arg_max(incident.name, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_name,
+    arg_max(incident.measurement_id, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
         AS strongest_measurement_id,
     max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
     any_value(carried.evidence) AS evidence,
     any_value(shared.shares) AS shares,
     alternatives_in_words(
-        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean'),
-        arg_max(incident.posterior, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
+        arg_max(incident.alternatives, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean'),
+        arg_max(incident.posterior, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
     ) AS alternatives,
     max(posterior) FILTER (own_kind <> 'clean') AS posterior,
     max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,

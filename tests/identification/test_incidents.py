@@ -6,6 +6,7 @@ import pytest
 from auditor.identification.incidents import (
     Event,
     Evidence,
+    apart,
     events,
     evidence_of,
     excursions,
@@ -109,6 +110,19 @@ def test_one_strong_frame_is_an_event_of_its_own_and_no_incident(hz):
 def test_parts_that_differ_by_frames_of_doubt_are_one_incident():
     scores = [CLEAN] * 10 + [STRONG] * 5 + [CLEAN] * 4 + [STRONG] * 5 + [CLEAN] * 10
     assert found(10, scores) == [Event((*range(10, 15), *range(19, 24)))]
+
+
+def test_an_attack_that_follows_on_another_sensor_is_an_incident_of_its_own():
+    def parts(*named, limit=2.5):
+        return [one.frames for one in apart(Event(tuple(range(len(named)))), named, [1.0] * len(named), limit)]
+
+    camera, lidar, both, nothing = (2,), (0,), (0, 2), ()
+    followed = [camera, camera, nothing, camera, lidar, nothing, lidar, lidar]
+    assert parts(*followed) == [(0, 1, 2, 3), (4, 5, 6, 7)]
+    assert len(parts(*followed, limit=3.0)) == 1, "too little evidence for either"
+    assert len(parts(camera, lidar, camera, lidar, camera, lidar)) == 1, "they alternate"
+    assert len(parts(camera, camera, camera, both, both, both)) == 1, "a sensor more is the same attack"
+    assert len(parts(camera, camera, camera, lidar, camera)) == 1, "a frame of doubt"
 
 
 def test_a_ramp_is_one_incident_that_begins_before_its_first_raised_frame():

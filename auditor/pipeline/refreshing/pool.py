@@ -25,16 +25,17 @@ def _unknown() -> Circumstances:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so.
+    """A measured recording. `named` says that a person called it clean, `labelled` that this was by a label of its own.
 
-    `doubt` is why it is not learnt from unless a person called it clean. `look_at` is of either of both. `frames` and
-    `circumstances` are read when they are needed.
+    `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
+    either of both. `frames` and `circumstances` are read when they are needed.
     """
 
     used: UsedRecording
     frames: Callable[[], CleanFrames]
     circumstances: Callable[[], Circumstances] = _unknown
     named: bool = False
+    labelled: bool = False
     barred: str = ""
     doubt: str = ""
     look_at: bool = False
@@ -87,13 +88,15 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
 
 def _log(store: Store, stored: StoredMeasurement, *, named: bool) -> Log:
     known, recording = stored.measurement_id, store.recording(stored.recording_id)
+    labelled = any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored)
     return Log(
         looked_at(stored, recording),
         partial(clean_frames_of, store, known),
         cache(partial(circumstances_of, store, known, recording)),
-        named or any(one.attack is None for one in store.given_labels(stored.recording_id)),
+        named or labelled,
+        labelled,
         barred,
         doubt,
         look_at,
