@@ -48,9 +48,12 @@ _CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 
 
+@cache
 def all_macros() -> dict[str, str]:
-    """The statements that make the macros, by name: those that stand for numbers of the program go first."""
-    return {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
+    """The statements that make the macros, by name, each after those that it calls; some stand for our own numbers."""
+    known = {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
+    calls = {name: _words(sql) & known.keys() - {name} for name, sql in known.items()}
+    return {name: known[name] for name in TopologicalSorter(calls).static_order()}
 
 
 def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:

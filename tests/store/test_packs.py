@@ -4,11 +4,12 @@ import random
 import shutil
 from pathlib import Path
 
+import duckdb
 import pyarrow.parquet as pq
 import pytest
 
 from auditor.cli import run
-from auditor.store import Store, run_query, run_sql
+from auditor.store import Store, run_query, run_sql, views_script
 from auditor.store.connection import connected
 from auditor.store.log import Kind, entries, logged
 from auditor.store.maintenance.check import check
@@ -210,3 +211,24 @@ def test_a_pack_that_is_gone_is_missed(folder):
     pack(Store.open(folder))
     next((folder / "packs" / "cells").iterdir()).unlink()
     assert any(problem.place.startswith("packs/cells/") for problem in verify(Store.open(folder)).grave)
+
+
+def test_the_command_says_what_it_did(folder, capsys):
+    assert run(["store", "compact", str(folder)]) == 0
+    assert "24 files are 10 now" in capsys.readouterr().err
+    assert run(["store", "compact", str(folder)]) == 0
+    assert "no small files" in capsys.readouterr().err
+
+
+def test_the_views_for_others_read_packs_and_what_was_written_since(folder):
+    store = Store.open(folder)
+    pack(store)
+    remove_measurement(store, store.ids("measurements")[0])
+    record = store.recordings()[0]
+    store.write_recording(type(record)(**{**vars(record), "vehicle": "car9"}))
+    tables = [f"stored_{table}" for table in PACKED]
+    with duckdb.connect() as plain, connected(store, " ".join(tables)) as own:
+        plain.execute(views_script(folder))
+        for table in tables:
+            rows = [sorted(map(repr, one.sql(f"FROM {table}").fetchall())) for one in (plain, own)]
+            assert rows[0] == rows[1], table
