@@ -73,8 +73,7 @@ def test_thresholds_say_how_many_drives_they_were_learnt_from(store):
     assert "false-alarm rate of a frame" in words
     assert "resolvable" not in words
     assert {(line.check, line.sensor, line.others) for line in by.checks if line.sensor == 1} == {
-        (check, 1, (2, 3))
-        for check in ("added_light", "removed_light", "photometric_inconsistency", "coloured_light")
+        (check, 1, (2, 3)) for check in ("added_light", "removed_light", "photometric_inconsistency", "coloured_light")
     }
     assert all(0 < line.expected < line.theta <= 1 and line.samples == 60 for line in by.checks)
 
