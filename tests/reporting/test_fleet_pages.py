@@ -14,7 +14,7 @@ from auditor.reporting.incident.one import Incidents
 from auditor.store.reviews import ReviewVerdict, review_incident
 from auditor.store.store import Store
 from tests.making.accessibility import complaints, contrasts
-from tests.making.pages import BROWSER, HOSTILE, Page, measured_width
+from tests.making.pages import BROWSER, HOSTILE, Page, browse, measured_width
 from tests.making.report_stores import add_recording, make_rig, new_store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -152,3 +152,11 @@ def test_colours_of_text_are_told_from_their_grounds(dark):
 def test_no_page_is_wider_than_a_phone(pages, tmp_path):
     for path in every(pages):
         assert measured_width(path, tmp_path, 390) <= 390, path
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the page in")
+def test_pages_of_hostile_text_open_without_a_console_message_or_a_request(pages, tmp_path):
+    for number, path in enumerate(every(pages / "hostile")):
+        (folder := tmp_path / str(number)).mkdir()
+        console, addresses, _ = browse(path, folder)
+        assert (console, addresses) == ([], [])

@@ -11,6 +11,7 @@ from auditor.reporting.ci.audit import Audit, sentence
 from auditor.reporting.ci.policy import Decided
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+_COULD_NOT_RUN = 2
 _RULES = {
     "attacked": (
         "error",
@@ -30,7 +31,7 @@ def sarif(audit: Audit) -> str:
         "columnKind": "utf16CodeUnits",
         "invocations": [
             {
-                "executionSuccessful": audit.exit_code < 2,
+                "executionSuccessful": audit.exit_code != _COULD_NOT_RUN,
                 "exitCode": audit.exit_code,
                 "toolExecutionNotifications": [
                     {
