@@ -25,7 +25,7 @@ def _unknown() -> Circumstances:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean, `labelled` that somebody looked at just this one.
+    """A measured recording. `named` says that a person called it clean, `labelled` that somebody looked at just this.
 
     `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
     either of both. `frames` and `circumstances` are read when they are needed.
