@@ -137,15 +137,15 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
     "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/common_view.py": ((3,), "dimensions"),
-    "model/geometry.py": (
+    "model/optics/common_view.py": ((3,), "dimensions"),
+    "model/optics/geometry.py": (
         (
             3,
             4,
         ),
         "dimensions",
     ),
-    "model/lenses.py": (
+    "model/optics/lenses.py": (
         (
             4,
             5,

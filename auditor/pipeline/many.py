@@ -20,8 +20,8 @@ from auditor.pipeline.judge import (
     refuse_earlier_counting,
 )
 from auditor.pipeline.known import KnownFiles
-from auditor.pipeline.measure import MeasureTask, measure_recording
-from auditor.pipeline.measured import Measured
+from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
 from auditor.pipeline.remarks import as_a_part, marked, unresolved
 from auditor.pipeline.stale import is_as_now

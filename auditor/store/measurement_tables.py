@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from auditor.errors import StoreError
 from auditor.model.checks import ADDED_LATER, COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
-from auditor.model.common_view import view_size_px
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     BRIGHTNESS,
@@ -29,6 +28,7 @@ from auditor.model.measurement import (
     Solid,
     Statistic,
 )
+from auditor.model.optics.common_view import view_size_px
 from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written

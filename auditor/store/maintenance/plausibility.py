@@ -7,7 +7,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.model.checks import SIGNED_CHECKS, Check
-from auditor.model.common_view import view_size_px
+from auditor.model.optics.common_view import view_size_px
 from auditor.store.store import Store
 from auditor.store.tables import read_table, stream_rows
 
