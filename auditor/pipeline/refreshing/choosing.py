@@ -17,7 +17,7 @@ from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"
 LABELLED = "labelled clean"
-"""With a label of its own: somebody looked at this recording."""
+"""With a label of its own, or since all of its incidents are false alarms: somebody looked at this recording."""
 
 _BY_PERSON = (NAMED, LABELLED, GIVEN)
 _WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"

@@ -25,7 +25,7 @@ def _unknown() -> Circumstances:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean, `labelled` that this was by a label of its own.
+    """A measured recording. `named` says that a person called it clean, `labelled` that somebody looked at just this.
 
     `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
     either of both. `frames` and `circumstances` are read when they are needed.
@@ -64,14 +64,14 @@ def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
-        clean = {*named, *false_alarms(store)}
+        reviewed = false_alarms(store)
         for measurement in store.ids("measurements"):
             if measurement not in seen and not counted_earlier(store, measurement):
                 seen.add(measurement)
                 stored = store.measurement(measurement)
                 rig = store.rig(stored.rig_id)
                 _group(groups, known, rig, stored.procedure).logs.append(
-                    _log(store, stored, named=measurement in clean)
+                    _log(store, stored, named=measurement in named, reviewed=measurement in reviewed)
                 )
     return groups
 
@@ -86,9 +86,9 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
     return found
 
 
-def _log(store: Store, stored: StoredMeasurement, *, named: bool) -> Log:
+def _log(store: Store, stored: StoredMeasurement, *, named: bool, reviewed: bool) -> Log:
     known, recording = stored.measurement_id, store.recording(stored.recording_id)
-    labelled = any(one.attack is None for one in store.given_labels(stored.recording_id))
+    labelled = reviewed or any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored)
     return Log(
