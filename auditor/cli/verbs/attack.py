@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 _SECOND_NS = 10**9
 _KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
-_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
+_LIDAR_KINDS = (
+    *("wall", "far-wall", "removed", "seen-through", "saturated", "pulses"),
+    *("hidden", "scattered", "turned", "rain"),
+)
 _EITHER = ("delayed", "frozen")
 
 
@@ -38,7 +41,8 @@ _EITHER = ("delayed", "frozen")
     "--size",
     type=options.FiniteRange(min=0),
     help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
-    "hidden sector or turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
+    "range of a far wall or of an object that is removed or seen through (m), "
+    "hidden or noisy sector, turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
     "(blobs), share of light that dims.",
 )
 @click.option(
@@ -81,6 +85,7 @@ def command(
     auditor attack clean.mcap attacked.mcap --on S_2
     auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
     auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
+    auditor attack clean.mcap attacked.mcap --on S_0 --kind removed --size 20
     auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
 
     The ground truth travels inside the copy and comes into the store with it.
