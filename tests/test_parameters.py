@@ -43,6 +43,7 @@ SCANNED = tuple(
 PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
+    "measurement/point_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/refresh_parameters.py",
