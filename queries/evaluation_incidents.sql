@@ -1,6 +1,6 @@
 -- Incidents of an evaluation, by all sensors: whether a second under attack is found as one, with whom and how soon, and how many false ones there are per hour of clean driving.
 --
--- Incidents are runs of frames with the same verdict, as in a scan; by the robust method also the temporal window around a frame has to be a finding, a quarter of which lies ahead. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
+-- By the robust method incidents are those of a scan, by the paper's runs of frames with the same verdict. An attacked interval lies in an otherwise clean drive; its attack holds still or is drawn anew for every frame, and its faculas are mild.
 --
 -- param r RATE[] = 0.01: The designated false-alarm rates.
 -- param statistic STATISTIC = gated: Which pixels E counts: plain or gated.
@@ -73,7 +73,8 @@ judged AS MATERIALIZED (
         TRUE AS resolvable,
         'robust' AS method,
         window_kind AS verdict,
-        window_named AS identified
+        window_named AS identified,
+        event
     FROM case_verdicts
     WHERE experiment IN ('clean', 'intervals')
         AND list_contains(CAST($r AS DECIMAL(18, 17)[]), r)
@@ -109,9 +110,20 @@ line AS (
     GROUP BY what, line
 ),
 numbered AS (
-    SELECT *, sum(CASE WHEN step_ns <= $gap_s * 1e9 THEN 0 ELSE 1 END) OVER same AS run
+    SELECT
+        *,
+        sum(CASE WHEN step_ns <= $gap_s * 1e9 OR coalesce(same_event, false) THEN 0 ELSE 1 END) OVER same AS run
     FROM (
-        SELECT what, line, clock, verdict, identified, frame, stamp_ns, stamp_ns - lag(stamp_ns) OVER same AS step_ns
+        SELECT
+            what,
+            line,
+            clock,
+            verdict,
+            identified,
+            frame,
+            stamp_ns,
+            stamp_ns - lag(stamp_ns) OVER same AS step_ns,
+            event = lag(event) OVER same AS same_event
         FROM clocked
         WHERE verdict IN ('attacked', 'unidentified', 'suspect')
         WINDOW same AS (PARTITION BY what, line, clock, verdict, identified ORDER BY frame)

@@ -9,7 +9,7 @@
 -- column part: What the fact is about: frame, sensor, verdict, error, score, cause or alternative.
 -- column item: Which frame's property, sensor, property of the verdict, triple, sensor check, cause or explanation.
 -- column value: What was found, in a word: a sensor's state, the verdict, the sensors, the element e of a triple.
--- column measured: What was measured: the gap, the disparity error E, the statistic of a sensor check, the score of a cause, how much worse an explanation is; NULL where it was not.
+-- column measured: What was measured: the gap, the disparity error E, the statistic of a sensor check, the score of a cause, the probability of an explanation (by the paper's method how much worse it is); NULL where it was not.
 -- column theta: The threshold that it is compared with, of a statistic that at which z is the limit; NULL where there is none.
 -- column score: The score z of the statistic.
 -- column note: What else is known of it, in words.
@@ -28,11 +28,13 @@ judged AS (
     SELECT
         whole.measurement_id,
         verdict.* EXCLUDE (measurement_id),
+        judgement.largest_ratio,
         list_filter(list_transform(rig.sensors, lambda s: s['sensor']), lambda s: NOT list_contains(out_of_system, s))
             AS system
     FROM whole
     JOIN rigs AS rig USING (rig_id)
     LEFT JOIN verdicts AS verdict USING (measurement_id, frame)
+    LEFT JOIN judgements AS judgement ON judgement.judgement_id = verdict.judgement_id
     WHERE whole.skipped IS NULL
 ),
 fact AS (
@@ -125,12 +127,32 @@ fact AS (
             END
         },
         {
+            item: 'probability',
+            value: NULL,
+            measured: posterior,
+            theta: NULL,
+            score: NULL,
+            note: CASE WHEN posterior IS NOT NULL THEN 'of the likeliest attack set, at even odds before' END
+        },
+        {
+            item: 'likelihood ratio',
+            value: NULL,
+            measured: pow(10, log10_ratio),
+            theta: NULL,
+            score: NULL,
+            note: ratio_in_words(log10_ratio, largest_ratio)
+        },
+        {
             item: 'finding',
             value: finding,
             measured: NULL,
             theta: NULL,
             score: NULL,
-            note: CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END
+            note: nullif(concat_ws(
+                '; ',
+                CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END,
+                CASE WHEN single_frame THEN 'a single frame, no incident' END
+            ), '')
         },
         {item: 'method', value: method, measured: NULL, theta: NULL, score: NULL, note: NULL}
     ])
@@ -177,12 +199,12 @@ fact AS (
     SELECT measurement_id, 7, row, 'alternative', {
         item: sensors_in_words(alternative['attacked'], 'no attack'),
         value: NULL,
-        measured: alternative['worse_by'],
+        measured: coalesce(posterior / pow(10, alternative['worse_by']), alternative['worse_by']),
         theta: NULL,
         score: NULL,
-        note: 'worse by so much'
+        note: CASE WHEN posterior IS NULL THEN 'worse by so much' ELSE 'its probability' END
     }
-    FROM (SELECT measurement_id, unnest(alternatives) AS alternative, generate_subscripts(alternatives, 1) AS row FROM judged)
+    FROM (SELECT measurement_id, posterior, unnest(alternatives) AS alternative, generate_subscripts(alternatives, 1) AS row FROM judged)
 ),
 numbered AS (
     SELECT *, row_number() OVER (PARTITION BY measurement_id, place, row) AS line FROM fact

@@ -43,10 +43,12 @@ SCANNED = tuple(
 PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
+    "measurement/colour_parameters.py",
     "measurement/point_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/refresh_parameters.py",
+    "identification/drift/parameters.py",
 )
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
@@ -63,6 +65,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         ),
         "N - 3 is positive; N - 3",
     ),
+    "identification/incidents.py": ((3600,), "seconds in an hour"),
     "identification/cross_validation.py": (
         (
             1.959963984540054,
@@ -74,10 +77,16 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
+    "identification/refreshing/clustered.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
+    "identification/refreshing/two_samples.py": (
+        (1.4826, 3, 8),
+        "standard deviations in a median absolute deviation; Wallace's approximation",
+    ),
     "identification/statistics.py": ((10**9,), "nanoseconds"),
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
+    "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),

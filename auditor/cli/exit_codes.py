@@ -29,7 +29,8 @@ class NotAudited:
 class Tally:
     """What the exit code and the closing line depend on, gathered over all recordings of a command.
 
-    `recordings` and `with_incidents` are ids, or paths where nothing could be read.
+    `recordings` and `with_incidents` are ids, or paths where nothing could be read. All incidents of those that are
+    `excused` do not fail: somebody reviewed them, or a policy says so.
     """
 
     found: bool = False
@@ -38,6 +39,7 @@ class Tally:
     failed: bool = False
     recordings: set[str] = field(default_factory=set)
     with_incidents: set[str] = field(default_factory=set)
+    excused: set[str] = field(default_factory=set)
     not_audited: list[NotAudited] = field(default_factory=list)
 
     def exit_code(self) -> Exit:

@@ -65,13 +65,28 @@ again_option = click.option(
 )
 
 
+policy_option = click.option(
+    "--policy",
+    type=click.Path(path_type=Path),
+    help="A policy.toml: which incidents fail, which are suppressed until when, and a baseline to compare with.",
+)
+
+
+content_option = click.option(
+    "--verify-content",
+    is_flag=True,
+    help="Read also files whose path, size, times and inode are those of when the store read them.",
+)
+
+
 pictures_option = click.option(
     "--pictures",
     type=click.Choice([*Pictures]),
     default=Pictures.ALL,
     show_default=True,
     help="Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is unusually "
-    "large), or all; of these the strongest of each second, at most 60 a recording.",
+    "large), or all; of these the strongest of each second, at most 60 a recording, small and grey. But for none, each "
+    "incident gets those that show it besides: all cameras at full resolution, and the cloud.",
 )
 
 
@@ -91,13 +106,14 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
         *,
         vehicle: str | None,
         drive: str | None,
+        weather: str | None,
         path_pattern: str | None,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.recordings import Origin  # noqa: PLC0415 - keeps --help quick
 
         def origin_of(path: Path) -> Origin:
-            given = Origin(vehicle, drive=drive)
+            given = Origin(vehicle, drive=drive, weather=weather)
             return given.over(Origin.of_path(path, path_pattern)) if path_pattern else given
 
         return command(origin_of=origin_of, **others)
@@ -112,6 +128,7 @@ def origin_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--drive",
             help="Name of the drive that these recordings are parts of.  [default: those that follow each other]",
         ),
+        click.option("--weather", help="Weather that they were made in, in your own words: rain, snow, fog."),
         click.option("--vehicle", help="Name of the vehicle that made these recordings."),
     ):
         collected = option(collected)
@@ -208,17 +225,26 @@ def measuring_options(command: Callable[..., Any]) -> Callable[..., Any]:
         limits: "LimitsOf",
         jobs: int,
         measure_again: bool,
+        verify_content: bool,
         pictures: str,
         **others: Any,  # noqa: ANN401 - handed on
     ) -> Any:  # noqa: ANN401 - whatever the command returns
         from auditor.pipeline.many import MeasureSettings  # noqa: PLC0415 - keeps --help quick
 
         settings = MeasureSettings(
-            matcher, network, rig, origin_of, limits, jobs, again=measure_again, pictures=Pictures(pictures)
+            matcher,
+            network,
+            rig,
+            origin_of,
+            limits,
+            jobs,
+            again=measure_again,
+            pictures=Pictures(pictures),
+            verify_content=verify_content,
         )
         return command(measuring=settings, **others)
 
-    own = jobs_option(pictures_option(again_option(collected)))
+    own = jobs_option(pictures_option(again_option(content_option(collected))))
     return matcher_options(rig_option(origin_options(budget_options(own))))
 
 
@@ -258,7 +284,7 @@ method_option = click.option(
     type=click.Choice(["robust", "paper"]),
     default="robust",
     show_default=True,
-    help="Seven checks and joint identification, or disparity errors and Algorithm 2.",
+    help="Eight checks and joint identification, or disparity errors and Algorithm 2.",
 )
 
 
@@ -305,7 +331,7 @@ def judging_options(command: Decorated) -> Decorated:
             "--incidents-per-hour",
             type=FiniteRange(min=0),
             metavar="NUMBER",
-            help="With --method robust: at most so many on clean drives; sets what a window must exceed the limit by.",
+            help="With --method robust: false incidents an hour to aim at on clean drives.  [default: 2]",
         ),
         click.option(
             "-r",

@@ -20,6 +20,14 @@ def check_page(target: Path) -> None:
         raise _foreign(target, "not a page that auditor wrote")
 
 
+def check_pages(folder: Path) -> None:
+    """Raises SettingError where the pages of a folder would take the place of something else."""
+    if folder.exists() and not folder.is_dir():
+        raise SettingError("it is a file", where=folder, remedy="name a folder, or a file that ends in .html")
+    for page in (folder / "index.html", *sorted(folder.glob("incidents/*.html"))):
+        check_page(page)
+
+
 def check_thresholds(target: Path) -> None:
     """Raises SettingError where there is something else than a thresholds artefact."""
     if target.exists() and not _is_thresholds(target):

@@ -3,9 +3,9 @@
 import json
 from collections.abc import Iterator
 from enum import IntEnum
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from auditor.cli.metrics import gauge, labels
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
@@ -61,9 +61,13 @@ def _rig_kind(one: "Decision") -> dict[str, object]:
         "provisional": one.provisional,
         "recordings": len(one.included),
         "new": one.new,
-        "by_others": one.by_others,
+        "by_others": one.by_others and one.by_others._asdict(),
+        "new_by_others": one.new_by_others and one.new_by_others._asdict(),
+        "new_before": one.new_before and one.new_before._asdict(),
         "planted_found_before": one.found_before,
         "planted_found": one.found_after,
+        "planted_lost": one.lost and one.lost._asdict(),
+        "planted_lost_in_all": one.lost_in_all and one.lost_in_all._asdict(),
         "largest_rise": max((rise.deviations for rise in one.rises), default=None),
         "creep": one.creep,
         "look_at": [{"recording": used.name, "reason": used.reason} for used in one.look_at],
@@ -71,56 +75,43 @@ def _rig_kind(one: "Decision") -> dict[str, object]:
     }
 
 
-def metrics(refresh: "Refresh") -> str:
-    """The refresh as text for the textfile collector of Prometheus' node exporter."""
-    return "".join(f"{line}\n" for line in _metrics(refresh))
-
-
-def _metrics(refresh: "Refresh") -> Iterator[str]:
+def refresh_metrics(refresh: "Refresh") -> Iterator[str]:
+    """The lines of what a refresh did."""
     decisions = refresh.decisions
-    yield from _metric(
-        "exit_code", "How the last refresh ended: 0 done, 1 held, 2 failed, 4 refused.", [("", int(exit_code(refresh)))]
+    yield from gauge(
+        f"{_PREFIX}exit_code",
+        "How the last refresh ended: 0 done, 1 held, 2 failed, 4 refused.",
+        [("", int(exit_code(refresh)))],
     )
-    yield from _metric("end_time_seconds", "When the last refresh ended.", [("", refresh.at.timestamp())])
-    yield from _metric(
-        "measured_recordings", "Recordings given to the last refresh that are measured.", [("", len(refresh.measured))]
+    yield from gauge(f"{_PREFIX}end_time_seconds", "When the last refresh ended.", [("", refresh.at.timestamp())])
+    yield from gauge(
+        f"{_PREFIX}measured_recordings",
+        "Recordings given to the last refresh that are measured.",
+        [("", len(refresh.measured))],
     )
-    yield from _metric("failed_recordings", "Recordings and rig kinds that failed.", [("", len(refresh.failed))])
+    yield from gauge(
+        f"{_PREFIX}failed_recordings", "Recordings and rig kinds that failed.", [("", len(refresh.failed))]
+    )
     for name, text, value in (
         ("decided", "1 for what was decided for a rig kind.", None),
         ("recordings", "Recordings that the version in force or the candidate is made of.", lambda d: len(d.included)),
         ("new_recordings", "Those of them that the version of before has not.", lambda d: d.new),
         ("look_at_recordings", "Recordings that a person should look at.", lambda d: len(d.look_at)),
-        ("windows_by_others", "Share of windows judged by others with findings.", lambda d: d.by_others),
+        (
+            "windows_by_others",
+            "Share of windows judged by others with findings.",
+            lambda d: d.by_others and d.by_others.value,
+        ),
         ("planted_found", "Share of planted attacks that are found.", lambda d: d.found_after),
         ("creep_deviations", "Largest rise of a threshold since a person confirmed.", lambda d: d.creep),
         ("provisional", "1 where nobody named a recording clean.", lambda d: int(d.provisional)),
     ):
         rows = [
-            (_labels(one, decided=one.decided.value), 1.0) if value is None else (_labels(one), value(one))
+            (labels(**_of(one), decided=one.decided.value), 1.0) if value is None else (labels(**_of(one)), value(one))
             for one in decisions
         ]
-        yield from _metric(name, text, [(labels, number) for labels, number in rows if number is not None])
+        yield from gauge(_PREFIX + name, text, [(known, number) for known, number in rows if number is not None])
 
 
-def _metric(name: str, text: str, rows: "list[tuple[str, float]]") -> Iterator[str]:
-    yield f"# HELP {_PREFIX}{name} {text}"
-    yield f"# TYPE {_PREFIX}{name} gauge"
-    for labels, number in rows:
-        yield f"{_PREFIX}{name}{labels} {number!r}"
-
-
-def _labels(one: "Decision", **more: str) -> str:
-    known = {"kind": one.kind, "matcher": one.matcher, **more}
-    return "{" + ",".join(f'{name}="{_escaped(value)}"' for name, value in known.items()) + "}"
-
-
-def _escaped(text: str) -> str:
-    return one_line(text).replace("\\", "\\\\").replace('"', '\\"')
-
-
-def write_metrics(refresh: "Refresh", path: Path) -> None:
-    """Write the metrics in one go: the collector reads the old file or the new one. Raises StoreError."""
-    from auditor.store.files import write_whole  # noqa: PLC0415 - keeps --help quick
-
-    write_whole(path, metrics(refresh).encode())
+def _of(one: "Decision") -> dict[str, str]:
+    return {"kind": one.kind, "matcher": one.matcher}

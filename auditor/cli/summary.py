@@ -2,10 +2,12 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auditor.cli.calibration_tables import learnt
+from auditor.cli.ci_forms import FORMS_OF_CI, as_form_of_ci
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
 from auditor.model.text import storable
@@ -13,8 +15,9 @@ from auditor.model.text import storable
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
     from auditor.pipeline.many import Batch, Judged
-    from auditor.pipeline.measure import Measured
+    from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
+    from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store
 
 _WHERE_KNOWN = ("vehicle", "date")
@@ -23,6 +26,7 @@ _RECORDING_COLUMNS = ("recording", *_WHERE_KNOWN, "frames", "audited", *_COUNTS,
 _EXPENDABLE = ("date", "r", "vehicle", "audited", "frames")
 _UNRESOLVED = "*"
 _INCIDENT_COLUMNS = ("recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
+_REMARK = "remark"
 _MOST_NAMED = 3
 
 Remarks = dict[tuple[str, str], list[str]]
@@ -57,11 +61,12 @@ def show_measuring(batch: "Batch", tally: Tally) -> "list[Measured]":
     return results
 
 
-def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> list[str]:
-    """Print what could not be judged or not fully audited, and why; return the measurements that were judged."""
+def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> "list[Judged]":
+    """Print what could not be judged or not fully audited, and why; return what became of each measurement."""
     judged = []
     remarks: Remarks = {}
     for one in results:
+        judged.append(one)
         measurement = store.measurement(one.measurement_id)
         kind = str(store.rig(measurement.rig_id).kind)
         for remark in (*one.warnings, *([str(one.error)] if one.error else [])):
@@ -76,11 +81,16 @@ def show_judging(results: "Iterable[Judged]", store: "Store", tally: Tally) -> l
         tally.failed |= one.error is not None
         tally.incomplete |= one.error is None and not one.complete
         tally.found |= one.found
-        if one.judgement is not None:
-            tally.audited = True
-            judged.append(one.measurement_id)
+        tally.audited |= one.judgement is not None
     _say_once(remarks)
     return judged
+
+
+def policy_of(path: Path | None) -> "Policy":
+    """The policy of a file; without one every incident fails that no review excuses. Raises SettingError."""
+    from auditor.reporting.ci.policy import Policy, read_policy  # noqa: PLC0415 - keeps --help quick
+
+    return Policy() if path is None else read_policy(path)
 
 
 def show_audit(
@@ -88,41 +98,67 @@ def show_audit(
     form: str,
     tally: Tally,
     recording_ids: Collection[str] | None = None,
-    judged: Collection[str] | None = None,
+    judged: "Sequence[Judged] | None" = None,
+    policy: "Policy | None" = None,
 ) -> None:
     """Print the summary of some recordings, or of all, with the incidents in them and a closing line.
 
-    `judged` are the measurements that were judged just now: earlier verdicts on others are counted, not shown. Without
-    a store nothing was measured.
+    `judged` is what became of the measurements of a scan: what was judged now is shown, or all where nothing was, and
+    the store is asked about it alone; earlier verdicts are counted. What no incident fails is not found, as far as the
+    tally is concerned. Without a store nothing was measured.
     """
     from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
-    from auditor.store.export import as_json  # noqa: PLC0415
 
-    if store is None:
-        rows: list[dict[str, Any]] = []
-        incidents = rows
-    else:
-        summary = run_query(store, "summary", {})
-        places = _places(rows_of(summary), recording_ids, judged)
+    rows: list[dict[str, Any]] = []
+    decided: list[Decided] = []
+    if store is not None:
+        asked = store if judged is None else _asked(store, judged)
+        summary = run_query(asked, "summary", {})
+        every = recording_ids is None
+        places = [n for n, row in enumerate(rows_of(summary)) if every or row["recording_id"] in (recording_ids or ())]
         summary = summary.take(places) if places else summary.slice(0, 0)
+        rows = rows_of(summary)
+        allowed = policy or policy_of(None)
+        decided = _decided(asked, {row["measurement_id"] for row in rows}, allowed)
+        earlier = {one.measurement_id for one in judged or () if one.judgement is not None} if tally.found else set()
+        earlier -= {row["measurement_id"] for row in rows}
+        _excuse(tally, [*decided, *(_decided(store.only(measurements=earlier), earlier, allowed) if earlier else ())])
         if form in ("csv", "parquet"):
             emit(summary, form)
             return
-        rows = rows_of(summary)
-        incidents = _incidents_of(store, {row["measurement_id"] for row in rows})
-    if form == "json":
-        left = [vars(one) for one in tally.not_audited]
-        write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
-    elif form == "table":
+    if form == "table":
         if store is not None:
-            _show_tables(rows, incidents)
+            _show_tables(rows, decided)
+            _tell_single_frames(asked, {row["measurement_id"] for row in rows})
         answer(closing_line(tally))
+    elif form in FORMS_OF_CI:
+        write_bytes(as_form_of_ci(form, store, rows, decided, tally))
+    elif form == "json":
+        _show_json(rows, decided, tally)
+
+
+def _excuse(tally: Tally, decided: "Sequence[Decided]") -> None:
+    """Leave out of what was found the recordings all of whose incidents are excused."""
+    failing = {part["recording_id"] for one in decided if one.fails for part in one.incident["parts"]}
+    excused = {part["recording_id"] for one in decided if not one.fails for part in one.incident["parts"]} - failing
+    tally.excused = tally.with_incidents & excused
+    tally.found = tally.found and bool(tally.with_incidents - tally.excused)
+
+
+def _show_json(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]", tally: Tally) -> None:
+    from auditor.store.export import as_json  # noqa: PLC0415 - DuckDB is heavy
+
+    incidents = [{**one.incident, "excuse": one.excuse or None, "new": one.new} for one in decided]
+    left = [vars(one) for one in tally.not_audited]
+    write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
 
 def closing_line(tally: Tally) -> str:
     """How many recordings there were, how many of them have incidents, and how many were not fully audited, and why."""
     left = {one.path: one.reason for one in tally.not_audited}
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
+    if tally.excused:
+        line += f" ({len(tally.excused)} of them excused)"
     if not left:
         return f"{line}, all fully audited" if tally.audited else line
     why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
@@ -150,33 +186,48 @@ def _say_once(remarks: Remarks) -> None:
             say(f"{_count(len(names))}{f' of {kind}' if several else ''} ({_first(names)}): {remark}")
 
 
-def _places(
-    rows: Sequence[Mapping[str, Any]], recording_ids: Collection[str] | None, judged: Collection[str] | None
-) -> list[int]:
-    """Which rows of the summary are shown; of those that keep their verdicts from earlier, the number is said."""
-    wanted = [place for place, row in enumerate(rows) if recording_ids is None or row["recording_id"] in recording_ids]
-    now = [
-        place
-        for place in wanted
-        if judged is None or rows[place]["measurement_id"] in judged or rows[place]["method"] is None
-    ]
-    if earlier := len(wanted) - len(now):
+def _asked(store: "Store", judged: "Sequence[Judged]") -> "Store":
+    """The part of a store that is shown after a scan; of what keeps its verdicts from earlier, the number is said."""
+    verdicts = [one for one in judged if one.judgement is not None]
+    now = [one for one in verdicts if one.fresh] or verdicts
+    failed = [one.measurement_id for one in judged if one.judgement is None]
+    before = store.current_judgements() if failed else {}
+    shown = [one.measurement_id for one in now] + [one for one in failed if one not in before]
+    if earlier := len(judged) - len(shown):
         count = "1 measurement keeps its" if earlier == 1 else f"{earlier} measurements keep their"
         say(f"{count} verdicts from earlier, not shown here; auditor query summary shows them")
-    return now
+    return store.only(
+        recordings={store.measurement(one).recording_id for one in shown},
+        measurements=set(shown),
+        judgements={one.judgement.judgement_id for one in now if one.judgement is not None},
+    )
 
 
-def _incidents_of(store: "Store", measurements: Collection[str]) -> list[dict[str, Any]]:
-    from auditor.store import rows_of, run_query  # noqa: PLC0415 - DuckDB is heavy
+def _decided(store: "Store", measurements: Collection[str], policy: "Policy") -> "list[Decided]":
+    """The incidents of some measurements, and which of them fail today."""
+    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - DuckDB is heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
 
-    return [
+    incidents = [
         row
         for row in rows_of(run_query(store, "incidents", {}))
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
+    return decide(incidents, policy, datetime.now(UTC).date())
 
 
-def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
+def _tell_single_frames(store: "Store", measurements: Collection[str]) -> None:
+    """How many frames are so strong that they are told by themselves, though they belong to no incident."""
+    from auditor.store import rows_of, run_sql  # noqa: PLC0415 - DuckDB is heavy
+
+    told = rows_of(run_sql(store, "SELECT name, measurement_id FROM single_frames"))
+    names = [row["name"] for row in told if row["measurement_id"] in measurements]
+    if names:
+        frames = f"{len(names)} very strong frame{'s' * (len(names) > 1)}"
+        answer(f"{frames} in no incident ({_first(sorted(set(names)))}): auditor query look_first")
+
+
+def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:
     unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
     columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
     print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
@@ -184,13 +235,15 @@ def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[
         answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
     for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
         answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
-    if incidents:
+    if decided:
+        shown_rows = [_incident(one) for one in decided]
+        told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
         print_rows(
-            [_incident(row) for row in incidents],
-            _INCIDENT_COLUMNS,
+            shown_rows,
+            (*_INCIDENT_COLUMNS, *told),
             "Incidents",
             expendable=("gap", "seconds"),
-            wrapped=("sensors",),
+            wrapped=("sensors", *told),
         )
 
 
@@ -211,8 +264,11 @@ def _named(one: Mapping[str, Any]) -> str:
     return f"{' + '.join(f'S_{sensor}' for sensor in one['attacked'])} ({one['frames']})"
 
 
-def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
+def _incident(one: "Decided") -> dict[str, Any]:
+    row = one.incident
+    said = f"reviewed as {row['review']}: {row['review_reason']}" if row["review"] else None
     return {
+        _REMARK: one.excuse or said,
         "recording": _first([part["name"] for part in row["parts"]]),
         "verdict": row["kind"],
         "sensors": row["attacked_names"],

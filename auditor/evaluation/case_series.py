@@ -1,6 +1,6 @@
 """The series around each case of an evaluation: its drive as a scan would see it, with only this case attacked.
 
-Only the frame of the case differs from the clean drive, or the frames of its interval.
+Only the frame of the case differs from the clean drive, or the frames of its interval, whose cases share a series.
 
 An attacked frame also changes the fault features of the clean frame after it, which are taken between the two.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
+from auditor.identification.parameters import INCIDENTS
 from auditor.identification.robust import FrameSeries
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.identification.systems import System
@@ -32,7 +33,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 class _Drive:
     """The F clean cases of one drive in their order: places among all cases, stamps and runs (F,), row by frame.
 
-    `first` and `end` (F,) bound what the verdict on a frame can depend on.
+    `first` and `end` (F,) bound what the verdict on a frame can depend on, and an incident of it.
     """
 
     places: Places
@@ -45,13 +46,16 @@ class _Drive:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Part of a drive around one case: by row (R,) the place of the case that is there, with its features."""
+    """Part of a drive: by row (R,) the place of the case that is there, with its features.
+
+    `judged` are the rows of the cases that it is made for, by their place.
+    """
 
     places: Places
     features: Floats
     stamps_ns: Numbers
     runs: Numbers
-    judged: int
+    judged: dict[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +116,16 @@ class CaseSeries:
         )
         return CleanSeries(known[0].family, np.array([one.block[1] for one in known], dtype=np.int64), frames)
 
-    def window(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
+    def series(self, chosen: Sequence[int], system: System) -> tuple[FrameSeries, list[int]]:
         """The parts of drives around the cases at these places, one after the other, and the row of each case.
 
-        `system` may have fewer sensors than the rig.
+        Clean cases share their whole drive, and those of one interval what lies around it: incidents are of many
+        frames. `system` may have fewer sensors than the rig.
         """
-        parts = [self._part(place) for place in chosen]
+        together: dict[tuple[object, ...], list[int]] = defaultdict(list)
+        for place in chosen:
+            together[self._shared(place)].append(place)
+        parts = [self._part(places) for places in together.values()]
         lengths = [len(part.places) for part in parts]
         places = np.concatenate([part.places for part in parts])
         stamps = np.concatenate([part.stamps_ns for part in parts])
@@ -134,24 +142,37 @@ class CaseSeries:
             seen.by_camera,
         )
         starts = np.cumsum([0, *lengths[:-1]]).tolist()
-        return series, [start + part.judged for start, part in zip(starts, parts, strict=True)]
+        rows = {
+            place: start + row for start, part in zip(starts, parts, strict=True) for place, row in part.judged.items()
+        }
+        return series, [rows[place] for place in chosen]
 
-    def _part(self, place: int) -> _Part:
+    def _shared(self, place: int) -> tuple[object, ...]:
+        """The key of the cases that are judged in one series."""
         one = self._cases.known[place]
+        if one.experiment == "clean":
+            return one.experiment, one.drive
+        return self._interval(place) if one.experiment == "intervals" else (place,)
+
+    def _part(self, judged: Sequence[int]) -> _Part:
+        """The part of a drive around cases that share a series."""
+        one = self._cases.known[judged[0]]
         drive = self._drives[one.drive]
-        row = drive.row_of[one.frame]
-        first, end = int(drive.first[row]), int(drive.end[row])
-        places, features = drive.places[first:end].copy(), self._cases.features[drive.places[first:end]]
-        together = [] if one.experiment == "clean" else [place]
+        together = list(judged) if one.experiment != "clean" else []
         if one.experiment == "intervals":
-            together = self._intervals[self._interval(place)]
+            together = self._intervals[self._interval(judged[0])]
+        rows = [drive.row_of[self._cases.known[place].frame] for place in (together or judged)]
+        first, end = int(drive.first[min(rows)]), int(drive.end[max(rows)])
+        if one.experiment == "clean":
+            first, end = 0, len(drive.places)
+        places, features = drive.places[first:end].copy(), self._cases.features[drive.places[first:end]]
         changed = {drive.row_of[self._cases.known[other].frame] - first: other for other in together}
         for at, other in changed.items():
-            if 0 <= at < end - first:
-                places[at], features[at] = other, self._cases.features[other]
-            if 0 <= at + 1 < end - first and at + 1 not in changed:
+            places[at], features[at] = other, self._cases.features[other]
+            if at + 1 < end - first and at + 1 not in changed:
                 features[at + 1] = self._cases.features_after[other]
-        return _Part(places, features, drive.stamps_ns[first:end], drive.runs[first:end], row - first)
+        own = {place: drive.row_of[self._cases.known[place].frame] - first for place in judged}
+        return _Part(places, features, drive.stamps_ns[first:end], drive.runs[first:end], own)
 
     def _observed(self, system: System, places: Places, features: Floats) -> ObservedFeatures:
         pairs = self._cases.rig.pairs
@@ -188,8 +209,8 @@ class CaseSeries:
         known = [self._cases.known[place] for place in places]
         stamps = np.array([one.stamp_ns for one in known], dtype=np.int64)
         runs = runs_of(stamps)
-        first, end = window_bounds(stamps, LONGEST_WINDOW_S, runs)
+        first, end = window_bounds(stamps, max(LONGEST_WINDOW_S, 2 * INCIDENTS.quiet_s), runs)
         # Whether a frame's sensors are frozen follows from the frames beside it, also across a gap.
-        wider = MIN_FRAMES + 1
+        wider = max(MIN_FRAMES + 1, INCIDENTS.quiet_frames)
         row_of = {one.frame: row for row, one in enumerate(known)}
         return _Drive(places, stamps, runs, row_of, np.maximum(first - wider, 0), np.minimum(end + wider, len(places)))

@@ -49,18 +49,18 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
     There are none for a rig without triples, which has no systems, and none of frames that were not measured clean.
     """
     blocks: dict[Block, list[int]] = defaultdict(list)
-    window = CaseSeries(cases)
+    around = CaseSeries(cases)
     for place, one in enumerate(cases.known):
-        if window.has(place):
+        if around.has(place):
             blocks[one.block].append(place)
     for sensors in systems(cases.rig) if blocks else ():
         system = _system(cases.rig, sensors)
-        thresholds = _thresholds(window.clean(system), system, cases.rig)
+        thresholds = _thresholds(around.clean(system), system, cases.rig)
         for block, inside in blocks.items():
             chosen = [place for place in inside if _is_judged(cases.known[place], sensors, cases.rig)]
             if not chosen:
                 continue
-            series, rows = window.window(chosen, system)
+            series, rows = around.series(chosen, system)
             for left_out, learnt in thresholds(block).items():
                 for place, verdict in zip(chosen, judge_frames(series, system, learnt, only=rows), strict=True):
                     known = cases.known[place]
@@ -145,6 +145,7 @@ def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
 
 
 def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str, drives: int) -> CaseVerdict:
+    incident = verdict.finding if verdict.in_incident else None
     return CaseVerdict(
         frame=case.frame,
         stamp_ns=case.stamp_ns,
@@ -158,7 +159,8 @@ def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str
         drives=drives,
         verdict=verdict.kind,
         identified=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
-        window_kind=verdict.finding and verdict.finding.kind,
-        window_named=verdict.finding.attacked if verdict.finding else (),
+        window_kind=incident and incident.kind,
+        window_named=incident.attacked if incident else (),
+        event=incident and incident.event,
         causes=verdict.causes,
     )

@@ -3,31 +3,33 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
-from auditor.identification.parameters import TEMPORAL_WINDOW
-from auditor.identification.robust import FrameSeries, judge_frames, window_scores
-from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.incidents import incident_limit
+from auditor.identification.order_statistics import Without, ascending
+from auditor.identification.parameters import INCIDENTS
+from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
+from auditor.identification.scores import CleanDrives, for_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.identification.thresholds import threshold
-from auditor.model.arrays import Flags, Floats, Integers
+from auditor.identification.thresholds import BELOW_EVERY_ERROR, threshold_rank
+from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import fallback_of
-from auditor.model.verdict import FINDINGS, Finding
+from auditor.model.verdict import FINDINGS, Finding, VerdictKind
 
 NS_PER_HOUR = 3600 * 10**9
 
-INCIDENT_GAP_S = TEMPORAL_WINDOW.incident_gap_s
+INCIDENT_GAP_S = INCIDENTS.gap_s
 """The default of the queries on incidents."""
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
 
-Judge = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
-"""Thresholds from some recordings, applied to another: how many of its frames are findings, and how many incidents."""
+Judge = Callable[[CleanFrames], tuple[int, int]]
+"""Thresholds from all other recordings, applied to one: how many of its frames are findings, and how many incidents."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,17 @@ def robust_thresholds(
     *,
     transferred: bool = False,
 ) -> RobustThresholds:
-    """Thresholds at r; with `incidents_per_hour` also the score that clean recordings cross no more often than that.
+    """Thresholds at r; with `incidents_per_hour` also what clean recordings exceed in no more incidents than that.
 
-    `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not in [0, 1].
+    Without it the limit of incidents is the prior's at the usual rate; with it the clean recordings count, each judged
+    by the others. `transferred` says that the calibration is of another rig kind. Raises SettingError where r is not
+    in [0, 1].
     """
     found = thresholds_of(calibration.clean, system, r, calibration.calibration_id)
-    score = 0.0
+    limit = found.score
     if incidents_per_hour is not None:
-        score = score_threshold(left_out_scores(calibration, system, r), clean_hours(calibration), incidents_per_hour)
-    return replace(found, score=score, incidents_per_hour=incidents_per_hour, transferred=transferred)
+        limit = incident_limit(incidents_per_hour, left_out_peaks(calibration, system, r), clean_hours(calibration))
+    return replace(found, score=limit, incidents_per_hour=incidents_per_hour, transferred=transferred)
 
 
 def thresholds_of(
@@ -69,9 +73,11 @@ def thresholds_of(
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
+    drives = CleanDrives(calibration.clean, system.sensor_checks)
 
-    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        series, thresholds = _as_scanned(left_out, thresholds_of(others, system, r), system)
+    def judge(left_out: CleanFrames) -> tuple[int, int]:
+        by_others = drives.thresholds(system.judged_together, r, without=left_out.recording_id)
+        series, thresholds = as_scanned(left_out, by_others, system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
@@ -83,62 +89,59 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
     """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
     fallback = fallback_of(len(calibration.rig_kind.sizes_px), lidar=calibration.rig_kind.lidar)
 
-    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
+    clean = calibration.clean
+    keys = dict.fromkeys(key for one in clean for key in one.errors if key[0] is statistic)
+    samples = {key: ascending([one.errors[key] for one in clean if key in one.errors]) for key in keys}
+
+    def judge(left_out: CleanFrames) -> tuple[int, int]:
+        own = [one for one in clean if one.recording_id == left_out.recording_id]
         above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
         triples = [triple for kind, triple in left_out.errors if kind is statistic]
         # The fallback, which comes last, counts where no other E of a frame was measured.
         for triple in sorted(triples, key=lambda triple: triple == fallback):
             key, E = (statistic, triple), left_out.errors[statistic, triple]
-            samples = _measured([o.errors[key] for o in others if key in o.errors])
-            if samples.size:
+            others = Without(samples[key], ascending([one.errors[key] for one in own if key in one.errors]))
+            if others.size:
                 known = ~np.isnan(E) & ~(measured & (triple == fallback))
-                above |= known & (threshold(samples.tolist(), r) < E)
+                rank = threshold_rank(others.size, r)
+                above |= known & ((others.at(rank - 1) if rank else BELOW_EVERY_ERROR) < E)
                 measured |= known
         return int(np.count_nonzero(above)), _count_runs(above)
 
     return list(_results(calibration.clean, judge)) if len(calibration.recordings) > 1 else []
 
 
-def left_out_scores(calibration: Calibration, system: System, r: Decimal) -> Floats:
-    """The window scores of all clean frames, each recording by the thresholds of the others, in order of time.
+def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list[float]:
+    """The peaks of the evidence of all clean frames, each recording by the thresholds of the others.
 
-    A score of -inf separates two recordings. Those of one recording alone are in sample.
+    Those of one recording alone are in sample.
     """
-    apart = np.full(1, -np.inf)
-    scores: list[Floats] = []
+    alone = len(calibration.recordings) == 1
+    drives = CleanDrives(calibration.clean, system.sensor_checks)
+    peaks: list[float] = []
     for left_out in calibration.clean:
-        others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
-        series, thresholds = _as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
-        scores += [window_scores(series, system, thresholds), apart]
-    return np.concatenate(scores) if scores else apart
-
-
-def score_threshold(scores: Floats, hours: float, incidents_per_hour: float) -> float:
-    """The smallest score threshold, zero at least, that clean frames cross in no more than so many incidents an hour.
-
-    `scores` (F,) are in the order of time; an incident is a run of frames whose score lies above the threshold.
-    """
-    allowed = int(incidents_per_hour * hours)
-    for candidate in [0.0, *np.unique(scores[scores > 0]).tolist()]:
-        if _count_runs(scores > candidate) <= allowed:
-            return float(candidate)
-    raise AssertionError("nothing lies above the largest score")
+        learnt = drives.thresholds(system.judged_together, r, without=None if alone else left_out.recording_id)
+        series, thresholds = as_scanned(left_out, learnt, system)
+        peaks += clean_peaks(series, system, thresholds)
+    return peaks
 
 
 def count_incidents(findings: Sequence[Finding | None], stamps_ns: Integers) -> int:
     """How many incidents the findings of F successive frames make.
 
-    Frames of equal findings that are no further apart than INCIDENT_GAP_S are one; where the clock is set back a new
-    one begins. The query `incidents` counts the same.
+    Frames of one event are one, and so are events of one kind and one set of sensors that are no further apart than
+    INCIDENT_GAP_S; single-frame events are none. Where the clock is set back a new one begins. The query `incidents`
+    counts the same.
     """
     clock = np.cumsum(np.diff(stamps_ns, prepend=stamps_ns[:1]) < 0)
-    latest: dict[tuple[Finding, int], int] = {}
+    latest: dict[tuple[VerdictKind, tuple[int, ...], int], tuple[int, float]] = {}
     count = 0
     for finding, stamp_ns, since in zip(findings, stamps_ns.tolist(), clock.tolist(), strict=True):
-        if finding is not None:
-            before = latest.get((finding, since))
-            count += before is None or stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
-            latest[finding, since] = stamp_ns
+        if finding is not None and not finding.single:
+            key = finding.kind, finding.attacked, since
+            event, before = latest.get(key, (0, -inf))
+            count += event != finding.event and stamp_ns - before > INCIDENT_GAP_S * NANOSECONDS
+            latest[key] = finding.event, stamp_ns
     return count
 
 
@@ -152,8 +155,8 @@ def hours_of(stamps_ns: Integers) -> float:
     return len(stamps_ns) * float(np.median(np.diff(stamps_ns))) / NS_PER_HOUR if len(stamps_ns) > 1 else 0.0
 
 
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """Both ends of Wilson's 95 % interval of k out of n; 0 and 1 where n = 0."""
+def wilson(k: float, n: float) -> tuple[float, float]:
+    """Both ends of Wilson's 95 % interval of k out of n, which may be effective numbers; 0 and 1 where n = 0."""
     if n == 0:
         return 0.0, 1.0
     p = k / n
@@ -165,21 +168,14 @@ def wilson(k: int, n: int) -> tuple[float, float]:
 def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
     """One result a recording and rig: several rigs of one kind may have measured it."""
     for left_out in clean:
-        others = [other for other in clean if other.recording_id != left_out.recording_id]
-        findings, incidents = judge(others, left_out)
+        findings, incidents = judge(left_out)
         yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
-def _as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
+def as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> tuple[FrameSeries, RobustThresholds]:
     """The frames of a clean recording, and thresholds as a scan has them that knows its own usual statistics."""
     series = FrameSeries.of_clean(clean, system)
     return series, for_drive(learnt, system.sensor_checks, series.statistics)
-
-
-def _measured(columns: Sequence[Floats]) -> Floats:
-    """What was measured in all columns, in ascending order."""
-    values = np.concatenate(columns) if columns else np.zeros(0)
-    return np.sort(values[~np.isnan(values)])
 
 
 def _count_runs(above: Flags) -> int:

@@ -163,6 +163,12 @@ def is_finding(hypothesis: FaultHypothesis) -> bool:
     return hypothesis.cause in FAULTS and hypothesis.score >= FAULT_HYPOTHESES.enough
 
 
+def z_of(hypothesis: FaultHypothesis) -> float:
+    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
+    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
+    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
+
+
 def _explaining(
     causes: Sequence[FaultHypothesis], verdict: Verdict, limit: float, seen: Mapping[int, Seen]
 ) -> Iterator[bool]:
@@ -176,7 +182,7 @@ def _explaining(
         elif _of_a_lens(one):  # it has been weighed against light already
             yield True
         else:
-            yield _z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
+            yield z_of(one) >= min(lead, FAULT_SCALE.highest) - FAULT_HYPOTHESES.clear_gap
 
 
 def frozen(prints: Integers, present: Flags) -> Flags:
@@ -317,12 +323,6 @@ def _in_long_runs(still: Flags, length: int) -> Flags:
     return result
 
 
-def _z_of(hypothesis: FaultHypothesis) -> float:
-    """The z that a hypothesis' score comes from; rain's is limited, as drops lie apart and hardly make checks fire."""
-    z = (hypothesis.score / FAULT_HYPOTHESES.enough - 1) * FAULT_SCALE.highest
-    return min(z, FAULT_HYPOTHESES.rain_highest) if hypothesis.cause is Cause.RAIN else z
-
-
 def _of_a_lens(hypothesis: FaultHypothesis) -> bool:
     """Whether it is dirt, drops or glare of one camera's lens; glare of all cameras is another cause."""
     return hypothesis.cause is Cause.SOILED or (hypothesis.cause is Cause.GLARE and hypothesis.sensor is not None)
@@ -337,7 +337,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT.value, Check.REMOVED_LIGHT.value})
+        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:

@@ -1,12 +1,13 @@
 """Joint identification: from the normalised scores of all sensor checks to the sensors that are named as attacked.
 
-Each check speaks of one sensor, by the vote of others. An attacked sensor votes too: so sensors are named one after the
-other, the strongest first, and after each the others are judged by the votes of those that are left.
+Each check speaks of one sensor, by the vote of others, and an attacked sensor votes too. So sets of attacked sensors
+are compared, each by the votes of those outside it (`likelihood`). The likeliest is named where it is likely enough.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import log10
 
 import numpy as np
 
@@ -19,6 +20,13 @@ from auditor.identification.algorithm2 import (
     identify,
     listed,
 )
+from auditor.identification.likelihood import (
+    AttackSet,
+    attack_sets,
+    log_likelihood_ratios,
+    posteriors,
+    suspects_of,
+)
 from auditor.identification.parameters import NAMING
 from auditor.identification.systems import System, measured_triples
 from auditor.model.arrays import Flags, Floats, Indices
@@ -27,38 +35,39 @@ from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
+_PER_DECADE = float(np.log(10))
 
 
 @dataclass(frozen=True)
-class _Named:
-    """The sensors that were named in turn, the checks that exceeded the limit, and the next best by sensor.
+class _Explained:
+    """What explains one frame that is a finding.
 
-    `unclear` are checks of two cameras that do not see the same, without a third that could tell which is wrong.
+    `likely` are the attack sets and their probabilities, the likeliest first, () being no attack; empty where too few
+    sensors are there. `attacked` is the likeliest set that is one, `ratio` the decimal logarithm of its likelihood
+    ratio against no attack. `evidence` are the checks that show it, and what exceeds the limit outside it: `outside`.
     """
 
-    sensors: tuple[int, ...]
+    attacked: AttackSet
+    likely: tuple[tuple[AttackSet, float], ...]
+    ratio: float | None
     evidence: tuple[tuple[float, SensorCheck], ...]
-    unclear: tuple[SensorCheck, ...]
-    first: Mapping[int, float]
+    outside: tuple[SensorCheck, ...]
 
 
-def name_attacked(
-    z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float, others: float | None = None
-) -> list[Verdict]:
+def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
     """The verdicts on F frames from (F, M) scores z, NaN where not measured, and the missing sensors of each.
 
-    A frame is a finding where a check that counts exceeds the `limit`; sensors after the first are named where a check
-    exceeds that of `others`, the same where it is not given. The verdict's `gap` is by how much the strongest sensor
-    exceeds the next, or the limit; `evidence` are the checks above it, and those that confirm what two cameras alone
-    show, the strongest first; `named` is Algorithm 2's answer on the states of the triples. `reason` says why no sensor
-    of a finding is named, without which sensors a frame was judged, and where no camera pair can check the LiDAR. A
-    frame without a finding in which no three sensors were compared is not auditable.
+    A frame is a finding where a check that counts exceeds the `limit`. Its sensors are named where the posterior of
+    their set is large enough, and nothing outside the set exceeds the limit that a larger set could not explain. The
+    verdict's `gap` is by how much the strongest sensor exceeds the next, or the limit; `evidence` are the checks of the
+    likeliest set above it, at least one of each sensor, and what exceeds it outside, the strongest first; `named` is
+    Algorithm 2's answer on the states of the triples. `reason` says why no sensor of a finding is named, without which
+    sensors a frame was judged, and where no camera pair can check the LiDAR. A frame without a finding in which no
+    three sensors were compared is not auditable.
     """
     verdicts: list[Verdict | None] = [None] * len(z)
     for absent, frames in _frames_by_missing(missing).items():
-        for frame, verdict in zip(
-            frames, _of_group(z[frames], system, absent, limit, limit if others is None else others), strict=True
-        ):
+        for frame, verdict in zip(frames, _of_group(z[frames], system, absent, limit), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
 
@@ -79,7 +88,7 @@ def _frames_by_missing(missing: Sequence[frozenset[int]]) -> dict[frozenset[int]
     return groups
 
 
-def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float, others: float) -> list[Verdict]:
+def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[Verdict]:
     """The verdicts on frames that all lack the same sensors."""
     present = [sensor for sensor in system.sensors if sensor not in absent]
     outside = tuple(sensor for sensor in system.sensors if sensor in absent)
@@ -93,8 +102,8 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float, o
     verdicts = []
     for f, seen in enumerate(measured):
         which = seen.tobytes()
-        found = _name(z[f], system, absent, limit, others) if score[f] > limit else None
-        fired = frozenset() if found is None else _fired(found)
+        found = _explain(z[f], system, absent, limit) if score[f] > limit else None
+        fired = frozenset() if found is None else _fired(found, limit)
         e, audited = states(which, fired)
         if found is None and not audited:
             verdicts.append(Verdict(VerdictKind.NOT_AUDITABLE, e, out_of_system=outside, reason=why_not))
@@ -107,100 +116,114 @@ def _of_group(z: Floats, system: System, absent: frozenset[int], limit: float, o
             gap=float(limit - score[f]),
             reason=remarks(which, len(e) > len(system.triples)),
         )
-        verdicts.append(verdict if found is None else _finding(verdict, found, limit, present))
+        verdicts.append(verdict if found is None else _finding(verdict, found, z[f], system, limit))
     return verdicts
 
 
-def _name(z: Floats, system: System, absent: frozenset[int], limit: float, others: float) -> _Named:
-    """Name the sensors of one frame in turn, until no check exceeds the limit, that of `others` after the first."""
-    named: list[int] = []
-    evidence: list[tuple[float, SensorCheck]] = []
-    first: dict[int, float] = {}
-    while True:
-        gone = absent.union(named)
-        columns = system.counting(gone) if named else system.detecting(gone)
-        scored = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if not np.isnan(z[c])]
-        of_one = [(value, check) for value, check in scored if len(check.nameable) == 1]
-        first = first or _largest(of_one)
-        least = others if named else limit
-        unclear = tuple(check for value, check in scored if value > least and len(check.nameable) > 1)
-        if of_one and (strongest := max(of_one))[0] > least:
-            sensor = strongest[1].sensor
-        elif not named and (confirmed := _confirmed(first, unclear, limit)) is not None:
-            sensor, least = confirmed, NAMING.confirming_share * limit
-            evidence += [(value, check) for value, check in scored if check in unclear and sensor in check.nameable]
-        else:
-            evidence += [(value, check) for value, check in scored if check in unclear]
-            return _Named(tuple(sorted(named)), tuple(sorted(evidence, reverse=True)), unclear, first)
-        named.append(sensor)
-        least = min(least, limit)
-        evidence += [(value, check) for value, check in of_one if check.sensor == sensor and value > least]
+def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> _Explained:
+    """What explains one frame of scores (M,)."""
+    sets = attack_sets(system, absent, suspects_of(z, system, absent))
+    ratios = log_likelihood_ratios(z[None], system, absent, sets)
+    chances = posteriors(ratios, sets, len(system.sensors) - len(absent))[0].tolist()
+    likely = sorted(zip(sets, chances, strict=True), key=lambda one: -one[1])
+    attacked = next((one for one, _ in likely if one), ())
+    own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
+    gone = absent.union(attacked)
+    columns = system.counting(gone) if attacked else system.detecting(gone)
+    others = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if z[c] > limit]
+    if not attacked:
+        return _Explained((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
+    unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
+    pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
+    alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
+    evidence = dict.fromkeys((*own, *alone, *others))
+    ratio = float(ratios[0][sets.index(attacked)]) / _PER_DECADE
+    return _Explained(
+        attacked, tuple(likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
+    )
 
 
-def _confirmed(first: Mapping[int, float], unclear: Sequence[SensorCheck], limit: float) -> int | None:
-    """Which sensor of cameras that, two alone, do not see the same, the votes of the others confirm; None where none.
-
-    That something is wrong is known by then: so less is asked of the votes, and that they clearly speak of one sensor.
-    """
-    ranked = sorted(((value, sensor) for sensor, value in first.items()), reverse=True)
-    if not ranked or not any(ranked[0][1] in check.nameable for check in unclear):
-        return None
-    value, sensor = ranked[0]
-    next_value = ranked[1][0] if len(ranked) > 1 else -np.inf
-    share, lead = NAMING.confirming_share, NAMING.confirming_lead
-    return sensor if value > share * limit and value - next_value > lead else None
+def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
+    """The checks that name a sensor by the votes of those left: those above the limit, or else the largest."""
+    checks = system.sensor_checks
+    found = [
+        (float(z[c]), checks[c])
+        for c in system.counting(gone).tolist()
+        if checks[c].nameable == (sensor,) and not np.isnan(z[c])
+    ]
+    return [one for one in found if one[0] > limit] or sorted(found)[-1:]
 
 
-def _largest(scored: Sequence[tuple[float, SensorCheck]]) -> dict[int, float]:
-    largest: dict[int, float] = {}
-    for value, check in scored:
-        largest[check.sensor] = max(value, largest.get(check.sensor, -np.inf))
-    return largest
-
-
-def _fired(found: _Named) -> frozenset[tuple[int, ...]]:
+def _fired(found: _Explained, limit: float) -> frozenset[tuple[int, ...]]:
     """The sensors, alone or in pairs, that checks above the limit speak of."""
-    return frozenset((*((sensor,) for sensor in found.sensors), *(tuple(sorted(c.nameable)) for c in found.unclear)))
+    own = {(one.sensor,) for value, one in found.evidence if value > limit and len(one.nameable) == 1}
+    return frozenset((*own, *((s,) for s in found.attacked), *(tuple(sorted(one.nameable)) for one in found.outside)))
 
 
-def _finding(verdict: Verdict, found: _Named, limit: float, present: Sequence[int]) -> Verdict:
+def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, limit: float) -> Verdict:
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
-    ranked = sorted(found.first.items(), key=lambda one: -one[1])
-    best = ranked[0][1] if ranked else limit
-    others = [Alternative((sensor,), best - value) for sensor, value in ranked if (sensor,) != found.sensors]
-    rivals = [value for sensor, value in ranked if sensor not in found.sensors]
+    absent = frozenset(verdict.out_of_system)
+    chances = dict(found.likely)
+    best = chances.get(found.attacked)
+    others = [(one, chance) for one, chance in found.likely if one != found.attacked]
+    alternatives = [] if best is None else [Alternative(one, log10(best / max(p, 1e-12))) for one, p in others]
     verdict = replace(
         verdict,
-        gap=float(best - max(limit, *rivals)) if rivals else float(best - limit),
+        gap=_lead(z, system, absent, found.attacked, limit),
         evidence=tuple(_evidence(value, check) for value, check in found.evidence),
-        alternatives=tuple(others[: NAMING.alternatives]),
+        alternatives=tuple(alternatives[: NAMING.alternatives]),
+        posterior=best,
+        log10_ratio=found.ratio,
     )
-    doubt = _doubt(found, len(present))
+    doubt = _doubt(found, len(system.sensors) - len(absent))
     if not doubt:
-        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.sensors)
-    likeliest = (Alternative(found.sensors, 0.0),) if found.sensors and len(present) >= FEWEST_SENSORS else ()
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked)
+    likeliest = (Alternative(found.attacked, 0.0),) if found.attacked else ()
     reason = "; ".join(filter(None, (doubt, verdict.reason)))
-    alternatives = tuple(dict.fromkeys((*likeliest, *verdict.alternatives)))
-    return replace(verdict, kind=VerdictKind.UNIDENTIFIED, reason=reason, alternatives=alternatives)
+    return replace(
+        verdict, kind=VerdictKind.UNIDENTIFIED, reason=reason, alternatives=(*likeliest, *verdict.alternatives)
+    )
+
+
+def _lead(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet, limit: float) -> float:
+    """By how much z the strongest sensor exceeds the next that is not named, or the limit."""
+    columns = (c for c in system.counting(absent).tolist() if len(system.sensor_checks[c].nameable) == 1)
+    known = [(float(z[c]), system.sensor_checks[c].sensor) for c in columns if not np.isnan(z[c])]
+    best = max((value for value, _ in known), default=limit)
+    rivals = [value for value, sensor in known if sensor not in attacked] if attacked else []
+    return best - max(limit, *rivals) if rivals else best - limit
 
 
 def _evidence(value: float, check: SensorCheck) -> Evidence:
     return Evidence(check.check.value, check.sensor, None, check.others[0] if len(check.nameable) > 1 else None, value)
 
 
-def _doubt(found: _Named, N: int) -> str:
+def _doubt(found: _Explained, N: int) -> str:
     """Why the sensors that were found cannot be named; empty where they can."""
+    most = N - FEWEST_COMPARED
     if N < FEWEST_SENSORS:
         return f"an attack on one of {N} sensors cannot be attributed"
-    if found.unclear:
-        pair = listed(sorted(found.unclear[0].nameable))
-        return f"{pair} do not see the same, and no third camera tells which of them is wrong"
-    if len(found.sensors) > N - FEWEST_COMPARED:
-        return (
-            f"checks of {listed(found.sensors)} exceed the limit, and at most {N - FEWEST_COMPARED} of {N} sensors"
-            " can be told apart"
-        )
+    if found.outside and len(found.attacked) == most:
+        rest = found.outside[0].nameable
+        if len(rest) > 1:
+            return f"{listed(sorted(rest))} do not see the same, and no third camera tells which of them is wrong"
+        shown = sorted({*found.attacked, *rest})
+        return f"checks of {listed(shown)} exceed the limit, and at most {most} of {N} sensors can be told apart"
+    chance = _given_an_attack(found)
+    if chance < NAMING.least_probability:
+        others = [(one, p) for one, p in found.likely if one]
+        whole = sum(p for _, p in others)
+        shares = " or ".join(f"{listed(one)} ({100 * p / whole:.0f} %)" for one, p in others[:2])
+        beside = sorted({sensor for one in found.outside for sensor in one.nameable})
+        more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
+        return f"{shares}: less than {100 * NAMING.least_probability:.0f} % for any set of sensors{more}"
     return ""
+
+
+def _given_an_attack(found: _Explained) -> float:
+    """The probability of the likeliest attack set where something is attacked: r alone says how sure that has to be."""
+    chances = dict(found.likely)
+    return chances[found.attacked] / sum(chance for one, chance in found.likely if one)
 
 
 def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:

@@ -24,7 +24,9 @@ class CleanDrive:
         2.0, unit="times r: chance of a finding in a clean window of several frames", source=BY_HAND
     )
     most_raised: float = parameter(
-        0.25, unit="share of a night's new recordings that may be raised", source="2 of 8; no experiment recorded"
+        0.25,
+        unit="share of the new recordings, and of all, that may be raised",
+        source="2 of 8; no experiment recorded",
     )
     few_raised: int = parameter(1, unit="raised recordings of a night that refuse nothing", source=BY_HAND)
 
@@ -40,6 +42,12 @@ class Influence:
     share_of_vehicle: float = parameter(
         0.34, unit="share of the recordings, where there are three vehicles or more", source=BY_HAND
     )
+    share_of_day: float = parameter(
+        0.34, unit="share of the recordings, where there are three days or more", source=BY_HAND
+    )
+    cell_m: float = parameter(100.0, unit="m: side of the cells that a road is compared by", source=BY_HAND)
+    same_place: float = parameter(0.5, unit="share of a drive's cells that another was in too", source=BY_HAND)
+    most_of_a_place: int = parameter(5, unit="recordings of one road", source=BY_HAND)
     fewest_first: int = parameter(3, unit="recordings of a first calibration that nobody named clean", source=BY_HAND)
     folds: int = parameter(5, unit="groups of vehicles, and groups of days, that judge each other", source=BY_HAND)
 
@@ -48,20 +56,67 @@ class Influence:
 class Gate:
     """What a calibration must hold to come into force by itself."""
 
-    most_step: float = parameter(0.5, unit="deviations that a threshold may rise in one refresh", source=BY_HAND)
+    most_step: float = parameter(
+        0.5, unit="deviations that a threshold of a hundred drives may rise in one refresh", source=BY_HAND
+    )
     most_creep: float = parameter(
-        1.0, unit="deviations that a threshold may lie above that of the version a person confirmed", source=BY_HAND
+        1.0,
+        unit="deviations that a threshold may lie above that of a hundred drives a person confirmed",
+        source=BY_HAND,
     )
     planted: float = parameter(2.5, unit="log odds added to a statistic: a mild attack", source=BY_HAND)
-    most_lost: float = parameter(0.03, unit="share of planted attacks that may be lost in one refresh", source=BY_HAND)
-    most_false_alarms: float = parameter(
-        3.0, unit="times r: windows judged by others with findings, the lower end of their interval", source=BY_HAND
+    most_lost: float = parameter(
+        0.03, unit="share of planted attacks that a version of a hundred drives may lose", source=BY_HAND
     )
+    most_lost_in_all: float = parameter(
+        0.05,
+        unit="share of planted attacks that may be lost since a person confirmed a version of a hundred",
+        source=BY_HAND,
+    )
+    most_more_alarms: float = parameter(
+        0.01, unit="share of windows of new drives that may be raised besides in one refresh", source=BY_HAND
+    )
+    most_false_alarms: float = parameter(
+        8.0,
+        unit="times r: windows judged by others with findings, the lower end of their interval",
+        source="5 to 6 times r on 21 streets that others judge",
+    )
+
+
+@dataclass(frozen=True)
+class TwoSamples:
+    """When the statistics of a drive are not those of the others."""
+
+    chance: float = parameter(
+        0.01, unit="chance that a night of clean drives leaves one out, all tests together", source=BY_HAND
+    )
+    shape: float = parameter(
+        0.4,
+        unit="deviation between drives of the log of the distance of their shapes",
+        source="21 streets of 100 frames: 0.27 to 0.53 by check",
+    )
+    fewest_drives: int = parameter(8, unit="others that a drive is compared with", source=BY_HAND)
+    fewest_frames: int = parameter(10, unit="measured frames of a drive that are compared", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """When the drives under one condition say anything, and what times of day are."""
+
+    windows_of_all: float = parameter(
+        50.0, unit="windows that the share of all drives weighs in that of one condition", source=BY_HAND
+    )
+    fewest_drives: int = parameter(3, unit="drives under one condition", source=BY_HAND)
+    fewest_windows: int = parameter(200, unit="windows: 2 are raised by chance at r = 0.01", source="2 / 0.01")
+    day_from_deg: float = parameter(6.0, unit="deg of the sun above the horizon", source="end of the golden hour")
+    night_to_deg: float = parameter(-6.0, unit="deg of the sun above the horizon", source="civil twilight")
 
 
 CLEAN_DRIVE = CleanDrive()
 INFLUENCE = Influence()
 GATE = Gate()
+TWO_SAMPLES = TwoSamples()
+CONDITIONS = Conditions()
 
-REFRESHING = (CLEAN_DRIVE, INFLUENCE, GATE)
+REFRESHING = (CLEAN_DRIVE, INFLUENCE, GATE, TWO_SAMPLES, CONDITIONS)
 """All that can change what a refresh learns from and puts in force."""

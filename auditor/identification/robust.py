@@ -1,27 +1,31 @@
-"""The robust method on one measurement: the verdict of each frame, and that of the temporal window around it.
+"""The robust method on one measurement: the verdict of each frame, and the incidents that frames belong to.
 
-1. Every sensor check becomes a normalised score z, and z is averaged over the temporal window (half a second).
-2. The scores of a frame, and those of its window, name the attacked sensors (`naming`).
+1. Every sensor check becomes a normalised score z.
+2. The scores of a frame name the attacked sensors (`naming`).
 3. Faults, rain and dirt that may explain a finding as well make it suspect (`faults`).
-4. A frame belongs to an incident where its own verdict and that of its window are findings.
+4. A sequential test over successive frames says which of them make an incident (`incidents`).
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
-from auditor.identification.faults import fault_hypotheses, frozen, weigh
+from auditor.identification.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
+from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, excursions
 from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
-from auditor.identification.parameters import TEMPORAL_WINDOW
+from auditor.identification.parameters import INCIDENTS
+from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
-from auditor.identification.statistics import runs_of, window_means
+from auditor.identification.statistics import runs_of
 from auditor.identification.systems import System
-from auditor.model.arrays import Flags, Floats, Indices, Integers
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import CleanFrames, RobustThresholds
-from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict
+from auditor.model.verdict import FINDINGS, Cause, CauseIn, FaultHypothesis, Finding, Verdict, VerdictKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,68 +88,101 @@ def judge_frames(
 ) -> list[Verdict]:
     """The verdicts on F frames, or `only` on those at these places.
 
-    Each is that of its frame by itself. Its `finding` is the verdict of the temporal window, where both are findings:
-    incidents are made of these, and `window_limit` is what the window must exceed. A sensor with
-    frozen data is left out, and the frame is at least suspect; so it is where a fault explains it as well as an attack,
-    unless the caller wants verdicts `without_causes`.
+    Each is that of its frame by itself. Its `finding` is that of the event which it belongs to, an incident or a single
+    frame. A sensor with frozen data is left out, and the frame is at least suspect; so it is where a fault explains it
+    as well as an attack, unless the caller wants verdicts `without_causes`.
     """
-    judged = np.arange(len(series.stamps_ns)) if only is None else np.asarray(only, dtype=np.intp)
-    unused = _unused_sensors(series, system)
-    z, z_window = _scores(series, system, thresholds)
-    missing = [unused[frame] for frame in judged.tolist()]
-    frames = name_attacked(z[judged], system, missing, thresholds.limit)
-    of_window = window_limit(thresholds)
-    # The window confirms what its frame shows; a second sensor has to be as clear there as in a frame.
-    windows = name_attacked(z_window[judged], system, missing, of_window, max(of_window, thresholds.limit))
-    faults = [()] * len(judged) if without_causes else _fault_hypotheses(series, thresholds, judged)
-    still = sensors_where(system.sensors, series.frozen[judged])
-    hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
-
-    def weighed(verdicts: Sequence[Verdict], scores: Floats, statistics: Floats, limit: float) -> list[Verdict]:
-        seen = (
-            seen_of(verdict, scores[f], statistics[f], system, series.brightness_in(f)) if verdict.evidence else {}
-            for f, verdict in zip(judged.tolist(), verdicts, strict=True)
-        )
-        return [
-            weigh(verdict, causes, limit, shown)
-            for verdict, causes, shown in zip(verdicts, hypotheses, seen, strict=True)
-        ]
-
-    means = window_means(series.statistics, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
-    of_frames = weighed(frames, z, series.statistics, thresholds.limit)
-    of_windows = weighed(windows, z_window, means, of_window)
-    return list(map(_with_finding, of_frames, of_windows))
+    frames = range(len(series.stamps_ns))
+    judge = _Judge(series, system, thresholds, without_causes=without_causes)
+    evidence = judge.evidence()
+    found = events(evidence, judge.raised(), thresholds.score, thresholds.incidents_per_hour)
+    judged = list(frames if only is None else only)
+    together = sorted({*judged, *(place for event in found for place in event.frames)})
+    verdicts = dict(zip(together, judge.verdicts(together), strict=True))
+    whole = [_apart(event, verdicts, evidence, thresholds.score) for event in found]
+    for number, event in enumerate(chain.from_iterable(whole), 1):
+        added = evidence.added[list(event.frames)].tolist()
+        kind, attacked = _likeliest([verdicts[place] for place in event.frames], added)
+        for place, more in zip(event.frames, added, strict=True):
+            finding = Finding(kind, attacked, number, event.single, more)
+            verdicts[place] = replace(verdicts[place], finding=finding)
+    return [verdicts[place] for place in judged]
 
 
-def window_scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> Floats:
-    """(F,) the score of each frame's temporal window: `judge_frames` compares it with `thresholds.score`."""
-    unused = _unused_sensors(series, system)
-    _, z_window = _scores(series, system, thresholds)
-    return attack_scores(z_window, system, unused) - window_limit(replace(thresholds, score=0.0))
+def _apart(event: Event, verdicts: Mapping[int, Verdict], evidence: Evidence, limit: float) -> list[Event]:
+    added = evidence.added[list(event.frames)].tolist()
+    return apart(event, [verdicts[place].attacked for place in event.frames], added, limit)
 
 
-def window_limit(thresholds: RobustThresholds) -> float:
-    """What the mean z of a temporal window must exceed: less than a frame, since a third of its frames may be clean."""
-    return thresholds.limit * TEMPORAL_WINDOW.limit_share + thresholds.score
+def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThresholds) -> list[float]:
+    """The peaks of what F clean frames add to the sequential test: `incident_limit` follows from them."""
+    return [one.peak for one in excursions(_Judge(series, system, thresholds).evidence())]
 
 
-def _unused_sensors(series: FrameSeries, system: System) -> list[frozenset[int]]:
-    """The sensors that each frame is judged without: missing ones and those with frozen data."""
-    return sensors_where(system.sensors, ~series.present | series.frozen)
+class _Judge:
+    """The scores of F frames and their fault hypotheses, and the verdicts that follow on each frame by itself."""
+
+    def __init__(
+        self, series: FrameSeries, system: System, thresholds: RobustThresholds, *, without_causes: bool = False
+    ) -> None:
+        self._series, self._system, self._thresholds = series, system, thresholds
+        expected = [thresholds.expected.get(check) for check in system.sensor_checks]
+        self._z = normalised_scores(series.statistics, expected)
+        self._unused = sensors_where(system.sensors, ~series.present | series.frozen)
+        self._scores = attack_scores(self._z, system, self._unused)
+        still = sensors_where(system.sensors, series.frozen)
+        faults = [()] * len(still) if without_causes else _fault_hypotheses(series, thresholds)
+        self._hypotheses = [_with_frozen(sensors, others) for sensors, others in zip(still, faults, strict=True)]
+        self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
+
+    def evidence(self) -> Evidence:
+        """What each frame adds to the sequential test: a fault that is a finding does so as a check does."""
+        checks, series = self._system.judged_together, self._series
+        of_faults = joint_limit(INCIDENTS.tail_rate, checks) + self._faults
+        return evidence_of(np.maximum(self._scores, of_faults), checks, series.stamps_ns, series.runs)
+
+    def raised(self) -> Flags:
+        """(F,) whether the verdict on each frame by itself is a finding."""
+        return np.asarray((self._scores > self._thresholds.limit) | (self._faults > -np.inf))
+
+    def verdicts(self, places: Sequence[int]) -> list[Verdict]:
+        """The verdicts on the frames at these places, each by itself."""
+        series, system, limit = self._series, self._system, self._thresholds.limit
+        named = name_attacked(self._z[places], system, [self._unused[place] for place in places], limit)
+        weighed = []
+        for place, verdict in zip(places, named, strict=True):
+            brightness = series.brightness_in(place)
+            seen = seen_of(verdict, self._z[place], series.statistics[place], system, brightness)
+            weighed.append(weigh(verdict, self._hypotheses[place], limit, seen if verdict.evidence else {}))
+        return weighed
 
 
-def _scores(series: FrameSeries, system: System, thresholds: RobustThresholds) -> tuple[Floats, Floats]:
-    """(F, M) normalised scores of the frames, and their means over the temporal windows."""
-    z = normalised_scores(series.statistics, [thresholds.expected.get(check) for check in system.sensor_checks])
-    return z, window_means(z, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
+def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:
+    """The kind and the attacked sensors that most of an event's evidence speaks for.
+
+    The evidence of a frame speaks for what its own verdict says; that of a frame without a finding for nothing. Where
+    its sensors cannot be named it speaks for its likeliest set, if other frames of the event name that.
+    """
+    named = {verdict.attacked for verdict in verdicts if verdict.kind is VerdictKind.ATTACKED}
+    votes: dict[tuple[VerdictKind, tuple[int, ...]], float] = defaultdict(float)
+    for verdict, more in zip(verdicts, added, strict=True):
+        likeliest = verdict.alternatives[0].attacked if verdict.alternatives else ()
+        if verdict.kind is VerdictKind.UNIDENTIFIED and likeliest in named:
+            votes[VerdictKind.ATTACKED, likeliest] += more
+        elif verdict.kind in FINDINGS:
+            votes[verdict.kind, verdict.attacked] += more
+    return max(votes.items(), key=lambda one: one[1])[0]
 
 
-def _fault_hypotheses(
-    series: FrameSeries, thresholds: RobustThresholds, judged: Indices
-) -> Sequence[tuple[FaultHypothesis, ...]]:
+def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequence[tuple[FaultHypothesis, ...]]:
     if not series.fault_scores:
-        return [()] * len(judged)
-    return fault_hypotheses({cause: scores[judged] for cause, scores in series.fault_scores.items()}, thresholds.causes)
+        return [()] * len(series.stamps_ns)
+    return fault_hypotheses(series.fault_scores, thresholds.causes)
+
+
+def _fault_z(causes: Sequence[FaultHypothesis]) -> float:
+    """The largest z of the faults that are findings by themselves; -inf where there is none."""
+    return max((z_of(one) for one in causes if is_finding(one)), default=-np.inf)
 
 
 def _with_frozen(still: frozenset[int], others: tuple[FaultHypothesis, ...]) -> tuple[FaultHypothesis, ...]:
@@ -154,9 +191,3 @@ def _with_frozen(still: frozenset[int], others: tuple[FaultHypothesis, ...]) -> 
         return others
     first = [FaultHypothesis(Cause.FROZEN, sensor) for sensor in sorted(still)]
     return (*first, *(one for one in others if one.sensor not in still))
-
-
-def _with_finding(frame: Verdict, window: Verdict) -> Verdict:
-    if frame.kind not in FINDINGS or window.kind not in FINDINGS:
-        return frame
-    return replace(frame, finding=Finding(window.kind, window.attacked))

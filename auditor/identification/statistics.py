@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
 from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
-from auditor.model.checks import DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, CountedPair, SensorCheck
+from auditor.model.checks import (
+    DIRECTION_CHECKS,
+    FEWEST_VOTERS,
+    LIDAR_CHECKS,
+    SIGNED_CHECKS,
+    Check,
+    CountedPair,
+    SensorCheck,
+)
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
@@ -61,6 +69,7 @@ LOST_WINDOW = Window(*WINDOWED_MEAN.lost_window, WINDOWED_MEAN.lost_pseudo_count
 IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
 
+_MEAN_OF_ALL = frozenset({Check.LIDAR_CONFLICT, Check.COLOURED_LIGHT})
 _WINDOWS = {Check.LIDAR_CONFLICT: CONFLICT_WINDOW, Check.LOST_RETURNS: LOST_WINDOW}
 
 
@@ -85,9 +94,10 @@ def sensor_statistics(
             return vote(one.check, directions[one.check].of(pairs)) if pairs else None
         counted = Check.ADDED_LIGHT if one.check is Check.REMOVED_LIGHT else one.check
         others, windows = of_cameras.get((counted, one.sensor), ([], None))
-        if windows is None or not set(one.others) <= set(others):
+        able = [other for other in one.others if other in others]
+        if windows is None or not able or (len(able) < len(one.others) and one.check is not Check.COLOURED_LIGHT):
             return None
-        voters = windows.of([others.index(other) for other in one.others])
+        voters = windows.of([others.index(other) for other in able])
         return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters)
 
     return tuple(statistic(one) for one in sensor_checks)
@@ -110,7 +120,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
     window = _WINDOWS.get(check, IMAGE_WINDOW)
-    steps = np.float32(LIGHT_STEPS if check is Check.ADDED_LIGHT else 1)
+    steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
     windows = [fitted(window, one) for one in N] if check is Check.LIDAR_CONFLICT else [window] * len(N)
     pseudo_count, fewest = (
@@ -123,12 +133,12 @@ def vote(check: Check, voters: WindowMeans) -> float | None:
     """The largest over all windows of what a sensor's voters say of it there; None where no window has enough voters.
 
     A camera's voters are other cameras, the LiDAR's are pairs. Two at least must have compared the window, where there
-    are two. Of LiDAR conflicts it is the voters' mean. Light only adds, and a voter that is attacked itself says the
-    opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of their mean and of
-    the smallest. For removed light and inconsistencies, which an attacked voter shows as well, and for lost returns, it
-    is the smallest.
+    are two. Of LiDAR conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is
+    attacked itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric
+    mean of their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as
+    well, and for lost returns, it is the smallest.
     """
-    if check is Check.LIDAR_CONFLICT or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
+    if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
         return _mean_vote(voters)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:

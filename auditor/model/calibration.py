@@ -161,8 +161,9 @@ class RobustThresholds:
     """The robust method's: what is expected of each sensor check, and theta of each fault at r.
 
     `limit` is how many standard deviations the strongest check of a clean frame exceeds at rate r, all checks taken
-    together. `drives` are the clean recordings that they were learnt from; with none they are the prior. The window's
-    score must exceed `score`: it is 0, or what clean recordings need for no more than `incidents_per_hour` incidents.
+    together. `drives` are the clean recordings that they were learnt from; with none they are the prior. The summed
+    evidence of an incident must exceed `score`, which clean recordings do no more than `incidents_per_hour` times an
+    hour; None is the usual rate.
     """
 
     calibration_id: str

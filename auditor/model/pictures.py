@@ -1,5 +1,6 @@
 """Which pictures are kept in a store, or shown on a page."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 
 
@@ -9,3 +10,33 @@ class Pictures(StrEnum):
     NONE = "none"
     INCIDENTS = "incidents"
     ALL = "all"
+
+
+class Content(StrEnum):
+    """What a picture of a frame shows.
+
+    COLOUR: what a camera recorded. OVERLAY: the rectified image with the damaged portion of its camera, and that of the
+    LiDAR where it lies in this view. ABOVE: the cloud from above. RANGE: the cloud as a range image. In both of the
+    cloud the damaged points are marked.
+    """
+
+    COLOUR = "colour"
+    OVERLAY = "overlay"
+    ABOVE = "above"
+    RANGE = "range"
+
+
+@dataclass(frozen=True)
+class FramePicture:
+    """One picture of a frame at full resolution: `data` is a file of the `form` jpg or png."""
+
+    frame: int
+    sensor: int
+    content: Content
+    form: str
+    data: bytes
+
+    @property
+    def name(self) -> str:
+        """The file's name, such as 120_S1.overlay.jpg."""
+        return f"{self.frame}_S{self.sensor}.{self.content.value}.{self.form}"

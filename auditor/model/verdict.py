@@ -10,7 +10,7 @@ JUDGING_VERSION = 5
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by seven checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by eight checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"
@@ -47,8 +47,8 @@ class Evidence(NamedTuple):
 class Alternative(NamedTuple):
     """Another attack, or none, that may explain a frame, and how much worse it does so than the best one.
 
-    By the robust method in z: how much weaker the strongest check of that sensor is; by the paper's in elements of e
-    that disagree.
+    By the robust method the decimal logarithm of how many times less likely it is; by the paper's in elements of e that
+    disagree.
     """
 
     attacked: tuple[int, ...]
@@ -91,10 +91,17 @@ class FaultHypothesis(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """The verdict of the temporal window of a frame that is a finding: frames of equal findings are incidents."""
+    """The event that a frame belongs to: an incident, or a `single` frame so strong that it is told by itself.
+
+    `kind` and `attacked` are what most of the event's evidence speaks for. `event` numbers the events of a recording
+    from 1. `added` is what this frame adds to the evidence.
+    """
 
     kind: VerdictKind
     attacked: tuple[int, ...]
+    event: int = 1
+    single: bool = False
+    added: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -107,8 +114,10 @@ class Verdict:
     among the measured elements, how far a disparity error would have to move to change e; by the robust method by
     how many standard deviations the strongest sensor exceeds the next, or the limit; of a clean frame how far it stays
     below it. `evidence` is the strongest first, `alternatives` the next best
-    first; `causes` are the fault hypotheses. `finding` is the robust method's, None where the frame belongs to no
-    incident.
+    first. Of a finding of the robust method `posterior` is the probability of the likeliest attack set, that of
+    `attacked` or the first alternative, and `log10_ratio` the decimal logarithm of its likelihood ratio against no
+    attack (`identification.likelihood`); else None. `causes` are the fault hypotheses. `finding` is the robust
+    method's, None where the frame belongs to no event; a frame that is clean by itself may belong to an incident, too.
     """
 
     kind: VerdictKind
@@ -122,6 +131,13 @@ class Verdict:
     alternatives: tuple[Alternative, ...] = ()
     causes: tuple[FaultHypothesis, ...] = ()
     finding: Finding | None = None
+    posterior: float | None = None
+    log10_ratio: float | None = None
+
+    @property
+    def in_incident(self) -> bool:
+        """Whether the robust method holds the frame for part of an incident; a single-frame event is none."""
+        return self.finding is not None and not self.finding.single
 
 
 @dataclass(frozen=True)

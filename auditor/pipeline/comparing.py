@@ -4,7 +4,7 @@ from decimal import Decimal
 
 from auditor.errors import ThresholdsError
 from auditor.identification.cross_validation import thresholds_of
-from auditor.identification.refreshing import Step, steps
+from auditor.identification.refreshing.gate import Step, steps
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration
 

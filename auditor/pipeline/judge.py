@@ -80,7 +80,7 @@ class Criteria:
             return
         remedy = "leave it away, or judge with --method robust"
         if self.incidents_per_hour is not None:
-            what = "the paper's method has no score that incidents per hour could set"
+            what = "the paper's method has no limit that incidents per hour could set"
             raise SettingError(what, where="--incidents-per-hour", remedy=remedy)
         if self.recount:
             what = "the paper's method has no statistics that come from cells"
@@ -359,10 +359,10 @@ def _refuse_unresolvable(
         )
     if not resolves_incidents(calibration, criteria):
         hours = clean_hours(calibration)
-        enough = f"take 0 or at least {1 / hours:.2g}, or calibrate" if hours else "take 0, or calibrate"
+        enough = f"take at least {1 / hours:.2g}, or calibrate" if hours else "calibrate"
         raise ThresholdsError(
             f"{criteria.incidents_per_hour:g} incidents an hour are not resolvable with {hours:.2g} hours of clean "
-            "frames: they would be judged as 0",
+            "frames: their limit would be extrapolated",
             where=where,
             remedy=f"{enough} on more clean frames",
         )
@@ -385,6 +385,6 @@ def refuse_unproven(thresholds: RobustThresholds) -> None:
 
 
 def resolves_incidents(calibration: Calibration, criteria: Criteria) -> bool:
-    """False where the clean frames are too few for the allowed incidents an hour, which are judged as 0 then."""
+    """False where the clean frames are too few for the allowed incidents an hour, whose limit is extrapolated then."""
     allowed = criteria.incidents_per_hour
-    return not allowed or allowed * clean_hours(calibration) >= 1
+    return allowed is None or allowed * clean_hours(calibration) >= 1

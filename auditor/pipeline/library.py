@@ -4,7 +4,7 @@ Keywords have the names, meanings and defaults of the options of the command lin
 """
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -20,6 +20,8 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
+from auditor.pipeline.calibration_names import listing_calibrations, named_calibration
+from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import (
     Batch,
@@ -32,11 +34,10 @@ from auditor.pipeline.many import (
     find_batch,
     judge_all,
     limits_by_size,
-    listing_calibrations,
     measure_all,
-    named_calibration,
 )
-from auditor.pipeline.measure import Measured, in_force, rigs_through
+from auditor.pipeline.measure import in_force, rigs_through
+from auditor.pipeline.measured import Measured
 from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
@@ -89,7 +90,7 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
-    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the seven checks on their grids.
+    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the eight checks on their grids.
 
     `counts` follow `rig.measured_triples`, None where a sensor was missing. Raises RigError where the cameras have no
     view in common, and SettingError for an unknown matcher.
@@ -201,6 +202,7 @@ def scan(
     """
     folder = Path(store)
     judging = judge_settings(folder, calibration, r, method, min_coverage=min_coverage)
+    judging = replace(judging, only_stale=True)
     settings = _settings(matcher, network, rig, jobs, time_limit, memory_limit, again=measure_again)
     return _scan(find_batch(_paths(recordings), folder, settings), judging, on_progress or _silent)
 
@@ -217,9 +219,18 @@ def _scan(batch: Batch, judging: JudgeSettings, on_progress: Progress) -> Iterat
             if outcome.result is None:
                 yield Scanned(str(outcome.item), error=outcome.error)
             else:
-                relate(store)
+                if outcome.result.fresh:
+                    relate(store)
                 judged = tuple(judge.judge(one) for one in outcome.result.measurement_ids)
+                _picture(store, judged, batch.settings)
                 yield Scanned(str(outcome.item), outcome.result, judged)
+
+
+def _picture(store: Store, judged: Sequence[Judged], settings: MeasureSettings) -> None:
+    """Keep pictures of what was found; that a recording is gone meanwhile takes nothing from its verdicts."""
+    found = [one.measurement_id for one in judged if one.found]
+    for _ in picture_incidents(store, found, settings.pictures, settings.limits):
+        pass
 
 
 def judge(

@@ -1,7 +1,6 @@
 """Many recordings: measured side by side, chosen as clean, judged. What went wrong with one is a value of its own."""
 
 import os
-import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,14 +19,18 @@ from auditor.pipeline.judge import (
     prior_for,
     refuse_earlier_counting,
 )
-from auditor.pipeline.measure import Measured, MeasureTask, measure_recording
+from auditor.pipeline.known import KnownFiles
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.pipeline.measured import Measured
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
 from auditor.pipeline.remarks import as_a_part, marked, unresolved
+from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located
-from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, read_calibration
+from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement
 from auditor.store.log import logged
+from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import histories, in_force_of
 from auditor.store.versions.records import provisional_of
 
@@ -64,7 +67,8 @@ class MeasureSettings:
     """How recordings are measured: `jobs` at a time, each in a process of its own within its limits.
 
     `rig` is a rig.toml or Kalibr's camchain.yaml in place of the recordings' own calibration. `again` measures also
-    what the store has. `pictures` are those that the store keeps.
+    what the store has, `verify_content` reads also files that are as they were when the store read them.
+    `pictures` are those that the store keeps.
     """
 
     matcher: str = "sgbm"
@@ -75,6 +79,7 @@ class MeasureSettings:
     jobs: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     again: bool = False
     pictures: Pictures = Pictures.ALL
+    verify_content: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,11 +133,19 @@ def measure_all(
 ) -> Iterator[Outcome[MeasureTask, Measured]]:
     """Measure the recordings of a batch and yield their outcomes as they finish; every error names its recording.
 
-    `on_progress` is called with the recording, what is being done, and the number of frames done.
+    What was measured before comes first, unread where its files are as they were then. `on_progress` is called with the
+    recording, what is being done, and the number of frames done.
     """
-    limits = batch.settings.limits
+    limits, unknown = batch.settings.limits, []
+    known = KnownFiles(batch.tasks, read_again=batch.settings.again or batch.settings.verify_content)
+    for task in batch.tasks:
+        found = known.measured(task)
+        if found is None:
+            unknown.append(task)
+        else:
+            yield Outcome(task, found)
     outcomes = run_all(
-        measure_recording, batch.tasks, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
+        measure_recording, unknown, batch.settings.jobs, on_progress, lambda task: limits(task.recording)
     )
     for outcome in outcomes:
         error = outcome.error.located(outcome.item) if outcome.error is not None else None
@@ -165,7 +178,7 @@ def choose_clean(given: Sequence[tuple[Store, str]], stores: Sequence[Store]) ->
 
     Left out is what carries the ground truth of an attack; of which another recording holds every frame, where that is
     there as well; and, of the stores', what was counted in an earlier way, and what their current verdicts put into
-    incidents.
+    incidents, unless all of these were reviewed as false alarms.
     """
     known = {measurement for _, measurement in given}
     named = {store.measurement(one).recording_id for store, one in given}
@@ -188,12 +201,12 @@ def calibrate_on(clean: CleanMeasurements, frames: range | None = None, *, recou
 
 def _of_store(store: Store, given: set[str]) -> Iterator[tuple[str, str]]:
     """What a store holds beside the measurements `given`, each with the reason to leave it out, or none."""
-    judgements = store.current_judgements()
+    judgements, excused = store.current_judgements(), false_alarms(store)
     for measurement in store.ids("measurements"):
         if measurement not in given:
             reason = attacked_by_labels(store, measurement) or superseded_by(store, measurement)
             reason = reason or ("it was measured by an earlier way of counting" * counted_earlier(store, measurement))
-            yield measurement, reason or _in_incidents(judgements.get(measurement))
+            yield measurement, reason or (_in_incidents(judgements.get(measurement)) * (measurement not in excused))
 
 
 def attacked_by_labels(store: Store, measurement: str) -> str:
@@ -232,21 +245,24 @@ class JudgeSettings:
     """How measurements are judged. Without a `calibration` each is judged by the one in force that fits it, or by the
     prior where none does.
 
-    Below `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
+    With `only_stale`, what these settings would judge as it is judged already keeps its verdicts. Below
+    `min_coverage`, the share of frames that could be judged, and of messages and time of its least covered
     sensor, a recording counts as not fully audited.
     """
 
     criteria: Criteria
     calibration: Calibration | None = None
     min_coverage: float = MIN_COVERAGE
+    only_stale: bool = False
 
 
 @dataclass(frozen=True)
 class Judged:
     """What became of one measurement: a judgement, an error, or neither where the store has no thresholds for it.
 
-    `recording` is the name of its recording. `complete` is False where something was not audited: `gaps` say what.
-    `warnings` are sentences for people, those of the gaps among them.
+    `fresh` is False where the judgement is an earlier one, which was kept. `recording` is the name of its recording.
+    `complete` is False where something was not audited: `gaps` say what. `warnings` are sentences for people, those of
+    the gaps among them.
     """
 
     recording: str
@@ -256,6 +272,7 @@ class Judged:
     warnings: tuple[str, ...] = ()
     complete: bool = False
     gaps: tuple[str, ...] = ()
+    fresh: bool = True
 
     @property
     def found(self) -> bool:
@@ -287,7 +304,8 @@ class Judge:
             calibration = fitting or prior_for(store, measurement, criteria)
             if calibration is None:
                 return Judged(name, measurement, warnings=(_NO_THRESHOLDS, *told), gaps=(_NO_THRESHOLDS_GAP,))
-            judgement = judge_measurement(store, measurement, calibration, criteria, self._current)
+            earlier = self._kept(measurement, calibration)
+            judgement = earlier or judge_measurement(store, measurement, calibration, criteria, self._current)
         except AuditorError as error:
             return Judged(name, measurement, error=error, warnings=told)
         gaps = (
@@ -306,7 +324,22 @@ class Judge:
         )
         unread = () if reading.complete else reading.remarks or ("it was not read whole",)
         missing = (*gaps, *unread)
-        return Judged(name, measurement, judgement, warnings=warnings, complete=not missing, gaps=missing)
+        return Judged(
+            name,
+            measurement,
+            judgement,
+            warnings=warnings,
+            complete=not missing,
+            gaps=missing,
+            fresh=judgement is not earlier,
+        )
+
+    def _kept(self, measurement: str, calibration: Calibration) -> StoredJudgement | None:
+        """The current judgement of a measurement, where it is not to be judged again."""
+        current, criteria = self._current.get(measurement), self._settings.criteria
+        if current is None or criteria.strict or not self._settings.only_stale:
+            return None
+        return current if is_as_now(current, self._store, calibration, criteria) else None
 
     def _missing(self, recording: RecordingRecord, measurement: StoredMeasurement) -> tuple[str, ...]:
         """What the rig lacks beside its vehicle's usual one."""
@@ -360,37 +393,3 @@ def _counted_elsewhere(store: Store, recording: RecordingRecord) -> Iterator[str
 def recording_name(store: Store, measurement: str) -> str:
     """What the user calls the recording of a measurement."""
     return store.recording(store.measurement(measurement).recording_id).name
-
-
-def named_calibration(folder: Path, name: str | None) -> Calibration | None:
-    """The calibration of a name: a file, or an id of the store in a folder or the beginning of one; None of None.
-
-    Raises ThresholdsError where there is none, also where there is no store yet.
-    """
-    if name is None:
-        return None
-    if Path(name).is_file():
-        return read_calibration(Path(name))
-    if not Store.is_at(folder):
-        raise _no_calibration(name, folder, known=False)
-    store = Store.open(folder)
-    return store.calibration(calibration_called(store, name))
-
-
-def calibration_called(store: Store, beginning: str) -> str:
-    """The id of the one calibration that begins so. Raises ThresholdsError where there is none, or several."""
-    matching = store.calibrations_called(beginning)
-    if len(matching) != 1:
-        raise _no_calibration(beginning, store.folder, known=bool(store.ids("calibrations")), several=bool(matching))
-    return matching[0]
-
-
-def _no_calibration(name: str, folder: Path, *, known: bool, several: bool = False) -> ThresholdsError:
-    what = "several calibrations begin so" if several else "no calibration has that id, and no file that name"
-    remedy = listing_calibrations(folder) if known else "the store has none yet: make one with auditor calibrate"
-    return ThresholdsError(what, where=name or "--calibration", remedy=remedy)
-
-
-def listing_calibrations(folder: Path) -> str:
-    """A command that lists the calibrations of a store."""
-    return f"auditor calibration list --store {shlex.quote(str(folder))} lists them"

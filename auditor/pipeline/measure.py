@@ -33,13 +33,14 @@ from auditor.measurement.disparity.matchers import (
     libraries,
     preflight,
 )
-from auditor.measurement.parameters import measuring_digest
-from auditor.model.checks import CAMERA_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
-from auditor.model.measurement import Measurement, Procedure, procedure_of
+from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
+from auditor.pipeline.known import sighted, stamp_of
+from auditor.pipeline.measured import Measured, damage_of, measured_of, procedure_by
 from auditor.recordings import (
     FrameStream,
     FrameTimes,
@@ -59,14 +60,12 @@ from auditor.recordings import (
     survey,
     synchronise,
 )
-from auditor.recordings.parameters import synchronising_digest
 from auditor.resources import plug_ins
 from auditor.store import (
     FramesWriter,
     MeasurementRecord,
     Picture,
     RecordingRecord,
-    Sighting,
     Store,
     StoredMeasurement,
     measurement_id,
@@ -87,7 +86,7 @@ class MeasureTask:
     """One recording to be measured into a store.
 
     `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day and drive. `again` measures also what the store has, and replaces it,
+    says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
     as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
     incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
     """
@@ -105,26 +104,6 @@ class MeasureTask:
         return str(self.recording)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A recording that is in the store: its measurements, one a rig, and whether any of it was measured just now."""
-
-    recording: Path
-    recording_id: str
-    measurement_ids: tuple[str, ...]
-    frames: int
-    fresh: bool
-    damage: tuple[str, ...]
-    calibration_warnings: tuple[str, ...]
-
-
-def procedure_by(matcher: Matcher) -> Procedure:
-    """How this auditor measures with a matcher."""
-    return procedure_of(
-        matcher.name, matcher.settings, measuring=measuring_digest(), synchronising=synchronising_digest()
-    )
-
-
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:
     """Measure every frame of a recording with each of its rigs; what is finished already only where the task says so.
 
@@ -132,14 +111,14 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
     """
     use_one_thread()
     matcher = find_matcher(task.matcher, task.network)
-    store = Store.open(task.store, create=True)
+    store, procedure = Store.open(task.store, create=True), procedure_by(matcher)
+    stamp = stamp_of(task.recording, procedure, task.rig)
     with open_recording(task.recording) as recording, logged(store.folder) as entry:
         entry.used("recording", recording.recording_id, storable(str(recording.path)))
         if libraries(matcher):  # a network, whose settings have the hash of its file
             entry.used("network", content_id(matcher.settings), f"{matcher.name} {matcher.settings}")
         surveyed = survey(recording)
         found = rigs_through(recording, surveyed, task.rig)
-        procedure = procedure_by(matcher)
         by_id = {measurement_id(recording.recording_id, one.rig.rig_id, procedure): one for one in found.rigs}
         todo = {known: one for known, one in by_id.items() if task.again or not store.has_measurement(known)}
         for known, one in todo.items():
@@ -149,28 +128,17 @@ def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -
                 _remove_counted_earlier(store, known)
         ids = tuple(known for known in by_id if store.has_measurement(known))
         measurements = [store.measurement(known) for known in ids]
-        damage = tuple(dict.fromkeys(piece for m in measurements for piece in m.damage))
-        calibration_warnings = tuple(
-            dict.fromkeys(sentence for m in measurements for sentence in m.calibration_warnings)
-        )
+        unchanged = stamp if stamp == stamp_of(task.recording, procedure, task.rig) else None
         with locked(store.folder):
             # A scan may have been killed after its last measurement and before it could keep the recording itself.
             kept = store.recording(recording.recording_id) if store.has_recording(recording.recording_id) else None
-            record = _recording_record(recording, task, kept, measurements, damage)
+            record = _recording_record(recording, task, kept, measurements, unchanged)
             if todo:
                 record = replace(record, superseded_by=None, conflicts=None)  # it is compared with the others anew
             if record != kept:
                 store.write_labels(recording.recording_id, recording.labels(), found.rigs[0].rig)
                 store.write_recording(record)
-        return Measured(
-            recording=recording.path,
-            recording_id=recording.recording_id,
-            measurement_ids=ids,
-            frames=sum(m.frames for m in measurements),
-            fresh=bool(todo),
-            damage=damage,
-            calibration_warnings=calibration_warnings,
-        )
+        return measured_of(recording.path, recording.recording_id, measurements, fresh=bool(todo))
 
 
 def _remove_counted_earlier(store: Store, measurement: str) -> None:
@@ -318,7 +286,7 @@ def unmasked_statistics(
     others = [
         one
         for one in sensor_checks
-        if one.check in CAMERA_CHECKS and any((one.sensor, other) in changed for other in one.others)
+        if one.check in IMAGE_CHECKS and any((one.sensor, other) in changed for other in one.others)
     ]
     found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
     of_check = dict(zip(others, found, strict=True))
@@ -342,19 +310,17 @@ def _recording_record(
     task: MeasureTask,
     known: RecordingRecord | None,
     measurements: Sequence[StoredMeasurement],
-    damage: tuple[str, ...],
+    stamp: str | None,
 ) -> RecordingRecord:
     origin = task.origin.over(Origin.of_metadata(recording.metadata()))
     if known is not None:
-        origin = origin.over(Origin(known.vehicle, known.date, known.drive))
-    name, path = storable(recording.path.name), storable(str(recording.path.resolve()))
-    sightings = known.sightings if known is not None else ()
-    if (name, path) not in {(one.name, one.path) for one in sightings}:
-        sightings += (Sighting(name, path, datetime.now(UTC)),)
+        origin = origin.over(Origin(known.vehicle, known.date, known.drive, known.weather))
+    ids = [one.measurement_id for one in measurements]
+    sightings = sighted(known.sightings if known is not None else (), recording.path, stamp, ids)
     return RecordingRecord(
         recording_id=recording.recording_id,
         name=sightings[0].name,
-        path=path,
+        path=storable(str(recording.path.resolve())),
         files=tuple(storable(file.name) for file in recording.files),
         size_bytes=sum(file.stat().st_size for file in recording.files),
         format=format_of(located(task.recording).first) or format_of(recording.files[0]),
@@ -364,7 +330,8 @@ def _recording_record(
         vehicle=origin.vehicle and storable(origin.vehicle),
         date=origin.date,
         drive=origin.drive and storable(origin.drive),
-        damage=damage,
+        weather=origin.weather and storable(origin.weather),
+        damage=damage_of(measurements),
         sightings=sightings,
         superseded_by=known.superseded_by if known else None,
         conflicts=known.conflicts if known else None,

@@ -1,7 +1,7 @@
 """Versions of calibrations over their life: kept when they are made, put in force, rolled back, checked."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from decimal import Decimal
 
@@ -11,15 +11,22 @@ from auditor import __version__
 from auditor.errors import AuditorError, SettingError
 from auditor.identification.cross_validation import LeftOut, clean_hours, leave_one_out_robust
 from auditor.identification.parameters import judging_digest
-from auditor.identification.refreshing import Shown
+from auditor.identification.refreshing.drives import Shown
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
 from auditor.pipeline.many import CleanMeasurements, Judge, Judged, JudgeSettings
-from auditor.store import RecordingRecord, Store, StoredJudgement, make_calibration
+from auditor.store import RecordingRecord, Store, StoredJudgement, StoredMeasurement, make_calibration
 from auditor.store.versions.history import History, How, histories, history_of, put_first_in_force, put_in_force
-from auditor.store.versions.records import CalibrationVersion, Outcome, UsedRecording, read_version, write_version
+from auditor.store.versions.records import (
+    CalibrationVersion,
+    Outcome,
+    UnderCondition,
+    UsedRecording,
+    read_version,
+    write_version,
+)
 
 GIVEN = "given as clean"
 """Why a recording is in a calibration that auditor calibrate made."""
@@ -81,25 +88,33 @@ def used_recording(
     reason: str,
     clean: CleanFrames | None = None,
     by_others: LeftOut | Shown | None = None,
-    look_at: bool = False,
 ) -> UsedRecording:
     """What is said of a recording: it is in where there are `clean` frames of it."""
     stored = store.measurement(measurement)
-    recording = store.recording(stored.recording_id)
+    used = replace(looked_at(stored, store.recording(stored.recording_id)), reason=reason)
+    if by_others is not None:
+        used = replace(used, findings_by_others=by_others.findings, incidents_by_others=by_others.incidents)
+    return used if clean is None else taken(used, clean)
+
+
+def looked_at(stored: StoredMeasurement, recording: RecordingRecord) -> UsedRecording:
+    """What is said of a recording that may be learnt from, before it is decided."""
     return UsedRecording(
         recording_id=stored.recording_id,
-        measurement_id=measurement,
+        measurement_id=stored.measurement_id,
         name=recording.name,
         vehicle=recording.vehicle,
         day=day_of(recording),
-        included=clean is not None,
-        reason=reason,
-        frames=clean.frames if clean is not None else stored.measured,
-        look_at=look_at,
-        findings_by_others=by_others.findings if by_others else None,
-        incidents_by_others=by_others.incidents if by_others else None,
-        level=_level(clean) if clean is not None else None,
+        included=False,
+        reason="",
+        frames=stored.measured,
+        weather=recording.weather,
     )
+
+
+def taken(used: UsedRecording, clean: CleanFrames) -> UsedRecording:
+    """The recording as one that a calibration was made of, by these frames."""
+    return replace(used, included=True, frames=clean.frames, level=_level(clean))
 
 
 def day_of(recording: RecordingRecord) -> date | None:
@@ -121,6 +136,7 @@ def version_of(
     provisional: bool = False,
     frames: range | None = None,
     recounted: bool = False,
+    conditions: Sequence[UnderCondition] = (),
 ) -> CalibrationVersion:
     """How a calibration is made now."""
     judged = [one for one in used if one.included and one.findings_by_others is not None]
@@ -149,6 +165,7 @@ def version_of(
         judging_version=JUDGING_VERSION,
         rules=judging_digest(),
         recordings=tuple(used),
+        conditions=tuple(conditions),
     )
 
 

@@ -1,6 +1,7 @@
 """Where a recording lies: a file or folder, or several files that were recorded together."""
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -34,6 +35,26 @@ class Location:
     def size_bytes(self) -> int:
         """The size of all its files. Raises OSError."""
         return sum(file.stat().st_size for file in self._files())
+
+    @property
+    def identity(self) -> str:
+        """A hash that changes where one of its files is replaced, written to, added or moved: nothing of them is read.
+
+        It is one of their paths, sizes, times and inodes. The time of the last change tells of a file whose time of
+        modification was set back. Raises OSError.
+        """
+        whole = hashlib.sha256()
+        for file in sorted({*self._files(), *self._beside()}):
+            status = file.stat()
+            known = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
+            whole.update(f"{file.resolve()} {known}\n".encode("utf-8", "surrogateescape"))
+        return whole.hexdigest()
+
+    def _beside(self) -> Iterator[Path]:
+        """Journals: files beside the recording's, whose names go on with a hyphen."""
+        for file in (self.streams and self._files()) or [self.path]:
+            beside = file.parent.iterdir() if file.is_file() else ()
+            yield from (one for one in beside if one.name.startswith(f"{file.name}-") and one.is_file())
 
     def _files(self) -> Sequence[Path]:
         if self.streams:

@@ -1,4 +1,4 @@
-"""Where a recording comes from: its vehicle, date and drive, read from its path or its metadata."""
+"""Where a recording comes from: its vehicle, date, drive and weather, read from its path or its metadata."""
 
 import datetime
 import re
@@ -9,7 +9,7 @@ from typing import Self
 
 from auditor.errors import SettingError
 
-WORDS = ("vehicle", "date", "drive")
+WORDS = ("vehicle", "date", "drive", "weather")
 _PLACE = re.compile(r"\{(\w*)\}|(\*)")
 _DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
 
@@ -17,8 +17,8 @@ _DAY = re.compile(r"(\d{4})([-_.]?)(\d\d)\2(\d\d)")
 def read_path(path: Path, pattern: str) -> dict[str, str]:
     """The text that stands for each word of a pattern, by word, where the end of the path matches it; else nothing.
 
-    `{vehicle}`, `{date}` and `{drive}` stand for any text without a slash, `*` for text that is ignored. Raises
-    SettingError for a pattern with other words, a word twice, or none.
+    `{vehicle}`, `{date}`, `{drive}` and `{weather}` stand for any text without a slash, `*` for text that is ignored.
+    Raises SettingError for a pattern with other words, a word twice, or none.
     """
     expression, position = "", 0
     for place in _PLACE.finditer(pattern):
@@ -26,7 +26,9 @@ def read_path(path: Path, pattern: str) -> dict[str, str]:
         expression += "[^/]*" if place[2] else f"(?P<{_word(place[1], pattern, expression)}>[^/]+?)"
         position = place.end()
     if "(?P<" not in expression:
-        raise SettingError("it holds none of {vehicle}, {date} and {drive}", where=f"path pattern {pattern!r}")
+        raise SettingError(
+            "it holds none of {vehicle}, {date}, {drive} and {weather}", where=f"path pattern {pattern!r}"
+        )
     found = re.search(f"(?:^|/){expression}{re.escape(pattern[position:])}$", path.as_posix())
     return found.groupdict() if found else {}
 
@@ -47,10 +49,16 @@ class Origin:
     vehicle: str | None = None
     date: datetime.date | None = None
     drive: str | None = None
+    weather: str | None = None
 
     def over(self, other: Self) -> "Origin":
         """This origin, with its unknown parts taken from another."""
-        return Origin(self.vehicle or other.vehicle, self.date or other.date, self.drive or other.drive)
+        return Origin(
+            self.vehicle or other.vehicle,
+            self.date or other.date,
+            self.drive or other.drive,
+            self.weather or other.weather,
+        )
 
     @classmethod
     def of_path(cls, path: Path, pattern: str) -> "Origin":
@@ -63,12 +71,13 @@ class Origin:
                 where=f"path pattern {pattern!r}",
                 remedy="{date} stands for a day such as 2026-01-31, 2026_01_31 or 20260131",
             )
-        return cls(declared.get("vehicle"), date, declared.get("drive"))
+        return cls(declared.get("vehicle"), date, declared.get("drive"), declared.get("weather"))
 
     @classmethod
     def of_metadata(cls, declared: Mapping[str, str]) -> "Origin":
         """The origin that a recording's metadata declares; an ill-formed date is ignored."""
-        return cls(declared.get("vehicle") or None, _day(declared.get("date", "")), declared.get("drive") or None)
+        vehicle, drive, weather = (declared.get(name) or None for name in ("vehicle", "drive", "weather"))
+        return cls(vehicle, _day(declared.get("date", "")), drive, weather)
 
 
 def _day(text: str) -> datetime.date | None:

@@ -1,7 +1,16 @@
-"""Self-contained pages from a store."""
+"""Pages from a store; no recording is needed to make them."""
 
+from auditor.reporting.drift.render import render_drift_page
 from auditor.reporting.evaluation.render import render_evaluation_report
-from auditor.reporting.incident.render import render_incident_report
+from auditor.reporting.fleet.render import render_fleet_report
+from auditor.reporting.incident.render import render_incident_page, render_incident_report
 from auditor.reporting.refresh.render import render_refresh_page
 
-__all__ = ["render_evaluation_report", "render_incident_report", "render_refresh_page"]
+__all__ = [
+    "render_drift_page",
+    "render_evaluation_report",
+    "render_fleet_report",
+    "render_incident_page",
+    "render_incident_report",
+    "render_refresh_page",
+]

@@ -222,6 +222,7 @@ class CaseVerdict:
     identified: tuple[int, ...]
     window_kind: VerdictKind | None = None
     window_named: tuple[int, ...] = ()
+    event: int | None = None
     causes: tuple[FaultHypothesis, ...] = ()
 
 

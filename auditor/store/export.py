@@ -8,7 +8,7 @@ with spreadsheets: its texts are made safe for them (`csv_cell`).
 import io
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from typing import Any
 
@@ -24,9 +24,10 @@ Table = pa.Table
 """The form of every answer: an Arrow table."""
 
 
-def table_of(rows: list[dict[str, object]]) -> pa.Table:
-    """Rows of equal columns as a table."""
-    table: pa.Table = pa.Table.from_pylist(rows)
+def table_of(rows: list[dict[str, object]], columns: Mapping[str, str] | None = None) -> pa.Table:
+    """Rows of equal columns as a table; `columns` has Arrow's names of their types, also where there are no rows."""
+    schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in columns.items()]) if columns else None
+    table: pa.Table = pa.Table.from_pylist(rows, schema)
     return table
 
 
@@ -62,6 +63,27 @@ def _encoded(table: pa.Table, form: str) -> bytes:
     else:
         pq.write_table(_for_parquet(table), sink, compression="zstd")
     return sink.getvalue()
+
+
+def with_texts(table: pa.Table, change: Callable[[str, str], str]) -> pa.Table:
+    """A table with every text in it changed, also inside lists and structs: `change` gets the column, or the field of
+    the struct, and the text.
+    """
+
+    def changed(name: str, value: object) -> object:
+        if isinstance(value, str):
+            return change(name, value)
+        if isinstance(value, list):
+            return [changed(name, item) for item in value]
+        if isinstance(value, dict):
+            return {key: changed(key, item) for key, item in value.items()}
+        return value
+
+    for place, field in enumerate(table.schema):
+        if _holds(_is_text, field.type):
+            column = pa.array([changed(field.name, value) for value in table[field.name].to_pylist()], field.type)
+            table = table.set_column(place, field, column)
+    return table
 
 
 def as_json(value: object) -> bytes:

@@ -25,11 +25,16 @@ DIGITS_OF_R = 17
 
 @dataclass(frozen=True)
 class Sighting:
-    """A name and path under which a recording's content was read, and when first (UTC); None where that is unknown."""
+    """A name and path under which a recording's content was read, and when first (UTC); None where that is unknown.
+
+    While its files and the way of measuring have this `stamp`, reading them again gives these `measurements`.
+    """
 
     name: str
     path: str
     seen_at: datetime.datetime | None = None
+    stamp: str | None = None
+    measurements: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ class RecordingRecord:
     vehicle: str | None = None
     date: datetime.date | None = None
     drive: str | None = None
+    weather: str | None = None
     damage: tuple[str, ...] = ()
     sightings: tuple[Sighting, ...] = ()
     superseded_by: str | None = None
@@ -217,17 +223,16 @@ class JudgementRecord:
         special = (
             thresholds.statistic.value if isinstance(thresholds, Thresholds) else repr(thresholds.incidents_per_hour)
         )
-        return content_id(
-            "judgement",
+        return judgement_id(
             self.measurement_id,
             thresholds.calibration_id,
             self.method,
             special,
-            str(thresholds.r.normalize()),
-            thresholds.transferred,
-            self.rules.judging_version,
+            thresholds.r,
             self.rules.digest,
-            *(["recounted"] if self.recounted else []),
+            judging_version=self.rules.judging_version,
+            transferred=thresholds.transferred,
+            recounted=self.recounted,
         )
 
 
@@ -268,6 +273,36 @@ def measurement_id(recording_id: str, rig_id: str, procedure: Procedure) -> str:
     """Hash of what decides every count of a measurement."""
     return content_id(
         "measurement", recording_id, rig_id, procedure.matcher, procedure.settings, procedure.counting_version
+    )
+
+
+def judgement_id(
+    measurement: str,
+    calibration: str,
+    method: str,
+    special: str,
+    r: Decimal,
+    rules: str,
+    *,
+    judging_version: int = JUDGING_VERSION,
+    transferred: bool,
+    recounted: bool,
+) -> str:
+    """Hash of a measurement and of what decides every verdict on it.
+
+    `special` is the statistic of the paper's method, or the incidents an hour of the robust one.
+    """
+    return content_id(
+        "judgement",
+        measurement,
+        calibration,
+        method,
+        special,
+        str(r.normalize()),
+        transferred,
+        judging_version,
+        rules,
+        *(["recounted"] if recounted else []),
     )
 
 

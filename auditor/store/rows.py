@@ -35,7 +35,10 @@ _TIME_FIELDS = tuple(field.name for field in fields(TimeCoverage))
 
 def recording_row(recording: RecordingRecord) -> Row:
     """The row of a recording."""
-    sightings = [{**vars(one), "seen_at": one.seen_at and to_utc(one.seen_at)} for one in recording.sightings]
+    sightings = [
+        {**vars(one), "seen_at": one.seen_at and to_utc(one.seen_at), "measurements": list(one.measurements)}
+        for one in recording.sightings
+    ]
     return {
         **vars(recording),
         "files": list(recording.files),
@@ -47,18 +50,26 @@ def recording_row(recording: RecordingRecord) -> Row:
 
 def stored_recording(row: Mapping[str, Any]) -> RecordingRecord:
     """The recording of a row; rows of before sightings were kept have the one of their name and path."""
-    sightings = row["sightings"] or [{"name": row["name"], "path": row["path"], "seen_at": None}]
+    sightings = row["sightings"] or [{"name": row["name"], "path": row["path"]}]
     return RecordingRecord(
         **{
             **row,
             "files": tuple(row["files"]),
             "damage": tuple(row["damage"]),
-            "sightings": tuple(
-                Sighting(one["name"], one["path"], one["seen_at"] and one["seen_at"].replace(tzinfo=UTC))
-                for one in sightings
-            ),
+            "sightings": tuple(map(_sighting, sightings)),
             "conflicts": None if row["conflicts"] is None else tuple(row["conflicts"]),
         }
+    )
+
+
+def _sighting(fields: Mapping[str, Any]) -> Sighting:
+    seen_at, measurements = fields.get("seen_at"), fields.get("measurements")
+    return Sighting(
+        fields["name"],
+        fields["path"],
+        seen_at and seen_at.replace(tzinfo=UTC),
+        fields.get("stamp"),
+        tuple(measurements or ()),
     )
 
 
@@ -302,4 +313,9 @@ def verdict_row(judgement_id: str, measurement_id: str, frame: int, stamp_ns: in
         "causes": [one._asdict() for one in verdict.causes],
         "finding": verdict.finding and verdict.finding.kind.value,
         "finding_attacked": verdict.finding and list(verdict.finding.attacked),
+        "posterior": verdict.posterior,
+        "log10_ratio": verdict.log10_ratio,
+        "event": verdict.finding and verdict.finding.event,
+        "single_frame": verdict.finding and verdict.finding.single,
+        "event_added": verdict.finding and verdict.finding.added,
     }

@@ -9,7 +9,7 @@ import pyarrow as pa
 from auditor.resources import resource_folder
 from auditor.store.column_types import arrow_type
 
-SCHEMA_VERSION = 10
+SCHEMA_VERSION = 11
 """Raised whenever what scans keep changes: a table, a column or a stored word. Evaluations go by EXPERIMENTS_VERSION.
 
 `upgrade` brings a store of the version before to this one.
@@ -29,17 +29,39 @@ TABLES = (
     "calibrations",
     "calibration_versions",
     "calibration_recordings",
+    "calibration_conditions",
     "calibration_history",
+    "quarantine",
     "judgements",
     "verdicts",
     "labels",
     "given_labels",
+    "reviews",
     "evaluations",
     "cases",
     "case_verdicts",
     "object_evaluations",
     "object_cases",
 )
+
+ID_COLUMNS = {
+    "recordings": "recording_id",
+    "labels": "recording_id",
+    "given_labels": "recording_id",
+    "rigs": "rig_id",
+    "triples": "rig_id",
+    "sensor_checks": "rig_id",
+    **dict.fromkeys(
+        ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
+    ),
+    **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
+    "reviews": "review_id",
+    "judgements": "judgement_id",
+    "verdicts": "judgement_id",
+    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
+    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
+}
+"""By table: the column that has the id of the file."""
 
 _VERSION_KEY = b"schema_version"
 

@@ -27,6 +27,8 @@ _STAMP = re.compile(r"\s*-?[0-9]+\s*")
 _STAMPS_END = 2**63
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
+_MACRO = re.compile(r"^CREATE MACRO (\w+).*?;$", re.MULTILINE | re.DOTALL)
+
 _COLUMN = re.compile(r"column (?P<name>\w+): (?P<sentence>.+)")
 
 
@@ -87,9 +89,10 @@ def _with_defaults(view: SqlFile) -> str:
 
 
 @cache
-def macros() -> tuple[str, ...]:
-    """The SQL text of all macros."""
-    return tuple(macro.sql for macro in sql_files(resource_folder("queries") / "macros"))
+def macros() -> dict[str, str]:
+    """The statements that make the macros, by name."""
+    files = sql_files(resource_folder("queries") / "macros")
+    return {found[1]: found[0].strip() for file in files for found in _MACRO.finditer(file.sql)}
 
 
 def read_sql_file(path: Path) -> SqlFile:

@@ -8,6 +8,7 @@ CREATE MACRO check_in_words(check_name, i, j, k) AS
             THEN coalesce('S_' || i || ' and S_' || k || ' both', 'the cameras') || ' disagree with the LiDAR'
         WHEN 'added_light'
             THEN coalesce('S_' || i || ' or S_' || k || ' alone sees light', 'S_' || i || ' sees light that others do not')
+        WHEN 'coloured_light' THEN 'S_' || i || ' sees light of one colour that others do not'
         WHEN 'removed_light'
             THEN coalesce('S_' || i || ' or S_' || k || ' alone lacks light', 'S_' || i || ' lacks light that others see')
         WHEN 'photometric_inconsistency' THEN coalesce(
@@ -31,12 +32,40 @@ CREATE MACRO evidence_in_words(evidence) AS
 CREATE MACRO sensors_in_words(sensors, if_none) AS
     CASE WHEN len(sensors) = 0 THEN if_none ELSE array_to_string(list_transform(sensors, lambda s: 'S_' || s), ' and ') END;
 
--- The next-best explanations, the next best first; NULL where there is none.
-CREATE MACRO alternatives_in_words(alternatives) AS
+-- A probability in per cent, none as certain or impossible.
+CREATE MACRO share_in_words(share) AS
+    CASE
+        WHEN share < 0.01 THEN 'under 1 %'
+        WHEN share > 0.99 THEN 'over 99 %'
+        ELSE format('{:.0f} %', 100 * share)
+    END;
+
+-- The ratio of a logarithm to two digits.
+CREATE MACRO ratio_figure(log10_ratio) AS format('{:g}', round(pow(10, log10_ratio), 1 - floor(log10_ratio)::INTEGER));
+
+-- The next-best explanations, the next best first, with their probabilities where that of the best is known; else by
+-- how much they are worse. NULL where there is none.
+CREATE MACRO alternatives_in_words(alternatives, posterior) AS
     nullif(array_to_string(list_transform(
         alternatives,
-        lambda x: sensors_in_words(x['attacked'], 'no attack') || format(' (worse by {:.2f})', x['worse_by'])
+        lambda x: sensors_in_words(x['attacked'], 'no attack') || CASE
+            WHEN posterior IS NULL THEN format(' (worse by {:.2f})', x['worse_by'])
+            ELSE format(' ({})', share_in_words(posterior / pow(10, x['worse_by'])))
+        END
     ), ', '), '');
+
+-- A likelihood ratio, in the words of ENFSI's guideline of 2015 for evaluative reporting; `largest` is what can be said.
+CREATE MACRO ratio_in_words(log10_ratio, largest) AS
+    CASE WHEN log10_ratio >= log10(largest) - 1e-9 THEN 'more than ' ELSE 'about ' END
+    || format('{} times as likely under the attack as without: {}', ratio_figure(log10_ratio), CASE
+        WHEN log10_ratio < log10(2) THEN 'no support'
+        WHEN log10_ratio < 1 THEN 'weak support'
+        WHEN log10_ratio < 2 THEN 'moderate support'
+        WHEN log10_ratio < 3 THEN 'moderately strong support'
+        WHEN log10_ratio < 4 THEN 'strong support'
+        WHEN log10_ratio < 6 THEN 'very strong support'
+        ELSE 'extremely strong support'
+    END);
 
 -- One cause that is not an attack in words.
 CREATE MACRO cause_in_words(cause, sensor) AS

@@ -1,11 +1,12 @@
--- Incidents: runs of frames with the same attacked sensors, also from one recording of a drive into the next. Where a recording's clock is set back a new one begins.
+-- Incidents: by the robust method the events of several frames, by the paper's runs of frames with the same attacked sensors; also from one recording of a drive into the next. Where a recording's clock is set back a new one begins.
 --
--- param gap_s DOUBLE = 0.5: Frames of one attacked set that are no further apart than this, in seconds, are one incident.
+-- param gap_s DOUBLE = 0.5: Events, or frames by the paper's method, of one attacked set that are no further apart than this, in seconds, are one incident.
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 --
 -- column incident_id: Hash of the judgement and the number of its first frame; other parameters make other incidents of an id.
 -- column judgement_id: The judgement of its first frame; the parts have those of the others.
 -- column rig_id: The rig.
+-- column drive_id: The recording that its drive begins with.
 -- column kind: What the verdicts are: attacked, unidentified or suspect.
 -- column attacked: The attacked sensors; empty unless kind is attacked.
 -- column name: The first recording's name; text from outside, to be escaped wherever it is shown.
@@ -14,17 +15,23 @@
 -- column to_ns: Stamp of the last frame.
 -- column seconds: Time from the first frame to the last.
 -- column from_utc: When it began, where the recording's clock is UTC.
--- column frames: Number of frames with this verdict.
+-- column frames: Number of its frames; by the robust method those that add to its evidence.
 -- column first_frame: Number of the first frame, within the first recording.
 -- column last_frame: Number of the last frame, within the last recording.
 -- column parts: What each recording has of it, in order.
--- column strongest_frame: Number of the frame with the largest gap.
+-- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident.
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there.
+-- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
 -- column alternatives: The next-best explanations of its strongest frame, in words.
+-- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
+-- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
+-- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
 -- column causes: What else than an attack may lie behind it, in words.
+-- column review: What somebody said of it (auditor review): confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
+-- column review_reason: Why, in the reviewer's own words.
 WITH placed AS (
     SELECT
         measurement.measurement_id,
@@ -62,6 +69,7 @@ step AS (
     FROM verdicts
     JOIN line USING (measurement_id)
     WHERE line IN (SELECT line FROM line WHERE wanted)
+        AND line IN (SELECT line FROM line WHERE measurement_id IN (SELECT measurement_id FROM findings))
 ),
 -- A step back within a recording: there the clock was set, and stamps on either side of it are not of one line.
 timed AS (
@@ -79,14 +87,18 @@ finding AS (
         timed.line,
         timed.place,
         timed.wanted,
-        lag(stamp_ns) OVER (PARTITION BY line, kind, attacked ORDER BY place, frame) AS previous_ns
+        lag(stamp_ns) OVER before AS previous_ns,
+        coalesce(
+            measurement_id = lag(measurement_id) OVER before AND event = lag(event) OVER before, false
+        ) AS same_event
     FROM findings
     JOIN timed USING (measurement_id, frame)
+    WINDOW before AS (PARTITION BY line, kind, attacked ORDER BY place, frame)
 ),
 numbered AS (
     SELECT
         *,
-        sum(CASE WHEN abs(stamp_ns - previous_ns) <= $gap_s * 1e9 THEN 0 ELSE 1 END)
+        sum(CASE WHEN same_event OR abs(stamp_ns - previous_ns) <= $gap_s * 1e9 THEN 0 ELSE 1 END)
             OVER (PARTITION BY line, kind, attacked ORDER BY place, frame) AS run
     FROM finding
 ),
@@ -140,12 +152,37 @@ carried AS (
         ) AS evidence
     FROM piece
     GROUP BY ALL
-)
+),
+-- what the frames say, each by itself
+said AS (
+    SELECT
+        line,
+        kind,
+        attacked,
+        run,
+        finding_in_words(own_kind, [format('S_{}', sensor) FOR sensor IN own_attacked]) AS own,
+        sum(coalesce(event_added, 1)) AS added
+    FROM numbered
+    WHERE own_kind IN ('attacked', 'unidentified', 'suspect')
+    GROUP BY ALL
+),
+shared AS (
+    SELECT
+        line,
+        kind,
+        attacked,
+        run,
+        string_agg(format('{} {:.0f} %', own, 100 * share), ', ' ORDER BY share DESC, own) AS shares
+    FROM (SELECT *, added / nullif(sum(added) OVER (PARTITION BY line, kind, attacked, run), 0) AS share FROM said)
+    GROUP BY ALL
+),
+found AS (
 SELECT
     any_value(md5(whole.parts[1].judgement_id || ' ' || whole.parts[1].first_frame)) AS incident_id,
     any_value(whole.parts[1].recording_id) AS recording_id,
     any_value(whole.parts[1].name) AS name,
     any_value(incident.vehicle) AS vehicle,
+    any_value(recording.drive_id) AS drive_id,
     any_value(whole.parts[1].measurement_id) AS measurement_id,
     any_value(whole.parts[1].judgement_id) AS judgement_id,
     any_value(incident.rig_id) AS rig_id,
@@ -160,22 +197,46 @@ SELECT
     any_value(whole.parts[1].first_frame) AS first_frame,
     any_value(whole.parts[-1].last_frame) AS last_frame,
     any_value(whole.parts) AS parts,
-    -- of equal gaps the last frame's
-    arg_max(frame, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_frame,
-    arg_max(incident.name, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL) AS strongest_name,
-    arg_max(incident.measurement_id, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+    -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
+    arg_max(frame, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_frame,
+    arg_max(incident.name, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest_name,
+    arg_max(incident.measurement_id, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
         AS strongest_measurement_id,
-    max(gap) AS largest_gap,
+    max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
     any_value(carried.evidence) AS evidence,
+    any_value(shared.shares) AS shares,
     alternatives_in_words(
-        arg_max(incident.alternatives, {gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL)
+        arg_max(incident.alternatives, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean'),
+        arg_max(incident.posterior, {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}) FILTER (gap IS NOT NULL AND own_kind <> 'clean')
     ) AS alternatives,
-    causes_in_words(list_distinct(flatten(list(incident.causes)))) AS causes
+    max(posterior) FILTER (own_kind <> 'clean') AS posterior,
+    max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
+    ratio_in_words(max(log10_ratio) FILTER (own_kind <> 'clean'), any_value(judgement.largest_ratio)) AS ratio,
+    causes_in_words(list_distinct(flatten(list(incident.causes) FILTER (own_kind <> 'clean')))) AS causes
 FROM numbered AS incident
 JOIN whole USING (line, kind, attacked, run)
 LEFT JOIN carried USING (line, kind, attacked, run)
+LEFT JOIN shared USING (line, kind, attacked, run)
 LEFT JOIN rigs AS rig USING (rig_id)
 LEFT JOIN recordings AS recording ON recording.recording_id = incident.recording_id
+LEFT JOIN judgements AS judgement ON judgement.judgement_id = incident.judgement_id
 GROUP BY line, incident.kind, incident.attacked, run
 HAVING bool_or(wanted)
-ORDER BY name, from_ns, incident.kind, incident.attacked, first_frame
+),
+last AS (
+    SELECT found.incident_id, arg_max(reviews, {moment: reviews.reviewed_at, id: reviews.review_id}) AS review
+    FROM found
+    JOIN reviews ON is_one_incident(
+        list_concat([part.recording_id FOR part IN found.parts], [found.drive_id]),
+        found.attacked_names, found.from_ns, found.to_ns,
+        reviews.places, reviews.sensors, reviews.from_ns, reviews.to_ns
+    )
+    GROUP BY found.incident_id
+)
+SELECT
+    found.*,
+    CASE WHEN last.review.in_effect THEN last.review.verdict END AS review,
+    CASE WHEN last.review.in_effect THEN last.review.reason END AS review_reason
+FROM found
+LEFT JOIN last USING (incident_id)
+ORDER BY name, from_ns, kind, attacked, first_frame

@@ -9,7 +9,7 @@
 -- column frames: Frames and skipped ticks, without those at the recording's edges.
 -- column measured: Frames that were measured.
 -- column audited_share: Share of `frames` that have a verdict other than not_auditable; NULL where nothing was judged.
--- column attacked_sensors: Sensors that an incident names; by the robust method a frame that the temporal window around it does not confirm names none, though `attacked` counts it.
+-- column attacked_sensors: Sensors that an incident names; by the robust method a frame that belongs to no incident names none, though `attacked` counts it.
 -- column attacked_names: The recording's own names of these sensors.
 -- column attacked: Frames in which the attacked sensors are named.
 -- column statistic: Which pixels the current judgement counted: plain or gated.

@@ -84,20 +84,26 @@ def judged_drives(
 def incidents_of(drive: Sequence[Judged]) -> list[Incident]:
     """The incidents of a drive, as `count_incidents` counts them."""
     found: list[list[Judged]] = []
-    latest: dict[Finding, list[Judged]] = {}
+    latest: dict[tuple[VerdictKind, tuple[int, ...]], list[Judged]] = {}
     for one in drive:
         finding = one.robust.finding
-        if finding is None:
+        if finding is None or finding.single:
             continue
-        before = latest.get(finding)
-        if before is None or one.case.stamp_ns - before[-1].case.stamp_ns > INCIDENT_GAP_S * NANOSECONDS:
-            latest[finding] = before = []
+        before = latest.get(finding[:2])
+        if before is None or not _goes_on(before[-1], one):
+            latest[finding[:2]] = before = []
             found.append(before)
         before.append(one)
     incidents = [Incident(frames[0].robust.finding, tuple(frames)) for frames in found if frames[0].robust.finding]
     counted = count_incidents([one.robust.finding for one in drive], stamps(drive))
     assert len(incidents) == counted, "the incidents listed are not those that are counted"
     return incidents
+
+
+def _goes_on(before: Judged, one: Judged) -> bool:
+    event = before.robust.finding and before.robust.finding.event
+    later_ns = one.case.stamp_ns - before.case.stamp_ns
+    return (one.robust.finding and one.robust.finding.event) == event or later_ns <= INCIDENT_GAP_S * NANOSECONDS
 
 
 def stamps(drive: Sequence[Judged]) -> np.ndarray:

@@ -62,13 +62,15 @@ def system_of(scene: Scene, cameras: Sequence[int]) -> System:
 def clean_frames(scene: Scene, system: System) -> CleanFrames:
     """The clean frames of a scene as a calibration has them."""
     cases = [case for case in scene.cases if not case.attack]
-    return _frames(scene, system, cases)
+    return frames_of(scene, system, cases)
 
 
-def _frames(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrames:
+def frames_of(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrames:
+    """Some cases of a scene, as a calibration has clean frames."""
     place = {check: column for column, check in enumerate(rig_sensor_checks(scene.rig))}
     stamps = np.array([case.stamp_ns for case in cases], dtype=np.int64)
-    statistics = np.stack([case.statistics for case in cases])
+    statistics = np.full((len(cases), len(place)), np.nan)  # checks that came later were not measured: they stand last
+    statistics[:, : len(cases[0].statistics)] = np.stack([case.statistics for case in cases])
     errors = np.stack([case.errors for case in cases])
     return CleanFrames(
         scene.name,
@@ -100,7 +102,7 @@ def _fault_scores(cases: Sequence[Case], system: System, stamps: np.ndarray) -> 
     return fault_scores(ObservedFeatures(pairs, columns, cameras, brightness), stamps, system.sensors)
 
 
-def _brightness(cases: Sequence[Case], system: System) -> dict[tuple[str, int], np.ndarray]:
+def brightness_of(cases: Sequence[Case], system: System) -> dict[tuple[str, int], np.ndarray]:
     return {
         (name, camera): np.array([case.brightness(name).get(camera) for case in cases], dtype=np.float64)
         for name in BRIGHTNESS
@@ -113,7 +115,7 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
     """The verdicts on a scene: clean frames in their order, attacked frames each by itself in the drive of these."""
     cases = [case for case in scene.cases if set(case.attacked) <= set(system.sensors)]
     clean = [case for case in cases if not case.attack]
-    own = _frames(scene, system, clean)
+    own = frames_of(scene, system, clean)
     here = np.ones((len(clean), len(system.sensors)), dtype=np.bool_)
     series = FrameSeries(
         own.stamps_ns,
@@ -122,20 +124,20 @@ def judge_scene(scene: Scene, system: System, thresholds: RobustThresholds, thet
         here,
         ~here,
         own.strengths,
-        _brightness(clean, system),
+        brightness_of(clean, system),
     )
     thresholds = for_drive(thresholds, system.sensor_checks, series.statistics)
     verdicts = judge_frames(series, system, thresholds)
     places = {case.frame: place for place, case in enumerate(clean)}
     attacked = [case for case in cases if case.attack]
     if attacked:
-        alone = _frames(scene, system, attacked).statistics_of(system.sensor_checks)
+        alone = frames_of(scene, system, attacked).statistics_of(system.sensor_checks)
         # Each attacked frame is a run of its own; faults are those of the clean frame at its place.
         number = np.arange(len(attacked))
         at = [places[case.frame] for case in attacked]
         scores = {cause: values[at] for cause, values in own.strengths.items()}
         here = np.ones((len(attacked), len(system.sensors)), dtype=np.bool_)
-        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, _brightness(attacked, system))
+        lone = FrameSeries(number * 10**9, number, alone, here, ~here, scores, brightness_of(attacked, system))
         verdicts += judge_frames(lone, system, thresholds)
     ordered = [*clean, *attacked]
     papers = _paper(ordered, scene, system, theta)

@@ -6,14 +6,15 @@ import pytest
 
 from auditor.identification.cross_validation import (
     clean_hours,
+    count_incidents,
     hours_of,
     leave_one_out_paper,
     leave_one_out_robust,
-    left_out_scores,
+    left_out_peaks,
     robust_thresholds,
-    score_threshold,
     wilson,
 )
+from auditor.identification.incidents import incident_limit
 from auditor.identification.prior import prior_of_check, statistic_at
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
@@ -21,7 +22,7 @@ from auditor.model.checks import Check, sensor_checks_of
 from auditor.model.measurement import Procedure, Statistic
 from auditor.model.rig import Triple, triples_of
 from auditor.model.rig_kind import RigKind
-from auditor.model.verdict import Cause
+from auditor.model.verdict import Cause, Finding, VerdictKind
 
 PAIRS = ((1, 2), (1, 3), (2, 3))
 SENSOR_CHECKS = sensor_checks_of(PAIRS, PAIRS, (3,))
@@ -76,10 +77,10 @@ def test_a_fault_in_clean_frames_is_a_false_alarm():
 
 
 def test_an_incident_may_begin_with_the_first_frame():
-    early = recording("early", lidar_conflicts=(0, 1, 2, 10, 11, 12, 13, 14))
+    early = recording("early", 40, lidar_conflicts=(0, 1, 2, 3, 20, 21, 22, 23))
     found = leave_one_out_robust(calibration(recording("easy"), early), SYSTEM, R)
-    assert counts(found) == [("easy", 20, 0, 0), ("early", 20, 8, 2)]
-    assert [one.hours for one in found] == pytest.approx([20 / 36_000] * 2)
+    assert counts(found) == [("easy", 20, 0, 0), ("early", 40, 8, 2)]
+    assert [one.hours for one in found] == pytest.approx([20 / 36_000, 40 / 36_000])
 
 
 def test_only_faults_are_false_alarms_by_themselves_and_only_from_their_threshold_on():
@@ -92,14 +93,12 @@ def test_only_faults_are_false_alarms_by_themselves_and_only_from_their_threshol
         assert found == [0, findings]
 
 
-def test_left_out_scores_are_those_of_temporal_windows_recording_by_recording():
-    hard = recording("hard", lidar_conflicts=(10,))
-    scores = left_out_scores(calibration(recording("easy"), hard), SYSTEM, R)
-    assert np.flatnonzero(scores == -np.inf).tolist() == [20, 41]
-    assert (scores[:20] < 0).all()
-    alone = left_out_scores(calibration(recording("easy"), recording("hard", lidar_conflicts=range(20))), SYSTEM, R)
-    assert scores[21 + 10] < 0 < alone[21 + 10]
-    assert left_out_scores(calibration(), SYSTEM, R).tolist() == [-np.inf]
+def test_left_out_peaks_are_those_of_each_recording_by_the_others():
+    hard = recording("hard", lidar_conflicts=range(8, 14))
+    assert left_out_peaks(calibration(recording("easy")), SYSTEM, R) == []
+    [peak] = left_out_peaks(calibration(recording("easy"), hard), SYSTEM, R)
+    assert peak > robust_thresholds(calibration(), SYSTEM, R).score
+    assert left_out_peaks(calibration(), SYSTEM, R) == []
 
 
 def test_three_sensors_have_false_alarms_too():
@@ -113,15 +112,16 @@ def test_one_recording_alone_is_judged_by_the_prior():
     assert leave_one_out_paper(twice, Statistic.GATED, R) == []
 
 
-def test_allowed_incidents_set_the_score_s_threshold():
-    hard = recording("hard", 36_000, lidar_conflicts=range(100, 110))
-    clean = calibration(recording("easy", 36_000), hard)
-    assert robust_thresholds(clean, SYSTEM, R).score == 0.0
-    assert robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0.5).score == 0.0
-    strict = robust_thresholds(clean, SYSTEM, R, incidents_per_hour=0)
-    assert strict.score == pytest.approx(left_out_scores(clean, SYSTEM, R).max())
-    assert strict.score > 1
-    assert strict.incidents_per_hour == 0
+def test_allowed_incidents_and_clean_recordings_set_the_limit_of_incidents():
+    hard = recording("hard", 3_600, lidar_conflicts=[*range(100, 110), *range(1000, 1010)])
+    clean = calibration(recording("easy", 3_600), hard)
+    usual = robust_thresholds(clean, SYSTEM, R)
+    assert (usual.score, usual.incidents_per_hour) == (incident_limit(), None)
+    limits = [robust_thresholds(clean, SYSTEM, R, incidents_per_hour=rate) for rate in (10, 1, 0)]
+    peaks = left_out_peaks(clean, SYSTEM, R)
+    assert [one.score for one in limits] == [incident_limit(rate, peaks, clean_hours(clean)) for rate in (10, 1, 0)]
+    assert usual.score < limits[1].score < limits[2].score
+    assert limits[2].incidents_per_hour == 0
 
 
 def test_of_what_no_clean_frame_has_measured_the_prior_is_expected():
@@ -140,21 +140,23 @@ def test_the_hours_of_a_calibration_are_those_of_its_recordings():
     assert clean_hours(both) == pytest.approx(0.15)
 
 
-def test_the_score_s_threshold_allows_so_many_incidents_and_no_more():
-    scores = np.array([-1, 0.2, 0.3, -1, 0.5, -1, 0.1, 0.9, -1])
-    assert score_threshold(scores, hours=1.0, incidents_per_hour=3) == 0.0
-    assert score_threshold(scores, hours=1.0, incidents_per_hour=2) == 0.3
-    assert score_threshold(scores, hours=0.5, incidents_per_hour=2) == 0.5
-    assert score_threshold(scores, hours=1.0, incidents_per_hour=0) == 0.9
+def finding(event, attacked=(1,), *, single=False):
+    return Finding(VerdictKind.ATTACKED, attacked, event, single)
 
 
-def test_a_longer_incident_counts_once_even_where_a_higher_threshold_splits_it():
-    scores = np.array([0.5, 0.1, 0.5])
-    assert score_threshold(scores, hours=1.0, incidents_per_hour=1) == 0.0
+def test_one_event_is_one_incident_and_a_single_frame_none():
+    stamps = np.arange(8, dtype=np.int64) * 10**9
+    findings = [finding(1), None, finding(1), finding(2), None, finding(3, single=True), finding(4, (2,)), None]
+    assert count_incidents(findings, stamps) == 3
 
 
-def test_frames_in_which_no_check_fires_need_no_threshold():
-    assert score_threshold(np.full(5, -0.02), hours=1.0, incidents_per_hour=0) == 0.0
+def test_events_of_one_set_that_are_hardly_apart_are_one_incident():
+    at = np.array([0, 100, 600, 700], dtype=np.int64) * 10**6
+    assert count_incidents([finding(1), finding(1), finding(2), finding(2)], at) == 1
+    assert count_incidents([finding(1), finding(1), finding(2, (2,)), finding(2, (2,))], at) == 2
+    later = np.array([0, 0, 1, 1], dtype=np.int64)
+    assert count_incidents([finding(1), finding(1), finding(2), finding(2)], at + 10**6 * later) == 2
+    assert count_incidents([finding(1), finding(1), finding(2), finding(2)], at - 10**9 * later) == 2
 
 
 def test_frames_stand_for_their_number_times_the_usual_step():

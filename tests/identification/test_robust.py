@@ -1,4 +1,4 @@
-"""The verdict of a frame and that of its temporal window, together."""
+"""The verdict of a frame by itself, and the event that it belongs to."""
 
 from dataclasses import replace
 from decimal import Decimal
@@ -6,19 +6,26 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
+from auditor.identification.incidents import incident_limit
 from auditor.identification.prior import statistic_at
-from auditor.identification.robust import FrameSeries, judge_frames, window_limit, window_scores
+from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, sensor_checks_of
 from auditor.model.rig import triples_of
-from auditor.model.verdict import FINDINGS, Cause, Finding, VerdictKind
+from auditor.model.verdict import Cause, VerdictKind
 
 PAIRS = ((1, 2), (1, 3), (2, 3))
 SYSTEM = System(sensor_checks_of(PAIRS, PAIRS, (3,)), triples_of(3, lidar=True), (0, 1, 2, 3))
 LIMIT = 3.0
 THRESHOLDS = RobustThresholds(
-    "c" * 32, Decimal("0.01"), LIMIT, dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100)), {}, 3
+    "c" * 32,
+    Decimal("0.01"),
+    LIMIT,
+    dict.fromkeys(SYSTEM.sensor_checks, Expected(-2.0, 0.5, 0.5, 3, 100)),
+    {},
+    3,
+    incident_limit(),
 )
 FRAMES = 20
 
@@ -39,45 +46,58 @@ def series_of(hit=(), sensor=1, *, check=Check.ADDED_LIGHT, frozen=(), missing=(
     return FrameSeries.of_recording(stamps_ns, statistics, present, prints, {})
 
 
-def judge(*hit, score=0.0, **what):
-    return judge_frames(series_of(*hit, **what), SYSTEM, replace(THRESHOLDS, score=score))
+def judge(*hit, score=None, **what):
+    thresholds = THRESHOLDS if score is None else replace(THRESHOLDS, score=score)
+    return judge_frames(series_of(*hit, **what), SYSTEM, thresholds)
+
+
+def finding_of(verdict):
+    """The kind, the sensors and the number of the event that a frame belongs to; None where to none."""
+    return verdict.finding and verdict.finding[:3]
 
 
 def test_an_attack_that_lasts_is_an_incident_from_its_first_frame_to_its_last():
     verdicts = judge(range(5, 12))
     assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == list(range(5, 12))
-    assert [f for f, v in enumerate(verdicts) if v.finding] == list(range(5, 12))
-    assert verdicts[8].finding == Finding(VerdictKind.ATTACKED, (1,))
+    assert [f for f, v in enumerate(verdicts) if v.in_incident] == list(range(5, 12))
+    assert finding_of(verdicts[8]) == (VerdictKind.ATTACKED, (1,), 1)
+    assert verdicts[8].finding.added > 0
 
 
 def test_one_finding_alone_keeps_its_verdict_and_is_no_incident():
-    verdicts = judge([7])
+    verdicts = judge([7], z=4.0)
     assert verdicts[7].attacked == (1,)
     assert not [v for v in verdicts if v.finding]
 
 
-def test_a_window_must_exceed_two_thirds_of_a_frame_s_limit_and_the_score():
-    assert window_limit(THRESHOLDS) == pytest.approx(0.65 * LIMIT)
-    assert window_limit(replace(THRESHOLDS, score=1.0)) == pytest.approx(0.65 * LIMIT + 1.0)
-    assert judge(range(5, 12), score=4.0)[8].finding
-    weak = judge(range(5, 12), score=4.1)
-    assert weak[8].kind is VerdictKind.ATTACKED
-    assert weak[8].finding is None
+def test_one_very_strong_frame_is_told_by_itself_and_is_no_incident():
+    [strong] = [v for v in judge([7], z=9.0) if v.finding]
+    assert (strong.finding.kind, strong.finding.attacked, strong.finding.single) == (VerdictKind.ATTACKED, (1,), True)
+    assert not strong.in_incident
 
 
-@pytest.mark.parametrize(("z", "incident"), [(5.0, [4, 6, 8, 10, 12]), (4.0, [6, 8, 10]), (3.2, [])])
-def test_every_other_frame_attacked_is_an_incident_of_those_whose_windows_show_enough(z, incident):
-    verdicts = judge(range(4, 14, 2), z=z)
-    assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.ATTACKED] == [4, 6, 8, 10, 12]
-    assert [f for f, v in enumerate(verdicts) if v.finding] == incident
+def test_the_evidence_of_an_incident_must_exceed_the_score():
+    series = series_of(range(5, 12))
+    peak = max(clean_peaks(series, SYSTEM, THRESHOLDS))
+    for score, incident in ((0.99 * peak, True), (1.01 * peak, False)):
+        verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, score=score))
+        assert any(v.in_incident for v in verdicts) is incident
+        assert verdicts[8].kind is VerdictKind.ATTACKED
 
 
-def test_a_window_may_name_another_sensor_than_its_frame():
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_an_attack_of_every_few_frames_is_one_incident_of_these(every):
+    verdicts = judge(range(2, 20, every), z=9.0)
+    assert [f for f, v in enumerate(verdicts) if v.in_incident] == list(range(2, 20, every))
+    assert {v.finding.event for v in verdicts if v.finding} == {1}
+
+
+def test_an_incident_names_what_most_of_its_evidence_speaks_for():
     series = series_of(range(5, 12), sensor=1, z=9.0)
     series.statistics[8] = series_of([8], sensor=2).statistics[8]
     verdict = judge_frames(series, SYSTEM, THRESHOLDS)[8]
     assert verdict.attacked == (2,)
-    assert verdict.finding == Finding(VerdictKind.ATTACKED, (1,))
+    assert finding_of(verdict) == (VerdictKind.ATTACKED, (1,), 1)
 
 
 def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out():
@@ -85,7 +105,7 @@ def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out()
     still = verdicts[8]
     assert (still.kind, still.attacked, still.out_of_system) == (VerdictKind.SUSPECT, (), (2,))
     assert [(one.cause, one.sensor) for one in still.causes] == [(Cause.FROZEN, 2)]
-    assert still.finding == Finding(VerdictKind.SUSPECT, ())
+    assert finding_of(still) == (VerdictKind.SUSPECT, (), 1)
     assert verdicts[4].kind is VerdictKind.CLEAN, "the first of equal frames repeats nothing yet"
 
 
@@ -109,7 +129,7 @@ def test_a_camera_that_only_lacks_light_is_soiled_as_well_as_attacked():
     assert (verdict.kind, verdict.attacked) == (VerdictKind.SUSPECT, ())
     assert [(one.cause, one.sensor) for one in verdict.causes] == [(Cause.SOILED, 1)]
     assert verdict.alternatives[0].attacked == (1,)
-    assert verdict.finding == Finding(VerdictKind.SUSPECT, ())
+    assert finding_of(verdict) == (VerdictKind.SUSPECT, (), 1)
 
 
 def test_frames_judged_alone_are_judged_as_among_all():
@@ -123,19 +143,19 @@ def test_a_cause_that_explains_a_frame_makes_it_suspect_unless_causes_are_left_o
     late = {(Cause.LATE, 1): np.full(FRAMES, 2.0)}
     series = replace(series_of(range(5, 12), z=5.0), fault_scores=late)
     thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
-    assert judge_frames(series, SYSTEM, thresholds)[8].finding == Finding(VerdictKind.SUSPECT, ())
+    assert finding_of(judge_frames(series, SYSTEM, thresholds)[8]) == (VerdictKind.SUSPECT, (), 1)
     without = judge_frames(series, SYSTEM, thresholds, without_causes=True)
-    assert (without[8].finding, without[8].causes) == (Finding(VerdictKind.ATTACKED, (1,)), ())
+    assert (finding_of(without[8]), without[8].causes) == ((VerdictKind.ATTACKED, (1,), 1), ())
 
 
-def test_the_score_of_a_temporal_window_is_what_the_threshold_is_compared_with():
-    series = series_of(range(5, 12), frozen=range(9, 14), missing=[2])
-    scores = window_scores(series, SYSTEM, THRESHOLDS)
-    for threshold in (0.0, 1.0, float(scores[6]), 2.9):
-        found = [v.finding is not None for v in judge_frames(series, SYSTEM, replace(THRESHOLDS, score=threshold))]
-        still = series.frozen.any(axis=1)
-        alone = [v.kind in FINDINGS for v in judge_frames(series, SYSTEM, THRESHOLDS)]
-        assert found == [a and (bool(s > threshold) or bool(f)) for a, s, f in zip(alone, scores, still, strict=True)]
+def test_a_fault_needs_evidence_in_time_as_an_attack_does():
+    late = np.zeros(FRAMES)
+    thresholds = replace(THRESHOLDS, causes={(Cause.LATE, 1): Scale(1.0, 0.25, 3)})
+    for frames, incident in ((range(5, 7), False), (range(5, 18), True)):
+        late[list(frames)] = 1.2
+        verdicts = judge_frames(replace(series_of(), fault_scores={(Cause.LATE, 1): late}), SYSTEM, thresholds)
+        assert [f for f, v in enumerate(verdicts) if v.kind is VerdictKind.SUSPECT] == list(frames)
+        assert [f for f, v in enumerate(verdicts) if v.in_incident] == (list(frames) if incident else [])
 
 
 def test_a_check_of_which_nothing_is_expected_does_not_count():

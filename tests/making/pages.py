@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
@@ -70,3 +71,16 @@ def browse(page, folder):
     requests = [event["params"] for event in events if "initiator" in event.get("params", {})]
     addresses = [params["url"] for params in requests if params["initiator"] != "not an origin"]
     return [line for line in done.stderr.splitlines() if "CONSOLE" in line], addresses, done.stdout
+
+
+def measured_width(page, folder, width_px):
+    """How wide a page is on a screen of that width, as a browser measures it; its own policy is taken out for that."""
+    text = re.sub(r"<meta http-equiv=[^>]*>", "", page.read_text("utf-8"))
+    ask = "<script>onload=()=>parent.postMessage(document.documentElement.scrollWidth,'*')</script></body>"
+    (folder / "page.html").write_text(text.replace("</body>", ask), "utf-8")
+    # a window is never narrower than 500 px: a frame is
+    frame = f"<iframe width={width_px} height=800 style='border:0' src=page.html></iframe>"
+    told = "<script>onmessage=e=>document.title='wide '+e.data</script>"
+    (folder / "frame.html").write_text(f"{told}{frame}", "utf-8")
+    _, _, document = browse(folder / "frame.html", folder)
+    return int(re.search(r"<title>wide (\d+)</title>", document)[1])

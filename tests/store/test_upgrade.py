@@ -71,6 +71,14 @@ def test_an_upgraded_store_answers_as_before(old):
     assert not (folder / marker.UPGRADED).exists()
 
 
+def test_an_upgrade_keeps_the_history_of_the_calibrations(old):
+    folder, _ = old
+    before = [table.to_pylist() for table in map(pq.read_table, sorted((folder / "calibration_history").iterdir()))]
+    upgrade.upgrade(folder)
+    paths = Store.open(folder).finished_paths("calibration_history")
+    assert [read_rows("calibration_history", path) for path in paths] == before
+
+
 def test_an_upgraded_store_can_be_judged_again(old):
     folder, _ = old
     upgrade.upgrade(folder)

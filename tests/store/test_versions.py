@@ -19,7 +19,6 @@ from auditor.store.versions.history import (
     How,
     Move,
     calibrations_in_force,
-    first_histories,
     histories,
     put_first_in_force,
     put_in_force,
@@ -182,13 +181,3 @@ def test_processes_that_promote_at_once_lose_no_move(tmp_path):
     [found] = histories(store)
     assert len(found.moves) == 3 * 2 * 4
     assert found.in_force == every[-1].calibration_id
-
-
-def test_an_upgrade_puts_the_newest_of_each_rig_kind_in_force_and_none_of_the_future():
-    today = datetime.now(UTC)
-    earlier, newest = make("a", made_at=today - timedelta(days=2)), make("b", made_at=today - timedelta(days=1))
-    future, other = make("c", made_at=today + timedelta(days=900)), make("d", make_rig(3), made_at=None)
-    found = first_histories([earlier, newest, future, other])
-    assert sorted(one.in_force for one in found) == sorted([newest.calibration_id, other.calibration_id])
-    assert {move.how for one in found for move in one.moves} == {How.UPGRADED}
-    assert [one.in_force for one in first_histories([future])] == [future.calibration_id]

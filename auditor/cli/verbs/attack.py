@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from auditor.pipeline.many import LimitsOf
 
 _SECOND_NS = 10**9
-_KINDS = ("facula", "stripes", "dimmed", "soiled", "shifted", "pattern")
+_KINDS = (
+    *("facula", "spot", "blue", "green", "red", "infrared", "veil", "projected", "stripes", "shutter"),
+    *("blur", "electromagnetic", "dimmed", "soiled", "shifted", "pattern"),
+)
 _LIDAR_KINDS = (
     *("wall", "far-wall", "removed", "seen-through", "saturated", "pulses"),
     *("hidden", "scattered", "turned", "rain"),
@@ -40,10 +43,11 @@ _EITHER = ("delayed", "frozen")
 @click.option(
     "--size",
     type=options.FiniteRange(min=0),
-    help="How much: radius of a facula (px of an image 1242 px wide), width of a wall (m), stripes (grey levels), "
-    "range of a far wall or of an object that is removed or seen through (m), "
-    "hidden or noisy sector, turned LiDAR (degrees), scattered points, rain (mm/h), delay (frames), shift (rows), soil "
-    "(blobs), share of light that dims.",
+    help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
+    "(grey levels), share of the rows that the shutter's stripes light, height of what is projected (px of such an "
+    "image), blur (px), electromagnetic stripes (number), range of a far wall or of an object that is removed "
+    "or seen through (m), hidden or noisy sector, turned LiDAR (degrees), scattered points, "
+    "rain (mm/h), delay (frames), shift (rows), soil (blobs), share of light that dims.",
 )
 @click.option(
     "--pattern",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from auditor.identification.systems import System
     from auditor.model.calibration import Calibration
     from auditor.pipeline.many import MeasureSettings
-    from auditor.pipeline.measure import Measured
+    from auditor.pipeline.measured import Measured
     from auditor.pipeline.versions import Kept
     from auditor.store import Store
 

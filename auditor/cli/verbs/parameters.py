@@ -34,6 +34,7 @@ def command(form: str) -> None:
 
 def _rows() -> Iterator[dict[str, object]]:
     """One row a parameter, those of a group one after the other."""
+    from auditor.identification.drift.parameters import DRIFTING  # noqa: PLC0415
     from auditor.identification.parameters import JUDGING  # noqa: PLC0415 - NumPy is heavy
     from auditor.identification.refresh_parameters import REFRESHING  # noqa: PLC0415
     from auditor.measurement.parameters import MEASURING  # noqa: PLC0415 - OpenCV is heavy
@@ -50,6 +51,7 @@ def _rows() -> Iterator[dict[str, object]]:
         ("warnings", WARNING),
         ("verdicts", JUDGING),
         ("refreshes", REFRESHING),
+        ("drift", DRIFTING),
     )
     for changes, groups in parts:
         for one in list_parameters(*groups):

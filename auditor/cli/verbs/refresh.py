@@ -55,7 +55,9 @@ def command(
     Prints one line of JSON, and writes the page STORE/reports/refresh.html. Exit codes: 0 promoted, or nothing new;
     1 held for a person, or some recordings failed; 2 could not run; 4 refused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.refresh_answers import exit_code, json_line, write_metrics  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.metrics import drift_metrics, write_metrics  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.refresh_answers import exit_code, json_line, refresh_metrics  # noqa: PLC0415
+    from auditor.pipeline.drift import fleet_drift  # noqa: PLC0415
     from auditor.pipeline.refreshing.night import default_page, judge_new, refresh  # noqa: PLC0415
     from auditor.pipeline.refreshing.planning import plan  # noqa: PLC0415
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
@@ -83,7 +85,7 @@ def command(
         else:
             render_refresh_page(found, kept, out=default_page(kept.folder))
         if metrics and not dry_run:
-            write_metrics(found, metrics)
+            write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
     answer(json_line(found))

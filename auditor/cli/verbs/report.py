@@ -1,54 +1,121 @@
 """`auditor report`: pages for people."""
 
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from auditor.cli import options
+from auditor.cli.exit_codes import Exit
 from auditor.cli.logged import logged, reading, refuse_altered
 from auditor.cli.output import answer
 from auditor.model.pictures import Pictures
 
+if TYPE_CHECKING:
+    from auditor.reporting.ci.policy import Policy
+    from auditor.store import Store
+
 _REPORTS = ("incident", "evaluation")
+_PAGE = ".html"
 
 
-@click.command("report", short_help="The incident page, the evaluation page.")
+@click.command("report", short_help="Pages of incidents and of the fleet; the evaluation page.")
 @click.argument("name", type=click.Choice(_REPORTS), default="incident")
 @options.store_option
-@click.option("--recording", help="Only the recording of this name, or whose id begins so.")
-@click.option("--out", type=click.Path(path_type=Path), help="The file to write.  [default: STORE/reports/NAME.html]")
+@click.option("--recording", help="One page of the recording of this name, or whose id begins so.")
+@click.option("--incident", metavar="ID", help="One page of the incident whose id begins so.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="The folder to write, or a file NAME.html: then all is one page.  [default: in STORE/reports]",
+)
 @click.option(
     "--pictures",
     type=click.Choice([*Pictures]),
     default=Pictures.INCIDENTS,
     show_default=True,
-    help="Pictures on the incident page: none, the strongest one kept of each incident, or all kept of it.",
+    help="Pictures of an incident: none, the strongest one kept of it, or all kept of it.",
 )
-def command(name: str, store: Path, recording: str | None, out: Path | None, pictures: str) -> None:
-    """Write a self-contained page from a store; the recordings are not needed.
+@options.policy_option
+def command(
+    name: str,
+    store: Path,
+    recording: str | None,
+    incident: str | None,
+    out: Path | None,
+    pictures: str,
+    policy: Path | None,
+) -> int:
+    """Write pages from a store; the recordings are not needed.
 
     \b
-    auditor report
-    auditor report incident --recording drive_0009.mcap --out incident.html
+    auditor report                                  index.html and incidents/ID.html in audit/reports
+    auditor report --out pages                      the same in another folder
+    auditor report --out incident.html              what was found as one page, which can be mailed
+    auditor report --recording drive_0009.mcap      one page of one recording
+    auditor report --incident 3f9c0a1b              one page of one incident
     auditor report evaluation --out evaluation.html
 
-    The evaluation page shows everything that auditor evaluate has measured into the store. Every file of the store is
-    hashed first: nothing is reported from a store that is not as it was written (auditor verify).
+    Every page holds its pictures and needs no other file. The evaluation page shows everything that auditor evaluate
+    has measured into the store. Every file of the store is hashed first: nothing is reported from a store that is not
+    as it was written (auditor verify).
+
+    With a policy the exit code is 1 where an incident of the store fails, as for a scan, and the index says what was
+    excused.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.cli.output_files import check_page  # noqa: PLC0415 - keeps --help quick
-    from auditor.reporting import render_evaluation_report, render_incident_report  # noqa: PLC0415 - heavy
+    from auditor.cli.output_files import check_page, check_pages  # noqa: PLC0415 - keeps --help quick
+    from auditor.cli.summary import policy_of  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415 - heavy
 
+    allowed = policy_of(policy) if policy else None
+    one_page = name == "evaluation" or recording or incident or (out is not None and out.suffix == _PAGE)
+    if name == "evaluation" and (recording or incident):
+        raise click.UsageError("--recording and --incident are for what was found; the evaluation page pools all")
+    if recording and incident:
+        raise click.UsageError("an incident has a page, and a recording: name one of them")
     if out:
-        check_page(out)
+        (check_page if one_page else check_pages)(out)
     kept = Store.open(store)
-    target = out or store / "reports" / f"{name}.html"
-    if name == "evaluation" and recording is not None:
-        raise click.UsageError("--recording is for the incident page; the evaluation page pools all recordings")
+    target = out or store / "reports" / (f"{name}{_PAGE}" if one_page else "")
     refuse_altered(kept)
     inside = target.resolve().is_relative_to(kept.folder)
     with logged(kept.folder) if inside else reading(kept.folder):
-        if name == "evaluation":
-            answer(render_evaluation_report(kept, out=target))
-        else:
-            answer(render_incident_report(kept, out=target, recording=recording, pictures=Pictures(pictures)))
+        excuses, fails = _excuses(kept, allowed)
+        page = _written(kept, name, target, recording, incident, Pictures(pictures), excuses, one_page=bool(one_page))
+        answer(page)
+    return Exit.FINDINGS if fails else Exit.CLEAN
+
+
+def _excuses(store: "Store", policy: "Policy | None") -> tuple[dict[str, str] | None, bool]:
+    """Why incidents do not fail by a policy, by their ids, and whether others do; None and False without one."""
+    from auditor.reporting.ci.policy import decide  # noqa: PLC0415 - heavy
+    from auditor.store import rows_of, run_query  # noqa: PLC0415
+
+    if policy is None:
+        return None, False
+    decided = decide(rows_of(run_query(store, "incidents", {})), policy, datetime.now(UTC).date())
+    return {one.incident["incident_id"]: one.excuse for one in decided if one.excuse}, any(one.fails for one in decided)
+
+
+def _written(
+    store: "Store",
+    name: str,
+    target: Path,
+    recording: str | None,
+    incident: str | None,
+    pictures: Pictures,
+    excuses: dict[str, str] | None,
+    *,
+    one_page: bool,
+) -> Path:
+    """Write what was asked for; answer the page to open."""
+    from auditor import reporting  # noqa: PLC0415 - heavy
+
+    if name == "evaluation":
+        return reporting.render_evaluation_report(store, out=target)
+    if incident:
+        return reporting.render_incident_page(store, incident, out=target, pictures=pictures)
+    if one_page:
+        return reporting.render_incident_report(store, out=target, recording=recording, pictures=pictures)
+    return reporting.render_fleet_report(store, out=target, pictures=pictures, excuses=excuses)

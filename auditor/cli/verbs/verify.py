@@ -1,4 +1,4 @@
-"""`auditor verify`: whether a store is as it was written."""
+"""`auditor verify`: whether a store or a case is as it was written."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +11,14 @@ from auditor.cli.logged import logged
 from auditor.cli.output import say, shown
 
 if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
     from auditor.store.maintenance.verify import Verified
 
 _key = click.Path(path_type=Path, exists=True, dir_okay=False)
 
 
-@click.command("verify", short_help="Is a store as it was written?")
+@click.command("verify", short_help="Is a store, or a case, as it was written?")
 @click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
 @click.option("--public-key", type=_key, help="Also check that the holder of this Ed25519 key (PEM) signed everything.")
 @click.option(
@@ -32,20 +34,26 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     \b
     auditor verify
     auditor verify night/audit --public-key auditor.pem
+    auditor verify case_39b955.zip
 
     Each file is hashed and compared with the log of runs, or with the row that finished it: tables, pictures, pages.
     One line for each file that differs, is missing or was added, for each line of the log that was changed or is gone,
     and for counts that no image can give. Whoever may write to the store could write all of it anew, log included:
     only signatures show that, or heads of the log that were kept elsewhere.
 
+    Of a case (auditor case), a folder or its zip, every file is compared with its manifest; no store is needed.
+
     Exits with 0 where everything is as it was written, 1 where something differs, and 3 where a killed run left
     something that nobody reads.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.casefile.checking import is_case  # noqa: PLC0415 - keeps --help quick
+    from auditor.store import Store  # noqa: PLC0415
     from auditor.store.log.signatures import public_key as read_key  # noqa: PLC0415
     from auditor.store.maintenance.verify import verify  # noqa: PLC0415
 
     key = read_key(public_key) if public_key is not None else None
+    if is_case(store):
+        return _verify_case(store, key)
     kept = Store.open(store)
     found = verify(kept, key)
     for problem in found.problems:
@@ -60,6 +68,23 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     if found.grave:
         return Exit.FINDINGS
     return Exit.INCOMPLETE if found.problems else Exit.CLEAN
+
+
+def _verify_case(path: Path, key: "Ed25519PublicKey | None") -> Exit:
+    """Check a case, which needs no store."""
+    from auditor.casefile.checking import check_case  # noqa: PLC0415 - keeps --help quick
+
+    found = check_case(path, key)
+    for problem in found.problems:
+        click.echo(shown(problem))
+    count = len(found.problems)
+    what = f"{count} problem{'s' * (count != 1)}" if count else "everything is as it was written"
+    signed = "not signed"
+    if found.signer is not None:
+        checked = "signed by this key" if key is not None else "signed, which only its public key can check"
+        signed = checked if not count else "signed"
+    say(f"{path}: {what}; {found.files} files, {signed}")
+    return Exit.FINDINGS if found.problems else Exit.CLEAN
 
 
 def _summary(found: "Verified", *, signed: bool) -> str:

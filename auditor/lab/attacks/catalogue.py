@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auditor.errors import SettingError
+from auditor.lab.attacks.coloured_light import COLOURS, ColouredFacula, InfraredFacula, ProjectedObject, Veil
 from auditor.lab.attacks.faults import (
     DelayedCamera,
     DelayedLidar,
@@ -16,18 +17,26 @@ from auditor.lab.attacks.faults import (
     SoiledLens,
     TurnedLidar,
 )
+from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripes
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
-from auditor.lab.attacks.paper import BogusWall, Facula, draw_facula, draw_wall
+from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.attacks.rain import Rain
 from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Camera
 
-OnCamera = Facula | LaserPattern | Stripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
+OfLight = Facula | LaserPattern | Stripes | ColouredFacula | InfraredFacula | Veil | ProjectedObject
+OnCamera = OfLight | AcousticBlur | ElectromagneticStripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
 OnLidar = BogusWall | HiddenSector | RemovedObject | RandomRanges | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
 
 _PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
+_SHUTTER_LEVEL, _SHUTTER_DUTY = 120.0, 0.1
+_SPOT_PX, _SPOT_STRENGTH = 40.0, "opaque"
+_VEIL_LEVEL = 60.0
+_SIGN_PX, _SIGN_LEVEL = 120.0, 120.0
+_BLUR_PX = 15.0
+_LOST_STRIPES, _LOST_STRIPE_SHARE = 4, 0.08  # of the image's height
 _AZIMUTHS_DEG = (-25.0, 25.0)
 _FAR_WALL_M, _OBJECT_M, _BEHIND_M = 30.0, 20.0, 60.0
 _SECTOR_DEG = 20.0
@@ -61,6 +70,39 @@ def _facula(draw: Drawing, camera: Camera) -> Facula:
     return drawn if draw.size is None else replace(drawn, radius_px=draw.size * camera.width_px / _PAPER_WIDTH_PX)
 
 
+def _place(draw: Drawing, camera: Camera) -> tuple[float, float]:
+    """A place anywhere in the image."""
+    return float(draw.rng.uniform(0, camera.width_px)), float(draw.rng.uniform(0, camera.height_px))
+
+
+def _spot(draw: Drawing, camera: Camera) -> Facula:
+    radius = draw.sized(_SPOT_PX) * camera.width_px / _PAPER_WIDTH_PX
+    return Facula(STRENGTHS[_SPOT_STRENGTH], radius, *_place(draw, camera))
+
+
+def _coloured(colour: str) -> Callable[[Drawing, Camera], ColouredFacula]:
+    def draw_one(draw: Drawing, camera: Camera) -> ColouredFacula:
+        drawn = _facula(draw, camera)
+        return ColouredFacula(colour, drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
+
+    return draw_one
+
+
+def _infrared(draw: Drawing, camera: Camera) -> InfraredFacula:
+    drawn = _facula(draw, camera)
+    return InfraredFacula(drawn.amplitude, drawn.radius_px, drawn.u_px, drawn.v_px)
+
+
+def _projected(draw: Drawing, camera: Camera) -> ProjectedObject:
+    height = draw.sized(_SIGN_PX) * camera.width_px / _PAPER_WIDTH_PX
+    return ProjectedObject(_SIGN_LEVEL, height, *_place(draw, camera))
+
+
+def _lost_rows(draw: Drawing, camera: Camera) -> ElectromagneticStripes:
+    height = round(_LOST_STRIPE_SHARE * camera.height_px)
+    return ElectromagneticStripes(round(draw.sized(_LOST_STRIPES)), height, int(draw.rng.integers(camera.height_px)))
+
+
 def _wall(draw: Drawing) -> BogusWall:
     drawn = draw_wall(draw.rng)
     return replace(drawn, width_m=draw.sized(drawn.width_m))
@@ -73,12 +115,24 @@ def _sector(draw: Drawing, lost: float, farthest_m: float) -> RandomRanges:
 
 ON_CAMERA: Mapping[str, Callable[[Drawing, Camera], OnCamera]] = {
     "facula": _facula,
+    "spot": _spot,
+    **{colour: _coloured(colour) for colour in COLOURS},
+    "infrared": _infrared,
+    "veil": lambda draw, _: Veil(draw.sized(_VEIL_LEVEL)),
+    "projected": _projected,
     "stripes": lambda draw, _: Stripes(draw.sized(120), _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX))),
+    "shutter": lambda draw, _: Stripes(
+        _SHUTTER_LEVEL, _STRIPES_PX, float(draw.rng.uniform(0, _STRIPES_PX)), draw.sized(_SHUTTER_DUTY)
+    ),
+    "blur": lambda draw, _: AcousticBlur(draw.sized(_BLUR_PX), float(draw.rng.uniform(0, 180))),
+    "electromagnetic": _lost_rows,
     "dimmed": lambda draw, _: DimmedCamera(draw.sized(0.2)),
     "soiled": lambda draw, _: SoiledLens(round(draw.sized(4)), draw.seed),
     "shifted": lambda draw, _: ShiftedCamera(round(draw.sized(4))),
 }
-"""By name: radius in px of an image 1242 px wide, grey levels, share of light, blobs, rows."""
+"""By name and size: radius in px of an image 1242 px wide of faculas and the spot; grey levels of veil and stripes;
+height in px of such an image of what is projected; share of the rows that the shutter's stripes light; px of blur;
+number of electromagnetic stripes; share of light; blobs; rows."""
 
 ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
     "wall": _wall,

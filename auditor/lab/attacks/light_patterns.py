@@ -43,7 +43,8 @@ class LaserPattern:
 class Stripes(Described):
     """Rows brightened or darkened in turn, as a light that flickers faster than the frame does to a rolling shutter.
 
-    Of every `period_px` rows, the first being number `phase_px`, a share `duty` gets `amplitude` grey levels more.
+    Köhler et al., "They See Me Rollin'", ACSAC 2021, arXiv:2101.10011. Of every `period_px` rows, the first being
+    number `phase_px`, a share `duty` gets `amplitude` grey levels more.
     """
 
     amplitude: float

@@ -1,6 +1,6 @@
 """One refresh of a store: judge what is new, learn for each rig kind, and put in force what may be."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -10,12 +10,13 @@ from auditor.errors import AuditorError
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.reading import MIN_COVERAGE
-from auditor.pipeline.refreshing.learning import Learnt, learn
+from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
 from auditor.pipeline.versions import version_of
 from auditor.store import Store
 from auditor.store.versions.decisions import Decided, Decision, Failure, Refresh
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force
+from auditor.store.versions.quarantine import Quarantined, write_quarantine
 from auditor.store.versions.records import CalibrationVersion, Outcome, read_version, write_version
 
 
@@ -46,8 +47,10 @@ def refresh(
     in_force = calibrations_in_force(store)
     for group in groups_of((store, *others), named):
         try:
-            learnt = learn(store, group, in_force, r)
+            known = known_of(store, group)
+            learnt = learn(group, known, in_force, r)
             if not dry_run:
+                write_quarantine(store, group.history, waiting_after(learnt.decision, known.waiting, datetime.now(UTC)))
                 _carry_out(store, learnt, r)
         except AuditorError as error:
             failures.append(Failure(str(group.history.rig_kind), str(error)))
@@ -76,11 +79,37 @@ def _carry_out(store: Store, learnt: Learnt, r: Decimal) -> None:
         outcome=Outcome(decision.decided.value),
         reasons=decision.reasons,
         provisional=decision.provisional,
+        conditions=decision.conditions,
     )
     if _says_more(read_version(store, calibration.calibration_id), version):
         write_version(store, version)
     if decision.decided is Decided.PROMOTED:
         put_in_force(store, calibration, How.REFRESHED, "; ".join(decision.reasons), after=decision.before)
+
+
+def waiting_after(decision: Decision, before: Mapping[str, Quarantined], now: datetime) -> list[Quarantined]:
+    """The recordings that wait for a person after a decision, by name; what waited before keeps its time.
+
+    One that was judged, and that no store has just now, waits on.
+    """
+    found = [
+        Quarantined(
+            one.recording_id,
+            one.measurement_id,
+            one.name,
+            one.vehicle,
+            one.day,
+            one.frames,
+            one.findings_by_others,
+            one.reason,
+            judged=one.findings_by_others is not None,
+            since=before[one.recording_id].since if one.recording_id in before else now,
+        )
+        for one in decision.look_at
+    ]
+    seen = {one.recording_id for one in decision.recordings}
+    found += [one for one in before.values() if one.judged and one.recording_id not in seen]
+    return sorted(found, key=lambda one: (one.name, one.recording_id))
 
 
 def _says_more(known: CalibrationVersion | None, version: CalibrationVersion) -> bool:

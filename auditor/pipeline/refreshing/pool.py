@@ -1,76 +1,106 @@
 """The recordings that a refresh may learn from: by rig kind, and what bars some of them before anything is judged."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from functools import cache, partial
 
 from auditor.identification.refresh_parameters import CLEAN_DRIVE
+from auditor.identification.refreshing.drives import Source
+from auditor.model.calibration import CleanFrames
+from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
-from auditor.pipeline.judge import counted_earlier
+from auditor.pipeline.judge import clean_frames_of, counted_earlier
 from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
+from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
+from auditor.pipeline.versions import looked_at
 from auditor.store import RecordingRecord, Store, StoredMeasurement
+from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for
+from auditor.store.versions.records import UsedRecording
 
-NAMED = "named clean"
+
+def _unknown() -> Circumstances:
+    return UNKNOWN
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so.
+    """A measured recording. `named` says that a person called it clean, `labelled` that this was by a label of its own.
 
-    `doubt` is why it is not learnt from unless a person called it clean. `look_at` is of either of both.
+    `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
+    either of both. `frames` and `circumstances` are read when they are needed.
     """
 
-    store: Store
-    measurement: StoredMeasurement
-    recording: RecordingRecord
-    rig: Rig
-    named: bool
-    barred: str
-    doubt: str
-    look_at: bool
+    used: UsedRecording
+    frames: Callable[[], CleanFrames]
+    circumstances: Callable[[], Circumstances] = _unknown
+    named: bool = False
+    labelled: bool = False
+    barred: str = ""
+    doubt: str = ""
+    look_at: bool = False
+
+    @property
+    def source(self) -> Source:
+        """Where it comes from."""
+        return Source(self.used.recording_id, self.used.vehicle, self.used.day)
 
 
 @dataclass(frozen=True)
 class Group:
-    """The logs of one rig kind and procedure, with the history of its versions."""
+    """The logs of one rig kind and procedure, with the history of its versions, and the rig of one of them."""
 
     history: History
+    rig: Rig
     logs: list[Log] = field(default_factory=list)
 
 
 def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
-    `named` are the measurements that this call names clean. Measurements of an earlier way of counting are left out.
+    `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
+    false alarms. Measurements of an earlier way of counting are left out.
     """
-    groups = [Group(history) for history in histories(stores[0])]
+    known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
-        for known in store.ids("measurements"):
-            if known not in seen and not counted_earlier(store, known):
-                seen.add(known)
-                log = _log(store, known, named)
-                _group(groups, log).logs.append(log)
-    return [group for group in groups if group.logs]
+        clean = {*named, *false_alarms(store)}
+        for measurement in store.ids("measurements"):
+            if measurement not in seen and not counted_earlier(store, measurement):
+                seen.add(measurement)
+                stored = store.measurement(measurement)
+                rig = store.rig(stored.rig_id)
+                _group(groups, known, rig, stored.procedure).logs.append(
+                    _log(store, stored, named=measurement in clean)
+                )
+    return groups
 
 
-def _group(groups: list[Group], log: Log) -> Group:
-    """The group of a log, which is added where there is none yet."""
-    history = history_for([one.history for one in groups], log.rig.kind, log.measurement.procedure)
+def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: Procedure) -> Group:
+    """The group of a rig and procedure, which is added where there is none yet."""
+    history = history_for([*known, *(one.history for one in groups)], rig.kind, procedure)
     found = next((one for one in groups if one.history is history), None)
     if found is None:
-        found = Group(history)
+        found = Group(history, rig)
         groups.append(found)
     return found
 
 
-def _log(store: Store, measurement: str, named: Collection[str]) -> Log:
-    stored = store.measurement(measurement)
-    recording = store.recording(stored.recording_id)
-    called = measurement in named or any(one.attack is None for one in store.given_labels(stored.recording_id))
+def _log(store: Store, stored: StoredMeasurement, *, named: bool) -> Log:
+    known, recording = stored.measurement_id, store.recording(stored.recording_id)
+    labelled = any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored)
-    return Log(store, stored, recording, store.rig(stored.rig_id), called, barred, doubt, look_at)
+    return Log(
+        looked_at(stored, recording),
+        partial(clean_frames_of, store, known),
+        cache(partial(circumstances_of, store, known, recording)),
+        named or labelled,
+        labelled,
+        barred,
+        doubt,
+        look_at,
+    )
 
 
 def _barred(store: Store, stored: StoredMeasurement, recording: RecordingRecord) -> tuple[str, bool]:

@@ -9,7 +9,7 @@ within the tolerance belongs to it. Waiting messages stay as recorded; pixels an
 complete.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import merge
 
@@ -61,6 +61,35 @@ class FrameStream:
                 maker.leave(group)
             else:
                 yield maker.make(group, place, self._stretches[place].reason)
+
+    def chosen(self, frames: Collection[int]) -> Iterator[Frame | Skipped]:
+        """Some frames alone, by their numbers, in their order: no others are decoded, and what is counted is theirs."""
+        decoders = Decoders(self._recording.definition)
+        self._counts = counts_of(self._rig.sensors, self.timing)
+        self._time = TimeLedger(self._rig.sensors, self.timing.period_ns)
+        maker = _FrameMaker(self._rig, decoders, self._counts, self._time, colour=self._colour)
+        for group in self._chosen_groups(frames, decoders):
+            place = stretch_at(self._stretches, group.time_ns)
+            if place is not None:
+                yield maker.make(group, place, self._stretches[place].reason)
+
+    def recorded_at(self, frames: Collection[int]) -> dict[int, tuple[int, int]]:
+        """When the first and the last message of some frames were recorded (log times), by the frames' numbers."""
+        self._counts = counts_of(self._rig.sensors, self.timing)
+        times = {}
+        for group in self._chosen_groups(frames, Decoders(self._recording.definition)):
+            of_members = [one.message.log_time_ns for one in group.members.values()]
+            times[group.number] = (min(of_members), max(of_members))
+        return times
+
+    def _chosen_groups(self, frames: Collection[int], decoders: Decoders) -> Iterator[Group]:
+        """The groups of some frames; the recording is not read behind the last one."""
+        wanted = set(frames)
+        groups = self._groups(Window(self._rig, self.timing, self._counts), decoders)
+        while wanted and (group := next(groups, None)) is not None:
+            if group.number in wanted:
+                wanted.discard(group.number)
+                yield group
 
     def _groups(self, window: Window, decoders: Decoders) -> Iterator[Group]:
         by_topic = {self._rig.topic(sensor): sensor for sensor in self._rig.sensors}

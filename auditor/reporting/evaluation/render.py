@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import jinja2
-
 from auditor.reporting.evaluation.loading import load_evaluation
 from auditor.reporting.evaluation.page import EvaluationPage, Rate
 from auditor.reporting.evaluation.plots import BOTTOM_PX, HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, WIDTH_PX
-from auditor.reporting.page_text import shown_on_page
-from auditor.resources import resource_folder
+from auditor.reporting.templates import fill
 from auditor.store.store import Store
 
 NO_BREAK_SPACE = "\u00a0"
@@ -25,17 +22,13 @@ def render_evaluation_report(store: Store, *, out: Path) -> Path:
 
 def render_evaluation(page: EvaluationPage) -> str:
     """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(resource_folder("reports")),
-        autoescape=True,
-        finalize=shown_on_page,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters |= {"percent": percent, "thousands": "{:,}".format}
-    environment.tests["rate"] = lambda cell: isinstance(cell, Rate)
     frame = {"left": LEFT_PX, "right": RIGHT_PX, "top": TOP_PX, "bottom": BOTTOM_PX, "width": WIDTH_PX}
-    return environment.get_template("evaluation.html").render(page=page, height=HEIGHT_PX, **frame)
+    return fill(
+        "evaluation.html",
+        {"page": page, "height": HEIGHT_PX, **frame},
+        filters={"percent": percent, "thousands": "{:,}".format},
+        tests={"rate": lambda cell: isinstance(cell, Rate)},
+    )
 
 
 def percent(share: float) -> str:

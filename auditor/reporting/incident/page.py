@@ -131,6 +131,7 @@ class IncidentPart:
     """
 
     number: int
+    incident_id: str
     kind: VerdictKind
     attacked: tuple[int, ...]
     first_frame: int
@@ -236,7 +237,7 @@ class RecordingPart:
 
     @property
     def alone(self) -> int:
-        """Frames with a finding that the temporal window around them does not confirm: they belong to no incident."""
+        """Frames with a finding that belong to no incident: too little before and after them says the same."""
         return self.raised - self.in_incidents
 
     @property

@@ -1,7 +1,8 @@
 """What decided the verdicts on a recording: how it was measured, by what it was judged, and the thresholds."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import datetime
 from decimal import Decimal
 
 from auditor.model.calibration import Marks
@@ -36,8 +37,21 @@ class CheckLine:
 
 
 @dataclass(frozen=True)
+class FileLine:
+    """A file of the store that the page rests on: its place there, its size in bytes, and its hash."""
+
+    path: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
 class Provenance:
-    """What was judged, with what, and how."""
+    """What was judged, with what, and how.
+
+    `judged_with` is the auditor that judged; `rules` is the digest of `judging_settings`, the parameters that it judged
+    by. `files` are those of the store that hold the measurement and the verdicts.
+    """
 
     measurement_id: str
     rig_id: str
@@ -46,6 +60,13 @@ class Provenance:
     settings: Mapping[str, object]
     counting_version: int
     versions: Mapping[str, str]
+    judgement_id: str = ""
+    judged_at: datetime | None = None
+    judging_version: int = 0
+    judged_with: str = ""
+    rules: str = ""
+    judging_settings: Mapping[str, object] = field(default_factory=dict)
+    files: tuple[FileLine, ...] = ()
     calibration_id: str = ""
     calibrated_on: tuple[str, ...] = ()
     method: str = ""

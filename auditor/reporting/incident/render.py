@@ -1,25 +1,22 @@
 """The incident report: one self-contained HTML page, made from the store alone."""
 
-import math
-from decimal import Decimal
 from pathlib import Path
-
-import jinja2
-from markupsafe import Markup
 
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.loading import MOST_SECTIONS, load_page
+from auditor.reporting.incident.one import Incidents, OneIncident
 from auditor.reporting.incident.page import IncidentPage
-from auditor.reporting.page_text import shown_on_page
+from auditor.reporting.numbers import FILTERS, count
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
-from auditor.resources import resource_folder
+from auditor.reporting.templates import fill
+from auditor.store.reviews import incident_called
 from auditor.store.store import Store
+
+MOST_LISTED = 60
+"""Recordings of a calibration, and other incidents, that the page of an incident lists."""
 
 LEAST_COVERAGE = 0.99
 """Below this share of audited frames the page warns at its top."""
-
-THIN_SPACE = "\u2009"
-NO_BREAK_SPACE = "\u00a0"
 
 
 def render_incident_report(
@@ -36,37 +33,49 @@ def render_incident_report(
 
 def render(page: IncidentPage) -> str:
     """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    return (
-        _environment()
-        .get_template("incident.html")
-        .render(
-            page=page,
-            title=_title(page),
-            left=LEFT_PX,
-            right=RIGHT_PX,
-            least_coverage=LEAST_COVERAGE,
-            most_sections=MOST_SECTIONS,
-        )
+    return fill(
+        "incident.html",
+        {
+            "page": page,
+            "title": _title(page),
+            "left": LEFT_PX,
+            "right": RIGHT_PX,
+            "least_coverage": LEAST_COVERAGE,
+            "most_sections": MOST_SECTIONS,
+        },
+        filters=FILTERS,
     )
 
 
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(resource_folder("reports")),
-        autoescape=True,
-        finalize=shown_on_page,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
+def render_incident_page(store: Store, beginning: str, *, out: Path, pictures: Pictures = Pictures.INCIDENTS) -> Path:
+    """Write the page of the incident whose id begins so; answer `out`.
+
+    Raises StoreError unless it is just one, and where the page cannot be written.
+    """
+    incidents = Incidents(store, pictures)
+    row = incident_called(incidents.rows, beginning)
+    store.write_page(out, render_one(incidents.one(row)).encode())
+    return out
+
+
+def render_one(one: OneIncident, *, index: str | None = None) -> str:
+    """The page of one incident as HTML. `index` is where the index lies, seen from the page; None where there is none.
+
+    All of its text is escaped; it refers to the index and to nothing else.
+    """
+    what = " and ".join(one.row["attacked_names"]) or "no sensor can be named"
+    return fill(
+        "one_incident.html",
+        {
+            "one": one,
+            "title": f"Incident {one.row['incident_id'][:12]}: {what}",
+            "index": index,
+            "left": LEFT_PX,
+            "right": RIGHT_PX,
+            "most_listed": MOST_LISTED,
+        },
+        filters=FILTERS,
     )
-    environment.filters |= {
-        "count": _count,
-        "duration": _duration,
-        "first_upper": _first_upper,
-        "percent": _percent,
-        "rate": _rate,
-        "thousands": _thousands,
-    }
-    return environment
 
 
 def _title(page: IncidentPage) -> str:
@@ -74,34 +83,4 @@ def _title(page: IncidentPage) -> str:
         return "Sensor audit: not judged"
     if not page.incidents:
         return "Sensor audit: no attack found" if page.audited else "Sensor audit: nothing could be audited"
-    return f"Sensor audit: {_count(page.incident_count, 'incident')}"
-
-
-def _thousands(number: int) -> str:
-    return f"{number:,}".replace(",", THIN_SPACE)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{_thousands(number)}{NO_BREAK_SPACE}{what}{'' if number == 1 else 's'}"
-
-
-def _percent(share: float) -> str:
-    """Per cent to one decimal, cut and not rounded: 100 % is shown for the whole only."""
-    return f"{math.floor(share * 1000 + 1e-9) / 10:.1f}{NO_BREAK_SPACE}%"
-
-
-def _rate(r: Decimal) -> str:
-    return f"{(r * 100).normalize():f}{NO_BREAK_SPACE}%"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 60:
-        return f"{seconds:.1f}{NO_BREAK_SPACE}s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes}{NO_BREAK_SPACE}min {rest:02d}{NO_BREAK_SPACE}s"
-    return f"{minutes // 60}{NO_BREAK_SPACE}h {minutes % 60:02d}{NO_BREAK_SPACE}min"
-
-
-def _first_upper(text: str | Markup) -> str | Markup:
-    return text[:1].upper() + text[1:]
+    return f"Sensor audit: {count(page.incident_count, 'incident')}"

@@ -139,7 +139,7 @@ class Timeline:
         ]
         if self._robust:
             around = [frame["finding"] or "" for frame in frames]
-            rows.append(Row("window", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames]))
+            rows.append(Row("incident", stamps_ns, around, [_sensors(frame["finding_attacked"]) for frame in frames]))
         if self._part.truths:
             truth = ["truth" if frame["truth"] else "" for frame in frames]
             rows.append(Row("labelled", stamps_ns, truth, [_sensors(frame["truth"]) for frame in frames]))

@@ -3,11 +3,8 @@
 from collections import Counter
 from pathlib import Path
 
-import jinja2
-
 from auditor import __version__
-from auditor.reporting.page_text import shown_on_page
-from auditor.resources import resource_folder
+from auditor.reporting.templates import fill
 from auditor.store.store import Store
 from auditor.store.versions.decisions import Decided, Refresh
 
@@ -29,19 +26,15 @@ def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
 
 def render(refresh: Refresh, store: Store) -> str:
     """The page as HTML. All of its text is escaped; it refers to nothing outside itself."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(resource_folder("reports")),
-        autoescape=True,
-        finalize=shown_on_page,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    return environment.get_template("refresh.html").render(
-        refresh=refresh,
-        auditor_version=__version__,
-        at=f"{refresh.at:%Y-%m-%d %H:%M} UTC",
-        headline=_headline(refresh),
-        store=str(store.folder),
+    return fill(
+        "refresh.html",
+        {
+            "refresh": refresh,
+            "auditor_version": __version__,
+            "at": f"{refresh.at:%Y-%m-%d %H:%M} UTC",
+            "headline": _headline(refresh),
+            "store": str(store.folder),
+        },
     )
 
 

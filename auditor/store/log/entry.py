@@ -33,8 +33,14 @@ class Kind(StrEnum):
     UPGRADED = "upgraded"
     """It replaces all files by those of a new schema version."""
 
+    PACKED = "packed"
+    """It puts the rows of many files into one, and removes them: files that it writes, and files that it removes."""
+
     IN_FORCE = "in_force"
     """A calibration came into force for a rig kind, in place of another."""
+
+    REVIEWED = "reviewed"
+    """Somebody said what an incident is."""
 
     CLOSED = "closed"
     """A run ended, or was found to have been interrupted."""

@@ -4,9 +4,11 @@ Keys are PEM files, as `openssl genpkey -algorithm ed25519` makes them.
 """
 
 import base64
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +33,20 @@ def signer_of(key: Path | None) -> Signer | None:
 
     Raises SettingError where it cannot be read, is none, or the package for it is missing.
     """
+    given = signing_key(key)
+    return (lambda heads: given.sign(_signed(heads))) if given is not None else None
+
+
+@dataclass(frozen=True)
+class SigningKey:
+    """A private key: `sign` gives the signature of bytes in base64, `key_id` is the sha256 (hex) of its public key."""
+
+    sign: Callable[[bytes], str]
+    key_id: str
+
+
+def signing_key(key: Path | None) -> SigningKey | None:
+    """The private key of a file, or of the one that the environment names; None without any. Raises SettingError."""
     named = os.environ.get(KEY_VARIABLE)
     path = key if key is not None else Path(named) if named else None
     if path is None:
@@ -46,7 +62,8 @@ def signer_of(key: Path | None) -> Signer | None:
         raise SettingError(f"it is no private key that can be read ({error})", where=path, remedy=_HOW) from error
     if not isinstance(private, Ed25519PrivateKey):
         raise SettingError("it is no Ed25519 key", where=path, remedy=_HOW)
-    return lambda heads: base64.b64encode(private.sign(_signed(heads))).decode()
+    key_id = hashlib.sha256(private.public_key().public_bytes_raw()).hexdigest()
+    return SigningKey(lambda content: base64.b64encode(private.sign(content)).decode(), key_id)
 
 
 _HOW = "openssl genpkey -algorithm ed25519 -out private.pem makes one"
@@ -87,13 +104,21 @@ def unsigned(chains: Sequence[Chain], key: "Ed25519PublicKey") -> Iterator[tuple
 
 
 def _is_signed(entry: Entry, key: "Ed25519PublicKey") -> bool:
-    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415 - an extra
-
     if entry.kind != Kind.SIGNED:
         return False
     try:
-        key.verify(base64.b64decode(entry.what["signature"]), _signed(entry.what["heads"]))
-    except (InvalidSignature, ValueError, KeyError, TypeError):
+        return signs(key, _signed(entry.what["heads"]), entry.what["signature"])
+    except (KeyError, TypeError):
+        return False
+
+
+def signs(key: "Ed25519PublicKey", content: bytes, signature: str) -> bool:
+    """Whether a signature, in base64, is that of some bytes by the holder of a key."""
+    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415 - an extra
+
+    try:
+        key.verify(base64.b64decode(signature), content)
+    except (InvalidSignature, ValueError):
         return False
     return True
 

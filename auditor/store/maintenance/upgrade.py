@@ -7,7 +7,6 @@ opened next. No other command may use the store meanwhile.
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,15 +15,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
-from auditor.model.calibration import Calibration
-from auditor.store.calibrations import OutdatedCalibrationError, read_calibration
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.store import MANIFESTS
 from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
-from auditor.store.versions.history import first_histories, history_rows
 
 _Row = dict[str, Any]
 
@@ -42,8 +38,8 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
     """Upgrade the store in a folder; None where it is of this version already. The log has the command.
 
     All rows stay as they are, with their ids; columns that the old files lack are NULL, and tables that the old store
-    lacks are empty, but for the history of calibrations: the newest of each rig kind is in force. Raises StoreError
-    where the store is of a version that cannot be upgraded, or cannot be read or written.
+    lacks are empty. Raises StoreError where the store is of a version that cannot be upgraded, or cannot be read or
+    written.
     """
     with locked(folder):
         version = read_marker(folder).version
@@ -87,19 +83,9 @@ def _write(old: Path, new: Path) -> Upgraded:
         if table in MANIFESTS and not (old / table).is_dir():  # what was not kept then is empty
             for row_id in finished(old / MANIFESTS[table]):
                 write_rows(table, new / table / f"{row_id}.parquet", ())
-    for history in first_histories(_calibrations(new)):
-        place = new / "calibration_history" / f"{history.history_id}.parquet"
-        write_rows("calibration_history", place, history_rows(history))
     count = {table: len(finished(new / table)) for table in TABLES}
     parts = count["evaluations"] + count["object_evaluations"]
     return Upgraded(count["measurements"], count["judgements"], parts)
-
-
-def _calibrations(new: Path) -> Iterator[Calibration]:
-    """The calibrations that can still be judged by."""
-    for path in sorted((new / "calibrations").glob("*.parquet")):
-        with suppress(OutdatedCalibrationError):
-            yield read_calibration(path)
 
 
 def _outputs(new: Path, manifest: str, row_id: str) -> list[_Row]:

@@ -5,8 +5,9 @@ from datetime import datetime
 from decimal import Decimal
 from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
-from auditor.store.versions.records import UsedRecording
+from auditor.store.versions.records import UnderCondition, UsedRecording
 
 
 class Decided(StrEnum):
@@ -17,6 +18,14 @@ class Decided(StrEnum):
     WAITING = "waiting"
     HELD = "held"
     REFUSED = "refused"
+
+
+class Interval(NamedTuple):
+    """A share, and both ends of its 95 % interval by drives."""
+
+    value: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -37,8 +46,11 @@ class Decision:
 
     `calibration_id` is the candidate; None where none was made. `in_force` is in force afterwards. `recordings` are all
     that were looked at; `new` of those that the candidate is made of are not in the version of before. The shares are
-    None where there is nothing to compare: `by_others` of windows with findings when others judge, `found_before` and
-    `found_after` of planted attacks. `creep` is the largest rise since the version that a person confirmed.
+    None where there is nothing to compare: `by_others` of windows with findings when others judge, `new_by_others` of
+    those of new recordings, `new_before` of these by the version in force, `found_before` and `found_after` of planted
+    attacks. `lost` of
+    them are lost by this refresh, `lost_in_all` since the version that a person confirmed; so is `creep`, the largest
+    rise of a threshold.
     """
 
     kind: str
@@ -51,11 +63,16 @@ class Decision:
     provisional: bool
     recordings: tuple[UsedRecording, ...]
     new: int = 0
-    by_others: float | None = None
+    by_others: Interval | None = None
+    new_by_others: Interval | None = None
+    new_before: Interval | None = None
     found_before: float | None = None
     found_after: float | None = None
+    lost: Interval | None = None
+    lost_in_all: Interval | None = None
     creep: float | None = None
     rises: tuple[Rise, ...] = ()
+    conditions: tuple[UnderCondition, ...] = ()
 
     @property
     def included(self) -> tuple[UsedRecording, ...]:

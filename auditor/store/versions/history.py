@@ -4,7 +4,7 @@ No date decides. A history is one small file that is replaced whole, under the l
 killed there is the old history or the new one.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -31,6 +31,7 @@ class How(StrEnum):
     PROMOTED = "promoted"
     ROLLED_BACK = "rolled back"
     UPGRADED = "upgraded"
+    """By the upgrade of a store of before there were histories."""
 
     @property
     def by_person(self) -> bool:
@@ -179,25 +180,6 @@ def put_first_in_force(store: Store, calibration: Calibration, how: How = How.CA
     if before is None:
         put_in_force(store, calibration, how)
     return before in (None, calibration.calibration_id)
-
-
-def first_histories(calibrations: Iterable[Calibration]) -> list[History]:
-    """The histories of a store of before there were any: the newest calibration of each rig kind is in force.
-
-    One that is dated after today is taken only where there is no other: its clock was wrong.
-    """
-    now, found = datetime.now(UTC), list[History]()
-
-    def rank(calibration: Calibration) -> tuple[bool, datetime, str]:
-        made_at = calibration.calibrated_at or datetime.min.replace(tzinfo=UTC)
-        return made_at <= now, made_at, calibration.calibration_id
-
-    for calibration in sorted(calibrations, key=rank, reverse=True):
-        history = history_of(found, calibration)
-        if not history.moves:
-            move = Move(calibration.calibration_id, How.UPGRADED, now)
-            found.append(History(history.rig_kind, history.procedure, (move,)))
-    return found
 
 
 def in_force_of(store: Store, known: Sequence[History]) -> list[Calibration]:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from datetime import UTC, date, datetime
 from decimal import Decimal
 from enum import StrEnum
+from typing import Any
 
 from auditor.store.records import to_utc
 from auditor.store.store import Store
@@ -40,11 +41,31 @@ class UsedRecording:
     findings_by_others: int | None = None
     incidents_by_others: int | None = None
     level: float | None = None
+    weather: str | None = None
+    time_of_day: str | None = None
 
     @property
     def origin(self) -> tuple[str | None, date | None]:
         """Its vehicle and day."""
         return self.vehicle, self.day
+
+
+@dataclass(frozen=True)
+class UnderCondition:
+    """The windows with findings of a calibration's recordings under one condition, each judged by others.
+
+    `share` and its 95 % interval are drawn towards the share of all; `enough` says whether they say anything.
+    """
+
+    condition: str
+    value: str
+    drives: int
+    windows: int
+    raised_windows: int
+    share: float
+    low: float
+    high: float
+    enough: bool
 
 
 @dataclass(frozen=True)
@@ -79,6 +100,7 @@ class CalibrationVersion:
     judging_version: int
     rules: str
     recordings: tuple[UsedRecording, ...] = ()
+    conditions: tuple[UnderCondition, ...] = ()
 
     @property
     def included(self) -> tuple[UsedRecording, ...]:
@@ -91,6 +113,9 @@ def write_version(store: Store, version: CalibrationVersion) -> None:
     known = version.calibration_id
     rows = ({"calibration_id": known, **asdict(one)} for one in version.recordings)
     store.write("calibration_recordings", known, rows)
+    store.write(
+        "calibration_conditions", known, ({"calibration_id": known, **asdict(one)} for one in version.conditions)
+    )
     store.write("calibration_versions", known, [_row(version)])
 
 
@@ -101,6 +126,8 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
         return None
     [row] = read_rows("calibration_versions", path)
     used = read_rows("calibration_recordings", store.path("calibration_recordings", calibration_id))
+    conditions = store.path("calibration_conditions", calibration_id)
+    rates = read_rows("calibration_conditions", conditions) if conditions.is_file() else []
     return CalibrationVersion(
         **{
             **row,
@@ -109,7 +136,8 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
             "reasons": tuple(row["reasons"]),
             "r": row["r"].normalize(),
         },
-        recordings=tuple(UsedRecording(**{k: v for k, v in one.items() if k != "calibration_id"}) for one in used),
+        recordings=tuple(UsedRecording(**_without_id(one)) for one in used),
+        conditions=tuple(UnderCondition(**_without_id(one)) for one in rates),
     )
 
 
@@ -124,8 +152,12 @@ def _row(version: CalibrationVersion) -> Row:
     return {**dict(_fields(version)), "made_at": to_utc(version.made_at), "reasons": list(version.reasons)}
 
 
+def _without_id(row: Row) -> dict[str, Any]:
+    return {name: value for name, value in row.items() if name != "calibration_id"}
+
+
 def _fields(version: CalibrationVersion) -> Iterator[tuple[str, object]]:
     for field in fields(version):
-        if field.name != "recordings":
+        if field.name not in ("recordings", "conditions"):
             value = getattr(version, field.name)
             yield field.name, value.value if isinstance(value, Outcome) else value

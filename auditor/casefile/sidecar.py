@@ -1,0 +1,211 @@
+"""The sidecar: what was found, as an MCAP file on the recording's timeline, for viewers of recordings.
+
+The event, the log, the damaged portions in the images and the box in the cloud are Foxglove's messages in JSON. The
+images with overlays and the damaged points are ROS 2 messages, which Foxglove and Rerun both draw.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auditor.casefile.foxglove import SCHEMAS
+from auditor.casefile.incident import CaseIncident
+from auditor.model.arrays import Points
+from auditor.model.geometry import quaternion_from_rotation
+from auditor.model.measurement import Region
+from auditor.model.pictures import FramePicture
+from auditor.model.rig import LIDAR
+from auditor.recordings.recording import Definition, Topic
+from auditor.recordings.writers.mcap_file import McapFile, mcap_file
+from auditor.recordings.writers.messages import MessageMaker
+
+PREFIX = "/auditor"
+_WARNING, _ERROR = 3, 4  # levels of foxglove.Log
+_LINE_LOOP = 2  # a type of foxglove.PointsAnnotation
+_RED = {"r": 1.0, "g": 0.15, "b": 0.15, "a": 1.0}
+_GLASS = {"r": 1.0, "g": 0.15, "b": 0.15, "a": 0.35}
+_BOX_LASTS_NS = 200_000_000
+_POINT_CLOUD, _IMAGE = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CompressedImage"
+
+
+@dataclass(frozen=True, eq=False)
+class SidecarFrame:
+    """One frame as the sidecar shows it, `log_time_ns` its place on the recording's timeline.
+
+    `overlays` are pictures of cameras, JPEG; `damaged_m` (N, 3) are damaged points in the LiDAR's frame.
+    """
+
+    frame: int
+    stamp_ns: int
+    log_time_ns: int
+    message: str
+    in_incident: bool
+    regions: tuple[Region, ...] = ()
+    overlays: tuple[FramePicture, ...] = ()
+    damaged_m: Points | None = None
+
+
+def write_sidecar(
+    incident: CaseIncident, path: Path, frames: Iterable[SidecarFrame], frame_ids: Mapping[int, str], words: str
+) -> int:
+    """Write the messages of frames, in their order, and give the number of messages.
+
+    `frame_ids` are those of the sensors in the recording, `words` the evidence. Raises RecordingError.
+    """
+    with mcap_file(path, profile="", compression="zstd") as file:
+        writer = _Writer(file)
+        first = True
+        for frame in frames:
+            if first:
+                writer.json("event", "foxglove.Event", frame.log_time_ns, _event(incident))
+                writer.json("log", "foxglove.Log", frame.log_time_ns, _log(frame, words, _WARNING))
+                first = False
+            _write_frame(incident, writer, frame, frame_ids)
+        file.add_metadata({"incident_id": incident.incident_id, "source": incident.recording.recording_id})
+    return writer.messages
+
+
+class _Writer:
+    """Writes messages under the topics of the sidecar."""
+
+    def __init__(self, file: McapFile) -> None:
+        self._file = file
+        self.maker = MessageMaker("cdr")
+        self.messages = 0
+
+    def json(self, topic: str, schema: str, log_time_ns: int, message: Mapping[str, Any]) -> None:
+        """A message of Foxglove's."""
+        definition = Definition("jsonschema", json.dumps(SCHEMAS[schema]).encode())
+        self._write(Topic(f"{PREFIX}/{topic}", schema, "json"), definition, log_time_ns, json.dumps(message).encode())
+
+    def ros2(self, topic: str, schema: str, log_time_ns: int, data: bytes) -> None:
+        """A message of ROS 2."""
+        definition = Definition("ros2msg", self.maker.definition(schema).encode())
+        self._write(Topic(f"{PREFIX}/{topic}", schema, "cdr"), definition, log_time_ns, data)
+
+    def _write(self, topic: Topic, definition: Definition, log_time_ns: int, data: bytes) -> None:
+        self._file.write(topic, definition, log_time_ns, data)
+        self.messages += 1
+
+
+def _write_frame(incident: CaseIncident, writer: _Writer, frame: SidecarFrame, frame_ids: Mapping[int, str]) -> None:
+    at = frame.log_time_ns
+    if frame.in_incident:
+        writer.json("log", "foxglove.Log", at, _log(frame, frame.message, _ERROR))
+    for view in sorted({region.view for region in frame.regions}):
+        of_view = [region for region in frame.regions if region.view == view]
+        writer.json(f"S_{view}/annotations", "foxglove.ImageAnnotations", at, _annotations(incident, frame, of_view))
+    for region in frame.regions:
+        if region.sensor == LIDAR and region.solid is not None:
+            scene = _scene(frame, region, incident, frame_ids[LIDAR])
+            writer.json(f"S_{LIDAR}/box", "foxglove.SceneUpdate", at, scene)
+    for picture in frame.overlays:
+        image = writer.maker.compressed_image(picture.data, "jpeg", frame.stamp_ns, frame_ids[picture.sensor])
+        writer.ros2(f"S_{picture.sensor}/overlay", _IMAGE, at, image)
+    if frame.damaged_m is not None and len(frame.damaged_m):
+        points = np.ones((len(frame.damaged_m), 4), dtype=np.float32)
+        points[:, :3] = frame.damaged_m
+        cloud = writer.maker.point_cloud(points, frame.stamp_ns, frame_ids[LIDAR])
+        writer.ros2(f"S_{LIDAR}/damaged", _POINT_CLOUD, at, cloud)
+
+
+def _time(ns: int) -> dict[str, int]:
+    return {"sec": ns // 10**9, "nsec": ns % 10**9}
+
+
+def _event(incident: CaseIncident) -> dict[str, Any]:
+    row = incident.row
+    pairs = {
+        "incident_id": incident.incident_id,
+        "kind": row["kind"],
+        "sensors": ", ".join(f"S_{sensor}" for sensor in incident.attacked),
+        "frames": str(row["frames"]),
+    }
+    return {
+        "start_time": _time(incident.part["from_ns"]),
+        "end_time": _time(incident.part["to_ns"]),
+        "metadata": [{"key": key, "value": value} for key, value in pairs.items()],
+    }
+
+
+def _log(frame: SidecarFrame, message: str, level: int) -> dict[str, Any]:
+    return {
+        "timestamp": _time(frame.stamp_ns),
+        "level": level,
+        "message": message,
+        "name": "auditor",
+        "file": "",
+        "line": 0,
+    }
+
+
+def _annotations(incident: CaseIncident, frame: SidecarFrame, regions: list[Region]) -> dict[str, Any]:
+    at = _time(frame.stamp_ns)
+    points, texts = [], []
+    for region in regions:
+        left, top, right, bottom = region.box_px
+        corners = ((left, top), (right, top), (right, bottom), (left, bottom))
+        points.append(
+            {
+                "timestamp": at,
+                "type": _LINE_LOOP,
+                "points": [{"x": x, "y": y} for x, y in corners],
+                "outline_color": _RED,
+                "outline_colors": [],
+                "fill_color": {**_RED, "a": 0.0},
+                "thickness": 2.0,
+            }
+        )
+        texts.append(
+            {
+                "timestamp": at,
+                "position": {"x": left, "y": top},
+                "text": f"{incident.called(region.sensor)}: {100 * region.share:.0f} % damaged",
+                "font_size": 14.0,
+                "text_color": {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0},
+                "background_color": _RED,
+            }
+        )
+    return {"circles": [], "points": points, "texts": texts}
+
+
+def _scene(frame: SidecarFrame, region: Region, incident: CaseIncident, frame_id: str) -> dict[str, Any]:
+    """A box around the damaged points; Foxglove's cubes are turned by a quaternion in the frame of the LiDAR."""
+    assert region.solid is not None
+    x, y, z = region.solid.centre_m
+    pose = {"position": {"x": x, "y": y, "z": z}, "orientation": _orientation(region, incident)}
+    width, height, depth = region.solid.size_m
+    cube = {"pose": pose, "size": {"x": width, "y": height, "z": depth}, "color": _GLASS}
+    entity = {
+        "timestamp": _time(frame.stamp_ns),
+        "frame_id": frame_id,
+        "id": "damaged",
+        "lifetime": _time(_BOX_LASTS_NS),
+        "frame_locked": True,
+        "metadata": [],
+        "arrows": [],
+        "cubes": [cube],
+        "spheres": [],
+        "cylinders": [],
+        "lines": [],
+        "triangles": [],
+        "texts": [],
+        "models": [],
+    }
+    return {"deletions": [], "entities": [entity]}
+
+
+def _orientation(region: Region, incident: CaseIncident) -> dict[str, float]:
+    """The quaternion from the box's own axes (width, height, depth) to the LiDAR's."""
+    assert region.solid is not None
+    assert incident.rig.lidar is not None
+    turn = np.deg2rad(region.solid.yaw_deg)
+    # In the rig (right, down, forward) the depth points `turn` to the right of straight ahead.
+    rig_R_box = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    lidar_R_box = incident.rig.lidar.rig_SE3_lidar[:3, :3].T @ rig_R_box
+    x, y, z, w = quaternion_from_rotation(lidar_R_box)
+    return {"x": float(x), "y": float(y), "z": float(z), "w": float(w)}

@@ -1,0 +1,53 @@
+"""Every number that decides what drift is named. None of them changes a verdict."""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+
+@dataclass(frozen=True)
+class Drifting:
+    """When levels of a sensor are said to drift or to have changed over the days."""
+
+    false_alarms: float = parameter(
+        0.01, unit="chance, a night, that anything is named in a fleet without drift", source=BY_HAND
+    )
+    days: int = parameter(60, unit="days that are looked at", source=BY_HAND)
+    fewest_frames: int = parameter(20, unit="measured frames of a vehicle's day", source=BY_HAND)
+    fewest_days: int = parameter(6, unit="days of a series: two stretches", source=BY_HAND)
+    fewest_of_stretch: int = parameter(3, unit="days of a stretch: a line and one more", source=BY_HAND)
+    fewest_vehicles: int = parameter(3, unit="vehicles of a day whose median is the fleet's", source=BY_HAND)
+    margin: float = parameter(
+        1.2, unit="over the root of the days of a pool: its deviation is larger by that", source="its standard error"
+    )
+    most_alike: float = parameter(0.9, unit="correlation of a day with the next that is believed", source=BY_HAND)
+    days_around: int = parameter(5, unit="days whose median an odd day is drawn to", source=BY_HAND)
+    extreme: float = parameter(2.0, unit="deviations that an odd day may differ from it", source=BY_HAND)
+    days_beside: int = parameter(7, unit="days beside a change whose medians are before and after", source=BY_HAND)
+
+
+@dataclass(frozen=True)
+class LeastDeviations:
+    """By check of a day's levels, the smallest deviation by chance that is believed; less is nobody's concern."""
+
+    lidar_conflict: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    added_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    removed_light: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    photometric_inconsistency: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    point_dropout: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    isolated_points: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    disparity_error: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    lidar_disagreement: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    row_misalignment: float = parameter(0.05, unit="log odds", source=BY_HAND)
+    row_offset: float = parameter(0.02, unit="px", source=BY_HAND)
+    depth_bias: float = parameter(0.1, unit="px", source=BY_HAND)
+    brightness: float = parameter(0.005, unit="logarithm of a ratio of levels", source=BY_HAND)
+    texture: float = parameter(0.02, unit="log odds", source=BY_HAND)
+    returns: float = parameter(0.005, unit="logarithm of a ratio of counts", source=BY_HAND)
+
+
+DRIFT = Drifting()
+LEAST_DEVIATIONS = LeastDeviations()
+
+DRIFTING = (DRIFT, LEAST_DEVIATIONS)
+"""All that can change what is named."""

@@ -1,0 +1,195 @@
+"""Incidents: a sequential test (CUSUM) on the log-likelihood ratio of each frame, attacked against clean.
+
+1. A frame's ratio compares how likely its largest score is under attack and on clean roads (`log_ratios`).
+2. Under attack only some frames may be attacked: a frame that shows nothing takes little away (`evidence_of`).
+3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
+4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
+   is an incident. It begins with its first rise, and ends where the sum has not risen for some time.
+5. The limit follows from how many false incidents an hour are allowed: the peaks of clean excursions are counted, and
+   continued by an exponential tail (`incident_limit`).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, log
+
+import numpy as np
+
+from auditor.identification.parameters import INCIDENTS, SCORE_LIMITS
+from auditor.identification.prior import joint_limit
+from auditor.identification.statistics import NANOSECONDS
+from auditor.model.arrays import Flags, Floats, Integers
+
+_S_PER_HOUR = 3600
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """The places of the frames at which the sum rose between two of its zeros, and the largest value that it had."""
+
+    rises: tuple[int, ...]
+    peak: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """The places of the frames that belong to an event: an incident, or a `single` frame so strong that it is told."""
+
+    frames: tuple[int, ...]
+    single: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What each of F frames adds to the sum (F,), its log-likelihood ratio (F,) and its run (F,) without a gap.
+
+    `periods_s` (F,) are the usual times between two frames of its run; NaN where there is only one.
+    """
+
+    added: Floats
+    ratios: Floats
+    runs: Integers
+    periods_s: Floats
+
+
+def evidence_of(scores: Floats, checks: int, stamps_ns: Integers, runs: Integers) -> Evidence:
+    """The evidence of F successive frames, from the largest z (F,) of so many checks; -inf where none was measured.
+
+    `runs` (F,) number the runs without a gap that the frames belong to, in ascending order.
+    """
+    ratios = log_ratios(scores, checks)
+    duty = INCIDENTS.duty
+    intermittent = np.log(duty * np.exp(np.minimum(ratios, INCIDENTS.most_of_a_frame)) + 1 - duty)
+    periods = periods_of(stamps_ns, runs)
+    return Evidence(np.nan_to_num(intermittent) * frame_worth(periods), ratios, runs, periods)
+
+
+def log_ratios(scores: Floats, checks: int) -> Floats:
+    """(F,) log-likelihood ratios, attacked against clean, of the largest z of so many checks; NaN where not measured.
+
+    Under attack any score between 0 and the largest is as likely. On clean roads it exceeds the joint limit at a rate,
+    and beyond that limit each further deviation is less likely by a factor.
+    """
+    limit, slope = joint_limit(INCIDENTS.tail_rate, checks), INCIDENTS.tail_slope
+    attacked, clean_at_limit = 1 / SCORE_LIMITS.highest, slope * INCIDENTS.tail_rate
+    measured = np.where(np.isfinite(scores), scores, np.nan)
+    return np.asarray(log(attacked / clean_at_limit) + slope * (measured - limit))
+
+
+def frame_worth(periods_s: Floats) -> Floats:
+    """How many independent frames each frame is worth, 0 to 1, at these times between two; 1 where there is only one.
+
+    The autocorrelation of clean evidence after a time t is taken for c exp(-t / T), so that F frames of period p are
+    worth F / (1 + 2 c / (exp(p / T) - 1)).
+    """
+    periods = np.where(np.isnan(periods_s), np.inf, np.maximum(periods_s, 1 / NANOSECONDS))
+    with np.errstate(over="ignore"):
+        return np.asarray(1 / (1 + 2 * INCIDENTS.correlation / np.expm1(periods / INCIDENTS.correlation_s)))
+
+
+def periods_of(stamps_ns: Integers, runs: Integers) -> Floats:
+    """(F,) the median time between two frames of the run of each frame, in seconds; NaN of a lone frame."""
+    periods = np.full(len(runs), np.nan)
+    for run in _places(runs):
+        if len(run) > 1:
+            periods[run.start : run.stop] = float(np.median(np.diff(stamps_ns[run.start : run.stop]))) / NANOSECONDS
+    return periods
+
+
+def excursions(evidence: Evidence) -> Iterator[Excursion]:
+    """The excursions of the sum from zero, in order; it begins anew with each run."""
+    for run in _places(evidence.runs):
+        yield from _of_run(run, evidence.added[run.start : run.stop].tolist(), _quiet_frames(evidence, run.start))
+
+
+def events(evidence: Evidence, raised: Flags, limit: float, per_hour: float | None) -> list[Event]:
+    """The events of F frames in the order of time, where the sum exceeds the `limit`.
+
+    Two frames of an incident at least must be findings by themselves, as the flags `raised` (F,) say. A raised frame
+    that belongs to no incident is a single-frame event where clean frames are as strong less than `per_hour`, which
+    is the usual rate where it is None.
+    """
+    strong = raised & (evidence.ratios > _single_limits(evidence, INCIDENTS.per_hour if per_hour is None else per_hour))
+    found: list[Event] = []
+    for excursion in excursions(evidence):
+        own = [place for place in excursion.rises if raised[place]]
+        if excursion.peak > limit and len(own) >= INCIDENTS.fewest_frames:
+            found.append(Event(excursion.rises))
+        else:
+            found += [Event((place,), single=True) for place in own if strong[place]]
+    return found
+
+
+def apart(event: Event, named: Sequence[tuple[int, ...]], added: Sequence[float], limit: float) -> list[Event]:
+    """The incidents that an event holds: one, or several where one attack follows another on other sensors.
+
+    `named` are the sensors that each of its frames names, and `added` what it adds. Each part must have evidence beyond
+    the `limit` for sensors that the other names nowhere, and in time none may lie within another.
+    """
+    spans: dict[tuple[int, ...], list[int]] = {}
+    for place, attacked in enumerate(named):
+        if attacked:
+            spans.setdefault(attacked, []).append(place)
+    clear = [(places, one) for one, places in spans.items() if sum(added[place] for place in places) > limit]
+    ordered = sorted(clear)
+    follow = all(
+        earlier[-1] < later[0] and set(one).isdisjoint(other) for (earlier, one), (later, other) in pairwise(ordered)
+    )
+    if len(ordered) < 2 or not follow:
+        return [event]
+    begins = [0, *(places[0] for places, _ in ordered[1:]), len(named)]
+    return [Event(event.frames[first:end]) for first, end in pairwise(begins)]
+
+
+def incident_limit(per_hour: float | None = None, peaks: Sequence[float] = (), hours: float = 0.0) -> float:
+    """What the sum exceeds in no more than so many incidents an hour of clean driving; None for the usual rate.
+
+    `peaks` are those of the excursions of so many `hours` of clean driving. Beyond the smallest that counts they are
+    taken for exponential; how many there are, and how far they reach, is known beforehand from a few of the prior.
+    """
+    allowed = max(INCIDENTS.per_hour if per_hour is None else per_hour, INCIDENTS.fewest_per_hour)
+    least, prior = INCIDENTS.peaks_from, INCIDENTS.prior_peaks
+    beyond = [peak - least for peak in peaks if peak > least]
+    rate = (prior + len(beyond)) / (INCIDENTS.prior_hours + hours)
+    scale = (prior * INCIDENTS.prior_scale + sum(beyond)) / (prior + len(beyond))
+    return least + max(scale * log(rate / allowed), 0.0)
+
+
+def _single_limits(evidence: Evidence, per_hour: float) -> Floats:
+    """(F,) the ratio that clean frames exceed `per_hour` times an hour at the rate of each frame's run.
+
+    A lone frame, whose rate is not known, is taken for one a second.
+    """
+    rates = max(per_hour, INCIDENTS.fewest_per_hour) * np.nan_to_num(evidence.periods_s, nan=1.0) / _S_PER_HOUR
+    return -np.log(SCORE_LIMITS.highest * INCIDENTS.tail_slope * np.maximum(rates, 1 / NANOSECONDS))
+
+
+def _of_run(run: range, added: Sequence[float], quiet: int) -> Iterator[Excursion]:
+    """The excursions of one run. One ends at zero, where the sum has not risen for `quiet` frames, and with the run."""
+    total = peak = 0.0
+    rises: list[int] = []
+    for place, more in zip(run, added, strict=True):
+        if rises and (total + more <= 0 or (more <= 0 and place - rises[-1] > quiet)):
+            yield Excursion(tuple(rises), peak)
+            total, peak, rises = 0.0, 0.0, []
+        elif rises or more > 0:
+            total += more
+            peak = max(peak, total)
+            if more > 0:
+                rises.append(place)
+    if rises:
+        yield Excursion(tuple(rises), peak)
+
+
+def _quiet_frames(evidence: Evidence, place: int) -> int:
+    """For how many frames of a run the sum must not have risen until its excursion has ended."""
+    period = float(evidence.periods_s[place])
+    frames = ceil(INCIDENTS.quiet_s / period) if period > 0 else 0
+    return max(frames, INCIDENTS.quiet_frames)
+
+
+def _places(runs: Integers) -> Iterator[range]:
+    """The places of the frames of each run."""
+    bounds = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), len(runs)]
+    yield from (range(first, end) for first, end in pairwise(bounds) if end > first)

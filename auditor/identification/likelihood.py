@@ -1,0 +1,126 @@
+"""How likely it is that exactly these sensors are attacked: likelihood ratios of attack sets, and their posterior.
+
+An attack set explains a frame where each of its sensors is shown by the votes of those outside the set, and where what
+those outside show of each other is as in clean frames. Both become a logarithm of a likelihood by curves that were
+fitted to attacked and clean frames of real drives and streets (multinomial logistic regression; benchmark
+`likelihood`). The ratio compares a set with no attack; the posterior adds a stated prior. No ratio is larger than
+the clean frames carry that the curves were fitted to: what happens less often than once in them nobody has seen.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import combinations
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+
+from auditor.identification.algorithm2 import FEWEST_COMPARED
+from auditor.identification.parameters import LIKELIHOOD, SCORE_LIMITS
+from auditor.identification.prior import joint_limit
+from auditor.identification.systems import System
+from auditor.model.arrays import Floats, Indices
+from auditor.model.checks import MOST_LEFT_OUT
+from auditor.model.rig import LIDAR
+
+AttackSet = tuple[int, ...]
+"""Attacked sensors, ascending; () is no attack."""
+
+LARGEST_RATIO = float(np.log(LIKELIHOOD.clean_worth))
+"""The logarithm of the largest likelihood ratio that is said."""
+
+
+class Explained(NamedTuple):
+    """What F frames show of an attack set.
+
+    `own` are (F,) by sensor of the set: its largest z by the votes of sensors outside the set. `rest` (F,) is the
+    largest z that sensors outside the set show of each other, less the limit that it exceeds in 1 % of clean frames.
+    """
+
+    own: Mapping[int, Floats]
+    rest: Floats
+
+
+def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int]) -> list[AttackSet]:
+    """No attack, each sensor alone, and sets of `suspects`: of sensors that are there, as many as can be told apart.
+
+    Three sensors outside the set have to be left that vote; and votes are measured without two voters at most.
+    """
+    present = [sensor for sensor in system.sensors if sensor not in absent]
+    most = min(len(present) - FEWEST_COMPARED, MOST_LEFT_OUT + 1)
+    if most < 1:
+        return [()]
+    several = (one for size in range(2, most + 1) for one in combinations(sorted(suspects), size))
+    return [(), *((sensor,) for sensor in present), *several]
+
+
+def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int, ...]:
+    """The sensors that sets of several are made of in a frame of scores (M,): those of the largest z."""
+    present = [sensor for sensor in system.sensors if sensor not in absent]
+    if len(present) <= LIKELIHOOD.suspects:
+        return tuple(present)
+    largest = {sensor: _largest(z[None], _of_sensor(system, absent, sensor))[0] for sensor in present}
+    return tuple(sorted(sorted(present, key=lambda sensor: -largest[sensor])[: LIKELIHOOD.suspects]))
+
+
+def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Explained:
+    """What frames of scores (F, M) without these sensors show of an attack set."""
+    gone = absent.union(attacked)
+    own = {s: _largest(z, _of_sensor(system, gone - {s}, s)) for s in attacked}
+    rest, usual = _rest(system, gone)
+    return Explained(own, _largest(z, rest) - usual)
+
+
+def log_likelihood_ratios(z: Floats, system: System, absent: frozenset[int], sets: Sequence[AttackSet]) -> Floats:
+    """(F, H) natural logarithms of the likelihood of each attack set against that of no attack, the first of them.
+
+    `z` are (F, M) normalised scores of frames without the `absent` sensors, NaN where not measured. No attack is held
+    less likely than the likeliest set by the largest ratio at most.
+    """
+    found = np.stack([_log_likelihood(explained(z, system, absent, attacked)) for attacked in sets], axis=1)
+    clean = np.maximum(found[:, 0], found.max(axis=1) - LARGEST_RATIO)
+    return np.asarray(np.concatenate([clean[:, None], found[:, 1:]], axis=1) - clean[:, None])
+
+
+def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Floats:
+    """(F, H) probabilities of the attack sets from their logarithmic ratios (F, H), of a rig of so many sensors."""
+    weights = ratios + np.log([_prior(len(attacked), sensors) for attacked in sets])
+    weights = np.exp(weights - weights.max(axis=1, keepdims=True))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def _prior(size: int, sensors: int) -> float:
+    """The stated prior of one attack set: half of all frames are clean, and each sensor more is a tenth as likely."""
+    if not size:
+        return 1 - LIKELIHOOD.attacked
+    return LIKELIHOOD.attacked * LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size)
+
+
+def _log_likelihood(seen: Explained) -> Floats:
+    """(F,) the logarithm of a set's likelihood, but for what all sets of a frame have in common."""
+    found = np.interp(seen.rest, LIKELIHOOD.rest_at, LIKELIHOOD.of_rest)
+    for sensor, own in seen.own.items():
+        found = found + np.interp(
+            own, LIKELIHOOD.own_at, LIKELIHOOD.of_lidar if sensor == LIDAR else LIKELIHOOD.of_camera
+        )
+    return np.asarray(found + LIKELIHOOD.of_several * max(len(seen.own) - 1, 0))
+
+
+@lru_cache(maxsize=1024)
+def _rest(system: System, gone: frozenset[int]) -> tuple[Indices, float]:
+    """The checks among the sensors that are left, and the limit that one of them exceeds in 1 % of clean frames."""
+    columns = system.detecting(gone)
+    return columns, joint_limit(LIKELIHOOD.usual_r, system.judged_without(gone))
+
+
+@lru_cache(maxsize=4096)
+def _of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
+    """The checks that name a sensor, by the votes of all that are left."""
+    checks = system.sensor_checks
+    columns = [column for column in system.counting(gone).tolist() if checks[column].nameable == (sensor,)]
+    return np.array(columns, dtype=np.intp)
+
+
+def _largest(z: Floats, columns: Indices) -> Floats:
+    """(F,) the largest z of these checks, the lowest that there is where none was measured."""
+    return np.asarray(np.fmax.reduce(z[:, columns], axis=1, initial=SCORE_LIMITS.lowest))

@@ -1,0 +1,146 @@
+"""Whether what drives teach may come into force: how far thresholds move, false alarms, and planted attacks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from math import sqrt
+
+import numpy as np
+
+from auditor.identification.parameters import HIERARCHY
+from auditor.identification.prior import log_odds
+from auditor.identification.refresh_parameters import GATE, INFLUENCE
+from auditor.identification.refreshing.clustered import Share, difference_of, share_of
+from auditor.identification.refreshing.drives import Shown
+from auditor.identification.scores import for_drive
+from auditor.identification.systems import System
+from auditor.model.calibration import CleanFrames, RobustThresholds
+from auditor.model.checks import SensorCheck
+
+
+@dataclass(frozen=True)
+class Step:
+    """The threshold of a sensor check before and after, as log odds, and its rise in deviations of before."""
+
+    check: SensorCheck
+    before: float
+    after: float
+    rise: float
+
+
+def steps(before: RobustThresholds, after: RobustThresholds, system: System) -> list[Step]:
+    """How far the thresholds of the checks that count move, the largest rise first."""
+    found = []
+    for column in system.counting(frozenset()).tolist():
+        check = system.sensor_checks[column]
+        old, new = before.expected[check], after.expected[check]
+        theta, changed = old.mean + before.limit * old.deviation, new.mean + after.limit * new.deviation
+        found.append(Step(check, theta, changed, (changed - theta) / old.deviation))
+    return sorted(found, key=lambda step: -step.rise)
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Planted attacks: how many of each drive are found, and of how many."""
+
+    found: tuple[int, ...]
+    planted: tuple[int, ...]
+
+    @property
+    def share(self) -> Share:
+        """The share that is found."""
+        return share_of(self.found, self.planted)
+
+    def lost_since(self, before: "Planted") -> Share:
+        """The share of the same planted attacks that others found and these do not, less those found anew."""
+        lost = [one - other for one, other in zip(before.found, self.found, strict=True)]
+        return difference_of(lost, self.planted)
+
+
+def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: RobustThresholds) -> Planted:
+    """How many planted attacks are found in each drive when it is scanned by these thresholds.
+
+    One is planted into each check that counts and each frame: its statistic is raised by so many log odds.
+    """
+    checks = [system.sensor_checks[column] for column in system.counting(frozenset()).tolist()]
+    found = []
+    for one in drives:
+        statistics = one.statistics_of(checks)
+        expected = for_drive(thresholds, checks, statistics).expected
+        theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
+        odds = log_odds(statistics) + GATE.planted
+        found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
+    return Planted(tuple(one for one, _ in found), tuple(of for _, of in found))
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How the thresholds of a candidate compare with those of another version, which was made of so many `drives`.
+
+    `found` is the share of planted attacks that the other one finds, `lost` what the candidate loses of them.
+    """
+
+    drives: int
+    steps: tuple[Step, ...]
+    lost: Share
+    found: Share
+
+    @property
+    def rise(self) -> float:
+        """The largest rise of a threshold."""
+        return max((step.rise for step in self.steps), default=0.0)
+
+
+def compared(
+    drives: Sequence[CleanFrames], system: System, before: RobustThresholds, after: RobustThresholds, found: Planted
+) -> Compared:
+    """Compare thresholds, on drives that attacks are planted into; `found` is what those of after find."""
+    earlier = planted_found(drives, system, before)
+    return Compared(before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share)
+
+
+def doubts(step: Compared, creep: Compared) -> Iterator[str]:
+    """Why a person should look before thresholds come into force; `creep` is against those that a person confirmed."""
+    confirmed = "the version that a person confirmed last, or of the first"
+    most = allowed(GATE.most_step, step.drives)
+    if step.rise > most:
+        yield f"a threshold rises by {step.rise:.2f} deviations, more than {most:.2f}, in one refresh"
+    most = allowed(GATE.most_creep, creep.drives)
+    if creep.rise > most:
+        yield f"a threshold lies {creep.rise:.2f} deviations, more than {most:.2f}, above that of {confirmed}"
+    if creep.lost.value > allowed(GATE.most_lost_in_all, creep.drives):
+        yield f"{creep.lost} of planted attacks are lost since {confirmed}"
+
+
+def worse(step: Compared, before: Sequence[Shown], after: Sequence[Shown]) -> Iterator[str]:
+    """Why thresholds are worse than those in force: attacks lost, or more false alarms.
+
+    `before` and `after` are what the same new drives show by the version in force and by the others of the candidate.
+    """
+    if step.lost.value > allowed(GATE.most_lost, step.drives):
+        yield f"{step.lost} of planted attacks that are found now would be lost"
+    more = [new.raised_windows - old.raised_windows for old, new in zip(before, after, strict=True)]
+    difference = difference_of(more, [one.windows for one in before])
+    if difference.low > 0 and difference.value > GATE.most_more_alarms:
+        yield f"{difference} more windows of new clean recordings would be raised"
+
+
+def raised_often(shown: Sequence[Shown], r: Decimal) -> Iterator[str]:
+    """Why a person should look: drives that others judge are raised far more often than r says."""
+    alarms = false_alarms(shown)
+    if alarms.low > GATE.most_false_alarms * float(r):
+        yield (
+            f"recordings judged by the others are raised in {alarms} of {sum(one.windows for one in shown)} windows, "
+            f"more than {GATE.most_false_alarms:g} times r = {r}"
+        )
+
+
+def allowed(most: float, drives: int) -> float:
+    """What may change after so many drives: after few the error of a threshold is larger, and so are honest changes."""
+    prior = HIERARCHY.prior_drives
+    return most * sqrt((INFLUENCE.most_drives + prior) / (min(drives, INFLUENCE.most_drives) + prior))
+
+
+def false_alarms(shown: Sequence[Shown]) -> Share:
+    """The share of windows with findings."""
+    return share_of([one.raised_windows for one in shown], [one.windows for one in shown])

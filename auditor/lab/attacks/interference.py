@@ -1,0 +1,79 @@
+"""Sound and radio waves that change a camera's images without any light."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.attacks.paper import Described
+from auditor.model.frames import CameraImage
+
+_BLUE, _GREEN, _RED = 0, 1, 2
+_BALANCE = {_BLUE: 1.5, _RED: 1.8}  # how much more than green a white balance amplifies them in daylight
+
+
+@dataclass(frozen=True)
+class AcousticBlur(Described):
+    """Sound at the resonance of a stabiliser's gyroscope: the lens moves against a still scene, and blurs it.
+
+    Ji et al., "Poltergeist", IEEE S&P 2021. The image is averaged along a line of `length_px`, `angle_deg` up from the
+    row.
+    """
+
+    length_px: float
+    angle_deg: float
+
+    name = "acoustic blur"
+
+    def apply(self, image: CameraImage) -> CameraImage:
+        """The blurred image."""
+        half = (max(self.length_px, 1.0) - 1) / 2
+        along, angle = np.linspace(-half, half, 4 * int(np.ceil(half)) + 1), np.deg2rad(self.angle_deg)
+        moves = {(round(-np.sin(angle) * step), round(np.cos(angle) * step)) for step in along.tolist()}
+        height, width = image.pixels.shape[:2]
+        total = np.zeros(image.pixels.shape, dtype=np.float32)
+        for down, right in moves:
+            row = np.clip(np.arange(height) + down, 0, height - 1)
+            total += image.pixels[row[:, None], np.clip(np.arange(width) + right, 0, width - 1)]
+        blurred = np.rint(total / len(moves)).astype(np.uint8)
+        return CameraImage(image.sensor, image.stamp_ns, blurred)
+
+
+@dataclass(frozen=True)
+class ElectromagneticStripes(Described):
+    """Radio waves on the cable between sensor and processor: rows are lost, and the rows after them take their places.
+
+    Jiang et al., "GlitchHiker", USENIX Security 2023; Zhang et al., arXiv:2408.05124. A colour camera sends rows of
+    blue and green, and of green and red, in turn. After one lost row the processor takes each kind for the other until
+    a second one is lost: a stripe in which green stands for blue and red, and their mean for green; the white balance
+    amplifies it as blue and red, so that it is magenta. A grey camera's stripe is only moved. `stripes` of `height_px`
+    rows each are spread evenly, the first from row `phase_px` on; `lost_rows` is how many are missing in each.
+    """
+
+    stripes: int
+    height_px: int
+    phase_px: int
+    lost_rows: int = 1
+
+    name = "electromagnetic stripes"
+
+    def apply(self, image: CameraImage) -> CameraImage:
+        """The image with its stripes."""
+        height = image.pixels.shape[0]
+        row = np.arange(height)
+        period = height / max(self.stripes, 1)
+        inside = ((row - self.phase_px) % period < self.height_px) & (self.stripes > 0)
+        source = np.where(inside, np.minimum(row + self.lost_rows, height - 1), row)
+        pixels = image.pixels[source]
+        if pixels.ndim > 2 and self.lost_rows % 2:
+            pixels[inside] = _taken_for_each_other(pixels[inside])
+        return CameraImage(image.sensor, image.stamp_ns, np.ascontiguousarray(pixels))
+
+
+def _taken_for_each_other(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(..., 3) pixels whose rows of blue and green were taken for rows of green and red, and these for those."""
+    found = np.empty(pixels.shape, dtype=np.float32)
+    found[..., _GREEN] = sum(pixels[..., channel] / np.float32(gain) for channel, gain in _BALANCE.items()) / 2
+    for channel, gain in _BALANCE.items():
+        found[..., channel] = pixels[..., _GREEN] * np.float32(gain)
+    return np.clip(np.rint(found), 0, 255).astype(np.uint8)

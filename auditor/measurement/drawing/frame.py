@@ -1,0 +1,119 @@
+"""The pictures of one frame: what each camera recorded, the same with what is damaged, and the cloud."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.disparity.rectification import rectification
+from auditor.measurement.drawing.clouds import range_image, seen_from_above
+from auditor.measurement.drawing.damage import damaged_cloud, damaged_image
+from auditor.model.arrays import Image
+from auditor.model.frames import Frame
+from auditor.model.measurement import Region
+from auditor.model.pictures import Content, FramePicture
+from auditor.model.rig import LIDAR, Rig
+
+Form = Literal["jpg", "png"]
+
+_JPEG_QUALITY = 90
+_RED, _BLUE = (40, 40, 255), (255, 200, 0)  # BGR
+_TINT = 0.35
+_LINE_PX, _DOT_PX = 2, 3
+_BLURRED_COLUMNS = 80
+"""What a blurred image keeps of its width: of a number plate 60 px wide in 1242, four values."""
+
+
+def draw_frame(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:
+    """All pictures of a frame. `rig` is the recording's; `regions` are those measured of the frame.
+
+    A camera without a damaged portion in its image has no overlay. Those of the cloud are PNG whatever the form.
+    Raises RigError where the cameras have no view in common.
+    """
+    pictures = [
+        FramePicture(frame.number, sensor, Content.COLOUR, form, _encoded(image.pixels, form))
+        for sensor, image in sorted(frame.images.items())
+    ]
+    pictures += draw_overlays(frame, rig, regions, form)
+    if frame.cloud is not None and rig.lidar is not None:
+        damaged = damaged_cloud(frame.cloud, rig, regions)
+        for content, draw in ((Content.ABOVE, seen_from_above), (Content.RANGE, range_image)):
+            drawn = draw(frame.cloud.xyz_m, damaged, rig.lidar.rig_SE3_lidar)
+            pictures.append(FramePicture(frame.number, LIDAR, content, "png", _encoded(drawn, "png")))
+    return pictures
+
+
+def draw_overlays(frame: Frame, rig: Rig, regions: Sequence[Region], form: Form = "jpg") -> list[FramePicture]:
+    """Those of the pictures of a frame that show what is damaged in cameras' images. Raises RigError."""
+    ideal, pictures = rectification(rig), []
+    for sensor, image in sorted(frame.images.items()):
+        own = [region for region in regions if region.view == sensor]
+        if own:
+            drawn = _overlaid(ideal.image(image).pixels, frame, ideal.rig, own)
+            pictures.append(FramePicture(frame.number, sensor, Content.OVERLAY, form, _encoded(drawn, form)))
+    return pictures
+
+
+def blur_around(picture: FramePicture, rig: Rig, regions: Sequence[Region]) -> FramePicture:
+    """A camera's picture in which all is blurred but the camera's own damaged portion; one of the cloud as it is.
+
+    As recorded, the images of a rig that is not rectified are blurred whole: portions lie in rectified images. What is
+    blurred has 80 columns left, so nothing brings its details back.
+    """
+    if picture.content in (Content.ABOVE, Content.RANGE):
+        return picture
+    pixels = np.asarray(cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
+    height, width = pixels.shape[:2]
+    kept_size = min(width, _BLURRED_COLUMNS), max(1, height * min(width, _BLURRED_COLUMNS) // width)
+    few = cv2.resize(pixels, kept_size, interpolation=cv2.INTER_AREA)
+    blurred = np.asarray(cv2.resize(few, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    ideal = rectification(rig)
+    if picture.content is Content.OVERLAY or not ideal.remaps:
+        for region in regions:
+            if region.view == region.sensor == picture.sensor:
+                kept = damaged_image(region, ideal.rig.camera(picture.sensor))
+                blurred[kept] = pixels[kept]
+    return FramePicture(picture.frame, picture.sensor, picture.content, picture.form, _encoded(blurred, picture.form))
+
+
+def _overlaid(pixels: Image, frame: Frame, rig: Rig, regions: Sequence[Region]) -> Image:
+    drawn = pixels.copy() if pixels.ndim == 3 else np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    for region in regions:
+        if region.sensor == LIDAR:
+            _dot(drawn, frame, rig, region)
+        else:
+            _tint(drawn, rig, region)
+        left, top, right, bottom = region.box_px
+        colour = _BLUE if region.sensor == LIDAR else _RED
+        cv2.rectangle(drawn, (left, top), (right - 1, bottom - 1), colour, 1)
+        text = f"S_{region.sensor}: {100 * region.share:.0f} %"
+        place = (max(2, min(left, drawn.shape[1] - 90)), max(12, top - 4))
+        cv2.putText(drawn, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 4, cv2.LINE_AA)
+        cv2.putText(drawn, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+    return drawn
+
+
+def _tint(drawn: Image, rig: Rig, region: Region) -> None:
+    """Tint the damaged pixels of a camera, and draw a line around them."""
+    mask = damaged_image(region, rig.camera(region.view))
+    drawn[mask] = ((1 - _TINT) * drawn[mask] + _TINT * np.array(_RED)).astype(np.uint8)
+    lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(drawn, lines, -1, _RED, _LINE_PX)
+
+
+def _dot(drawn: Image, frame: Frame, rig: Rig, region: Region) -> None:
+    """Draw the damaged points of the LiDAR."""
+    if frame.cloud is None:
+        return
+    view = lidar_view(frame.cloud, rig, region.view)
+    held = damaged_image(region, rig.camera(region.view))[view.row, view.column]
+    for row, column in zip(view.row[held].tolist(), view.column[held].tolist(), strict=True):
+        cv2.circle(drawn, (column, row), _DOT_PX // 2, _BLUE, -1)
+
+
+def _encoded(pixels: Image, form: str) -> bytes:
+    options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if form == "jpg" else []
+    _, data = cv2.imencode(f".{form}", pixels, options)
+    return data.tobytes()

@@ -1,0 +1,60 @@
+"""A measured recording that is still where it was read: opened again, and refused where it is another by now."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from auditor.errors import RecordingError
+from auditor.model.frames import Frame
+from auditor.pipeline.measure import in_force
+from auditor.recordings import FrameStream, Location, Recording, find_recordings, open_recording, survey, synchronise
+from auditor.store import RecordingRecord, Store
+
+_ANEW = "put it back, or scan it where it lies now"
+
+
+def location_of(record: RecordingRecord) -> Location:
+    """Where a recording lies, at the last of its places that is still there. Raises RecordingError."""
+    places = dict.fromkeys([record.path, *(one.path for one in reversed(record.sightings))])
+    for place in map(Path, places):
+        if place.exists():
+            return Location(place)
+        files = [place.parent / Path(name).name for name in record.files]
+        if files and all(file.is_file() for file in files):
+            found = find_recordings(files).recordings
+            if len(found) == 1:
+                return found[0]
+    raise RecordingError("the recording is not there any more", where=record.path, remedy=_ANEW)
+
+
+@contextmanager
+def recording_at_hand(store: Store, recording_id: str) -> Iterator[Recording]:
+    """The recording of an id, opened for reading: no byte of it is another than those that were measured.
+
+    Raises RecordingError where it is gone, cannot be read, or is not what was measured.
+    """
+    location = location_of(store.recording(recording_id))
+    with open_recording(location) as recording:
+        if recording.recording_id != recording_id:
+            raise RecordingError(
+                f"the recording is not what was measured: its sha256 is {recording.recording_id[:12]}, not "
+                f"{recording_id[:12]}",
+                where=location,
+                remedy=_ANEW,
+            )
+        yield recording
+
+
+def stream_of(store: Store, measurement_id: str, recording: Recording) -> FrameStream:
+    """The frames of a recording as a measurement numbers them, in colour. Raises RigError."""
+    rig = store.rig(store.measurement(measurement_id).rig_id)
+    known = in_force(recording, survey(recording), rig)
+    return synchronise(recording, rig, known.survey, colour=True, stretches=known.stretches)
+
+
+def frames_at_hand(store: Store, measurement_id: str, frames: Collection[int]) -> Iterator[Frame]:
+    """Some frames of a measurement, read from its recording again. Raises as `recording_at_hand` does, and RigError."""
+    with recording_at_hand(store, store.measurement(measurement_id).recording_id) as recording:
+        for item in stream_of(store, measurement_id, recording).chosen(frames):
+            if isinstance(item, Frame):
+                yield item

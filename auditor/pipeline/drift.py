@@ -1,0 +1,89 @@
+"""Drift of a fleet: the daily levels of a store, and what became of each check of each sensor."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from datetime import date, timedelta
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from auditor.identification.drift.parameters import DRIFT, LEAST_DEVIATIONS
+from auditor.identification.drift.series import DailyLevels, Drift, SeriesName, drifts
+from auditor.model.drift import FleetDrift, LevelChange, SensorDrift
+from auditor.store import Store, run_sql
+
+_EPOCH = date(1970, 1, 1)
+_DAYS = """
+SELECT max(day) AS last_day, count(*) AS recordings, count(*) FILTER (day IS NULL) AS of_nobody
+FROM (
+    SELECT
+        CASE
+            WHEN vehicle IS NULL THEN NULL
+            WHEN date IS NULL AND clock = 'utc' THEN CAST(make_timestamp_ns(from_ns) AS DATE)
+            ELSE date
+        END AS day
+    FROM recordings
+)
+"""
+
+
+def fleet_drift(store: Store, days: int = DRIFT.days) -> FleetDrift:
+    """The drift of a store's vehicles over the last days. Raises StoreError."""
+    [known] = run_sql(store, _DAYS).to_pylist()
+    last_day: date | None = known["last_day"]
+    first_day = last_day - timedelta(days=days - 1) if last_day is not None else None
+    rows = _rows(store, first_day) if first_day is not None else []
+    comparisons = list(_comparisons(rows))
+    rigs = {(row["kind"], row["vehicle"], row["day"]): row["rigs"] for row in rows}
+    units = {row["check_name"]: row["unit"] for row in rows}
+    found = [_sensor(one, units, rigs) for one in drifts(comparisons, asdict(LEAST_DEVIATIONS))]
+    found.sort(key=lambda one: (not one.named, one.chance, one.vehicle, one.sensor, one.check))
+    return FleetDrift(tuple(found), first_day, last_day, known["recordings"], known["of_nobody"], DRIFT.false_alarms)
+
+
+def _rows(store: Store, first_day: date) -> list[dict[str, Any]]:
+    sql = f"SELECT * FROM daily_levels WHERE day >= DATE '{first_day}' AND frames >= {DRIFT.fewest_frames}"  # noqa: S608 - ours
+    rows: list[dict[str, Any]] = run_sql(store, sql).to_pylist()
+    return rows
+
+
+def _comparisons(rows: Sequence[Mapping[str, Any]]) -> Iterator[DailyLevels]:
+    def name(row: Mapping[str, Any]) -> SeriesName:
+        return SeriesName(row["kind"], row["check_name"], tuple(row["sensors"]), row["vehicle"])
+
+    for known, some in groupby(sorted(rows, key=lambda row: (name(row), row["day"])), name):
+        of_series = list(some)
+        day = np.array([(row["day"] - _EPOCH).days for row in of_series], dtype=np.int64)
+        level = np.array([row["level"] for row in of_series], dtype=np.float64)
+        yield DailyLevels(known, of_series[0]["signed"], day, level)
+
+
+def _sensor(one: Drift, units: Mapping[str, str], rigs: Mapping[tuple[str, str, date], list[str]]) -> SensorDrift:
+    kind, vehicle = one.name.kind, one.name.vehicle
+    days = [_date(day) for day in one.levels.day.tolist()]
+    change = None
+    if one.changes:
+        last = one.changes[-1]
+        after, on = _date(last.after_day), _date(last.on_day)
+        anew = rigs[kind, vehicle, after] != rigs[kind, vehicle, on]
+        change = LevelChange(after, on, last.before, last.now, anew)
+    return SensorDrift(
+        vehicle=vehicle,
+        sensor=one.name.sensors[0],
+        check=one.name.check,
+        level=one.level,
+        unit=units[one.name.check],
+        per_day=one.per_day,
+        drifting=one.trending,
+        days_left=one.days_left,
+        change=change,
+        chance=min([one.chance, *(known.chance for known in one.changes)]),
+        deviation=one.deviation,
+        kind=kind,
+        levels=tuple(zip(days, one.levels.level.tolist(), strict=True)),
+    )
+
+
+def _date(day: int) -> date:
+    return _EPOCH + timedelta(days=day)

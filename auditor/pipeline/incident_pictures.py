@@ -1,0 +1,106 @@
+"""Pictures chosen by the verdict: a second pass over those frames of recordings that show incidents."""
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from auditor.errors import AuditorError
+from auditor.measurement import use_one_thread
+from auditor.measurement.drawing import draw_frame
+from auditor.model.pictures import Pictures
+from auditor.pipeline.at_hand import frames_at_hand, location_of
+from auditor.pipeline.many import LimitsOf
+from auditor.pipeline.workers import run_all
+from auditor.recordings import Location
+from auditor.store import Store, rows_of, run_sql
+from auditor.store.pictures import pictured_in_full
+
+MOST_INCIDENTS = 100
+"""Incidents of a measurement that are pictured, the strongest first: a night of faults must not fill the disk."""
+
+_EXAMPLES = """
+    SELECT example.measurement_id, incident_id, list(DISTINCT example.frame) AS frames
+    FROM incident_examples AS example
+    JOIN incidents USING (incident_id)
+    WHERE example.measurement_id IN ({})
+    GROUP BY ALL
+    ORDER BY any_value(largest_gap) DESC NULLS LAST, incident_id
+"""
+
+
+@dataclass(frozen=True)
+class PictureTask:
+    """Frames of one measurement that are to be pictured."""
+
+    recording: Location
+    store: Path
+    measurement_id: str
+    frames: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return str(self.recording)
+
+
+@dataclass(frozen=True)
+class Pictured:
+    """What became of a measurement's incidents: how many frames were pictured, and what people should know."""
+
+    recording: str
+    frames: int = 0
+    remark: str = ""
+
+
+def picture_incidents(
+    store: Store, measurement_ids: Collection[str], pictures: Pictures, limits: LimitsOf, jobs: int = 1
+) -> Iterator[Pictured]:
+    """Picture the incidents of measurements that have no pictures yet; each recording in a process with its budget.
+
+    A recording that is gone, or is another by now, gets a remark; the others go on. Raises StoreError.
+    """
+    tasks: list[PictureTask] = []
+    wanted = _wanted_frames(store, measurement_ids) if pictures != Pictures.NONE and measurement_ids else {}
+    for known, of_incidents in wanted.items():
+        record = store.recording(store.measurement(known).recording_id)
+        if (left_out := len(of_incidents) - MOST_INCIDENTS) > 0:
+            yield Pictured(record.name, remark=f"{left_out} of its incidents, the weakest, get no pictures")
+        frames = {frame for one in of_incidents[:MOST_INCIDENTS] for frame in one}
+        frames -= pictured_in_full(store.folder / "pictures", known)
+        if frames:
+            try:
+                tasks.append(PictureTask(location_of(record), store.folder, known, tuple(sorted(frames))))
+            except AuditorError as error:
+                yield Pictured(record.name, remark=_no_pictures(error))
+    for outcome in run_all(picture_frames, tasks, jobs, _silent, lambda task: limits(task.recording)):
+        remark = _no_pictures(outcome.error) if outcome.error is not None else ""
+        yield Pictured(outcome.item.recording.name, outcome.result or 0, remark)
+
+
+def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
+    """Keep the pictures of frames, and tell how many frames there were. Raises RecordingError, RigError, StoreError."""
+    use_one_thread()
+    store = Store.open(task.store)
+    rig = store.rig(store.measurement(task.measurement_id).rig_id)
+    done = 0
+    for frame in frames_at_hand(store, task.measurement_id, task.frames):
+        regions = store.load_regions(task.measurement_id, frame.number)
+        store.write_frame_pictures(task.measurement_id, draw_frame(frame, rig, regions))
+        done += 1
+    return done
+
+
+def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, list[list[int]]]:
+    """By measurement the frames that show each of its incidents, the strongest incident first."""
+    listed = ", ".join(f"'{known}'" for known in measurement_ids)
+    frames: defaultdict[str, list[list[int]]] = defaultdict(list)
+    for row in rows_of(run_sql(store, _EXAMPLES.format(listed))):
+        frames[row["measurement_id"]].append(row["frames"])
+    return frames
+
+
+def _no_pictures(error: AuditorError) -> str:
+    return f"no pictures of its incidents: {error}"
+
+
+def _silent(_: object, __: str, ___: int) -> None:
+    """How far it is, is not told."""

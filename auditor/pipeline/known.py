@@ -1,0 +1,70 @@
+"""Files that a store has read before: while they are as they were then, they are not read again."""
+
+import hashlib
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auditor.measurement.disparity.matchers import find_matcher
+from auditor.model.measurement import Procedure
+from auditor.model.text import storable
+from auditor.pipeline.measured import Measured, measured_of, procedure_by
+from auditor.recordings import Location, Origin, located
+from auditor.store import RecordingRecord, Sighting, Store
+from auditor.store.records import content_id
+
+if TYPE_CHECKING:
+    from auditor.pipeline.measure import MeasureTask
+
+
+def stamp_of(where: Path | Location, procedure: Procedure, rig: Path | None) -> str | None:
+    """A hash of a recording's files, unread, of how it is measured, and of a rig file; None where files are gone."""
+    with suppress(OSError):
+        rig_file = hashlib.sha256(rig.read_bytes()).hexdigest() if rig is not None else None
+        return content_id("files", located(where).identity, list(vars(procedure).values()), rig_file)
+    return None
+
+
+def sighted(before: Sequence[Sighting], path: Path, stamp: str | None, measured: Sequence[str]) -> tuple[Sighting, ...]:
+    """The names and paths that a content was read under, after it was read at this path, in order."""
+    name, place = storable(path.name), storable(str(path.resolve()))
+    now = [one for one in before if (one.name, one.path) == (name, place)]
+    seen = now[0] if now else Sighting(name, place, datetime.now(UTC))
+    read = replace(seen, stamp=stamp, measurements=tuple(measured))
+    return (*(read if one == seen else one for one in before), *([] if now else [read]))
+
+
+class KnownFiles:
+    """The files of some tasks for one store, of which it knows some."""
+
+    def __init__(self, tasks: "Sequence[MeasureTask]", *, read_again: bool) -> None:
+        self._seen: dict[str, list[tuple[RecordingRecord, Sighting]]] = {}
+        if not tasks or read_again:
+            return
+        self._store = Store.open(tasks[0].store)
+        self._procedure = procedure_by(find_matcher(tasks[0].matcher, tasks[0].network))
+        for record in self._store.recordings():
+            for one in record.sightings:
+                self._seen.setdefault(one.path, []).append((record, one))
+
+    def measured(self, task: "MeasureTask") -> Measured | None:
+        """What the store has of a recording whose files are as they were when it read them; None where they are not."""
+        path = located(task.recording).path
+        seen = self._seen.get(storable(str(path.resolve())), ())
+        stamp = stamp_of(task.recording, self._procedure, task.rig) if seen else None
+        for record, one in seen:
+            if one.stamp is None or one.stamp != stamp or _tells_more(task.origin, record):
+                continue
+            if one.measurements and all(map(self._store.has_measurement, one.measurements)):
+                known = [self._store.measurement(measurement) for measurement in one.measurements]
+                return measured_of(path, record.recording_id, known)
+        return None
+
+
+def _tells_more(origin: Origin, record: RecordingRecord) -> bool:
+    """Whether an origin that is given is another than the store's."""
+    known = Origin(record.vehicle, record.date, record.drive)
+    return origin.over(known) != known

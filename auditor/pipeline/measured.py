@@ -1,0 +1,51 @@
+"""What becomes of a recording that is measured, and how this auditor measures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from auditor.measurement.disparity.matchers import Matcher
+from auditor.measurement.parameters import measuring_digest
+from auditor.model.measurement import Procedure, procedure_of
+from auditor.recordings.parameters import synchronising_digest
+from auditor.store import StoredMeasurement
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A recording that is in the store: its measurements, one a rig, and whether any of it was measured just now."""
+
+    recording: Path
+    recording_id: str
+    measurement_ids: tuple[str, ...]
+    frames: int
+    fresh: bool
+    damage: tuple[str, ...]
+    calibration_warnings: tuple[str, ...]
+
+
+def measured_of(
+    path: Path, recording_id: str, measurements: Sequence[StoredMeasurement], *, fresh: bool = False
+) -> Measured:
+    """What is said of a recording that has these measurements."""
+    return Measured(
+        recording=path,
+        recording_id=recording_id,
+        measurement_ids=tuple(one.measurement_id for one in measurements),
+        frames=sum(one.frames for one in measurements),
+        fresh=fresh,
+        damage=damage_of(measurements),
+        calibration_warnings=tuple(dict.fromkeys(said for one in measurements for said in one.calibration_warnings)),
+    )
+
+
+def damage_of(measurements: Sequence[StoredMeasurement]) -> tuple[str, ...]:
+    """The damage that measurements of one recording met, each piece once."""
+    return tuple(dict.fromkeys(piece for one in measurements for piece in one.damage))
+
+
+def procedure_by(matcher: Matcher) -> Procedure:
+    """How this auditor measures with a matcher."""
+    return procedure_of(
+        matcher.name, matcher.settings, measuring=measuring_digest(), synchronising=synchronising_digest()
+    )

@@ -1,0 +1,247 @@
+"""Which logs of a rig kind are learnt from. Nothing is written here."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+
+from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
+from auditor.identification.refreshing.influence import crowded, influential, limited
+from auditor.identification.refreshing.two_samples import differing
+from auditor.identification.systems import System
+from auditor.model.calibration import Calibration, CleanFrames
+from auditor.pipeline.refreshing.pool import Group, Log
+from auditor.pipeline.versions import GIVEN, taken
+from auditor.store.versions.quarantine import Quarantined
+from auditor.store.versions.records import UsedRecording
+
+NAMED = "named clean"
+LABELLED = "labelled clean"
+"""With a label of its own: somebody looked at this recording."""
+
+_BY_PERSON = (NAMED, LABELLED, GIVEN)
+_WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"
+_BEFORE = "in the version of before"
+_NOT_NAMED = "the first version is made of what was named clean"
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a rig kind before a refresh.
+
+    `parent` is the version in force, `before` what it was made of, `confirmed` the version that a person confirmed
+    last. `withdrawn` are recordings that were new in versions that were rolled back; `waiting` those that a person
+    should look at, by recording.
+    """
+
+    parent: Calibration | None = None
+    confirmed: Calibration | None = None
+    before: tuple[UsedRecording, ...] = ()
+    withdrawn: frozenset[str] = frozenset()
+    waiting: Mapping[str, Quarantined] = field(default_factory=dict)
+
+    @property
+    def judges(self) -> str:
+        """Which thresholds new logs are judged by."""
+        return "the version in force" if self.parent is not None else "the prior"
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A recording that is learnt from, its frames, and what it shows when others judge it.
+
+    `at_first` is what it showed by the version in force; None where it was not judged by that.
+    """
+
+    used: UsedRecording
+    drive: Drive
+    shown: Shown | None = None
+    at_first: Shown | None = None
+
+    @property
+    def named(self) -> bool:
+        """Whether a person called it clean."""
+        return self.used.reason in _BY_PERSON
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it was named clean among others, and nobody says that this one was looked at."""
+        return self.named and self.used.reason != LABELLED
+
+    @property
+    def new(self) -> bool:
+        """Whether it was judged in this refresh for the first time."""
+        return self.at_first is not None
+
+    def out(self, reason: str) -> UsedRecording:
+        """The recording as one that a person should look at."""
+        return replace(self.found, included=False, reason=reason, look_at=True)
+
+    @property
+    def found(self) -> UsedRecording:
+        """The recording with what it shows."""
+        return with_shown(self.used, self.shown or self.at_first)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The logs that are learnt from, and those that are not.
+
+    `raised` of the `judged` logs that are new did not seem clean; `waiting` are all that a person should look at since
+    they did not, those of earlier refreshes among them.
+    """
+
+    chosen: tuple[Chosen, ...]
+    out: tuple[UsedRecording, ...]
+    judged: int
+    raised: int
+
+    @property
+    def judged_twice(self) -> tuple[list[Shown], list[Shown]]:
+        """What the new logs that are learnt from show by the version in force, and by the others."""
+        both = [(one.at_first, one.shown) for one in self.chosen if one.at_first is not None and one.shown is not None]
+        return [before for before, _ in both], [after for _, after in both]
+
+    @property
+    def waiting(self) -> int:
+        """The logs that did not seem clean, and that nobody has looked at."""
+        return sum(one.look_at and one.findings_by_others is not None for one in self.out)
+
+    @property
+    def some_named(self) -> bool:
+        """Whether a person called one of them clean."""
+        return any(one.named for one in self.chosen)
+
+    def without(self, reasons: Mapping[int, str]) -> "Choice":
+        """The choice without some of those that are learnt from, by their places, which were raised."""
+        left = tuple(one for place, one in enumerate(self.chosen) if place not in reasons)
+        out = tuple(self.chosen[place].out(reason) for place, reason in reasons.items())
+        return Choice(left, (*self.out, *out), self.judged, self.raised + len(out))
+
+
+def with_shown(used: UsedRecording, shown: Shown | None) -> UsedRecording:
+    """The recording with what it shows; as it is where it was not judged."""
+    if shown is None:
+        return used
+    return replace(used, findings_by_others=shown.findings, incidents_by_others=shown.incidents)
+
+
+def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
+    """The logs that nothing bars, as many as may count, that seem clean or were named so."""
+    named, others, barred = _eligible(group, known)
+    others, too_many = _within_limits(others)
+    base = thresholds_of(known.parent.clean if known.parent is not None else (), system, r)
+    in_force = set(known.parent.recordings) if known.parent is not None else set()
+    by = known.judges if known.parent is not None else f"{known.judges} and the others"
+    chosen = [_chosen(log, known, LABELLED if log.labelled else NAMED) for log in named] + _gone(known, group)
+    raised = list[UsedRecording]()
+    for log in others:
+        if log.used.recording_id in in_force:
+            chosen.append(_chosen(log, known, _BEFORE))
+            continue
+        one = _chosen(log, known, f"judged clean by {by}")
+        one = replace(one, at_first=shown_by(one.drive.clean, system, base))
+        if one.at_first is not None and (reason := one.at_first.raised(r)):
+            raised.append(one.out(f"raised by {known.judges}: {reason}"))
+        else:
+            chosen.append(one)
+    out = (*barred, *too_many, *raised)
+    new = sum(one.new for one in chosen) + len(raised)
+    return _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
+
+
+def _within_limits(logs: Sequence[Log]) -> tuple[list[Log], list[UsedRecording]]:
+    """The logs that count, and those of a vehicle, day or road that has too many of them."""
+    too_many = dict(limited([log.source for log in logs]))
+    left = [log for place, log in enumerate(logs) if place not in too_many]
+    same_road = dict(crowded([log.circumstances().visited for log in left]))
+    out = [_out(logs[place], reason) for place, reason in too_many.items()]
+    out += [_out(left[place], reason) for place, reason in same_road.items()]
+    return [log for place, log in enumerate(left) if place not in same_road], out
+
+
+def _eligible(group: Group, known: Known) -> tuple[list[Log], list[Log], list[UsedRecording]]:
+    """The logs that a person named, others that may be learnt from, and those that may not."""
+    vouched = {one.recording_id for one in known.before if one.reason in _BY_PERSON}
+    named_only = known.parent is None and any(log.named and not log.barred for log in group.logs)
+    named, others, out = list[Log](), list[Log](), list[UsedRecording]()
+    for log in group.logs:
+        recording = log.used.recording_id
+        waiting = known.waiting.get(recording)
+        if log.barred:
+            out.append(_out(log, log.barred, look_at=log.look_at))
+        elif log.named or recording in vouched:
+            named.append(log)
+        elif log.doubt:
+            out.append(_out(log, log.doubt, look_at=log.look_at))
+        elif waiting is not None and waiting.judged:
+            used = replace(log.used, findings_by_others=waiting.findings_by_others)
+            out.append(replace(used, reason=waiting.reason, look_at=True))
+        elif recording in known.withdrawn:
+            out.append(_out(log, _WITHDRAWN, look_at=True))
+        elif named_only:
+            out.append(_out(log, _NOT_NAMED))
+        else:
+            others.append(log)
+    return named, others, out
+
+
+def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
+    """New logs compared with the others, then each judged by logs of other vehicles and days.
+
+    Those that nobody named, and that are not like the others, move a threshold far or are raised, go out; then the rest
+    is compared again.
+    """
+    while True:
+        drives = [one.drive for one in choice.chosen]
+        new = [place for place, one in enumerate(choice.chosen) if one.new]
+        odd = {place: str(one) for place, one in differing(drives, new, system).items()}
+        if odd := odd or influential(drives, new, system, r):
+            choice = choice.without(odd)
+            continue
+        every = shown_by_others(drives, system, r)
+        chosen = tuple(replace(one, shown=shown) for one, shown in zip(choice.chosen, every, strict=True))
+        raised = {place: shown.raised(r) for place, shown in enumerate(every) if not chosen[place].named}
+        choice = replace(choice, chosen=chosen)
+        reasons = {place: f"raised by the others: {reason}" for place, reason in raised.items() if reason}
+        if not reasons:
+            return choice
+        choice = choice.without(reasons)
+
+
+def _gone(known: Known, group: Group) -> list[Chosen]:
+    """The recordings of the version in force that no store has any more: their frames are in its calibration."""
+    there = {log.used.recording_id for log in group.logs}
+    used = {one.recording_id: one for one in known.before}
+    return [
+        Chosen(used[one.recording_id], Drive(Source(one.recording_id, *used[one.recording_id].origin), one))
+        for one in (known.parent.clean if known.parent is not None else ())
+        if one.recording_id not in there and one.recording_id in used
+    ]
+
+
+def _chosen(log: Log, known: Known, reason: str) -> Chosen:
+    drive = _drive(log, known)
+    hour = log.circumstances().time_of_day
+    used = replace(taken(log.used, drive.clean), reason=reason, time_of_day=hour.value if hour else None)
+    return Chosen(used, drive)
+
+
+def _drive(log: Log, known: Known) -> Drive:
+    """The frames of a log: those that the version in force keeps, or the store's."""
+    return Drive(log.source, _kept_frames(log, known.parent) or log.frames())
+
+
+def _kept_frames(log: Log, parent: Calibration | None) -> CleanFrames | None:
+    of_log = [one for one in parent.clean if one.recording_id == log.used.recording_id] if parent else []
+    return of_log[0] if len(of_log) == 1 else None
+
+
+def _out(log: Log, reason: str, *, look_at: bool = False) -> UsedRecording:
+    return replace(log.used, reason=reason, look_at=look_at)
+
+
+def considered(choice: Choice) -> Sequence[UsedRecording]:
+    """All recordings, those that are learnt from and those that are not, by day and name."""
+    every = (*(one.found for one in choice.chosen), *choice.out)
+    return sorted(every, key=lambda one: (str(one.day or ""), one.name))

@@ -1,0 +1,1 @@
+"""What continuous integration takes: which incidents fail, and the same as SARIF and JUnit."""

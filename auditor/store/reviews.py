@@ -1,0 +1,117 @@
+"""Reviews: what somebody said of an incident. They are kept in files of their own, and none is ever changed.
+
+A review is bound to what stays when an incident is measured or judged anew: recordings by their content, the drive, the
+time and the sensors. The views `reviews` and `incidents` find it again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, date, datetime
+from enum import StrEnum
+from typing import Any
+
+from auditor.errors import StoreError
+from auditor.store.export import rows_of
+from auditor.store.log import Kind, logged
+from auditor.store.log.provenance import user
+from auditor.store.queries import run_query
+from auditor.store.records import content_id, to_utc
+from auditor.store.store import Store
+
+
+class ReviewVerdict(StrEnum):
+    """What a reviewer says of an incident."""
+
+    CONFIRMED = "confirmed"
+    FALSE_ALARM = "false-alarm"
+    KNOWN = "known"
+
+
+EXCUSING = frozenset({ReviewVerdict.FALSE_ALARM, ReviewVerdict.KNOWN})
+"""What is said of incidents that nobody has to look at again."""
+
+
+@dataclass(frozen=True)
+class Review:
+    """One review. `until` is the last day on which it counts, None where it counts for good; times are UTC."""
+
+    verdict: ReviewVerdict
+    reason: str
+    until: date | None
+    author: str
+    reviewed_at: datetime
+    incident_id: str
+    kind: str
+    name: str
+    recordings: tuple[str, ...]
+    drive_id: str | None
+    sensors: tuple[str, ...]
+    from_ns: int
+    to_ns: int
+
+    @property
+    def review_id(self) -> str:
+        """The id that follows from everything in it."""
+        values = asdict(self)
+        return content_id("review", {name: str(value) for name, value in values.items()})
+
+
+def incident_called(incidents: Sequence[dict[str, Any]], beginning: str) -> dict[str, Any]:
+    """The one of some rows of the view `incidents` whose id begins so. Raises StoreError unless it is just one."""
+    found = [row for row in incidents if row["incident_id"].startswith(beginning)]
+    if len(found) == 1 and beginning:
+        return found[0]
+    what = f"{len(found)} incidents have an id that begins so" if found else "the store has no such incident"
+    raise StoreError(what, where=beginning, remedy="auditor query incidents lists them with their ids")
+
+
+def review_incident(
+    store: Store, incident: Mapping[str, Any], verdict: ReviewVerdict, reason: str, until: date | None = None
+) -> Review:
+    """Keep what the user of this process says of an incident, a row of the view `incidents`. Raises StoreError."""
+    recording = store.recording(incident["recording_id"])
+    review = Review(
+        verdict=verdict,
+        reason=reason,
+        until=until,
+        author=user(),
+        reviewed_at=datetime.now(UTC),
+        incident_id=incident["incident_id"],
+        kind=incident["kind"],
+        name=incident["name"],
+        recordings=tuple(part["recording_id"] for part in incident["parts"]),
+        # Relative clocks of two recordings show the same stamps at different times.
+        drive_id=incident["drive_id"] if recording.clock != "relative" else None,
+        sensors=tuple(incident["attacked_names"]),
+        from_ns=incident["from_ns"],
+        to_ns=incident["to_ns"],
+    )
+    keep_review(store, review)
+    return review
+
+
+def keep_review(store: Store, review: Review) -> None:
+    """Put a review beside the others; the log says who reviewed what. Raises StoreError."""
+    with logged(store.folder) as entry:
+        row = {**asdict(review), "review_id": review.review_id, "reviewed_at": to_utc(review.reviewed_at)}
+        store.write("reviews", review.review_id, [row])
+        entry.say(
+            Kind.REVIEWED,
+            {
+                "review": review.review_id,
+                "incident": review.incident_id,
+                "verdict": review.verdict.value,
+                "author": review.author,
+                "until": str(review.until) if review.until else None,
+            },
+        )
+
+
+def false_alarms(store: Store) -> frozenset[str]:
+    """The measurements that have incidents, all of them reviewed as false alarms. Raises StoreError."""
+    said: dict[str, set[str | None]] = {}
+    if store.ids("reviews"):
+        for row in rows_of(run_query(store, "incidents", {})):
+            for part in row["parts"]:
+                said.setdefault(part["measurement_id"], set()).add(row["review"])
+    return frozenset(known for known, words in said.items() if words == {ReviewVerdict.FALSE_ALARM})

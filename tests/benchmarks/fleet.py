@@ -1,0 +1,210 @@
+"""What verbs cost in a store of many recordings: `python -m tests.benchmarks.fleet --recordings 100 200 400`.
+
+The recordings repeat two that were measured, an attacked one every twentieth time, under new ids and stamps. Prints the
+CPU seconds and peak memory of each verb, by the number of recordings, in a process of its own.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from auditor.store import Store
+from auditor.store.files import make_folder
+from auditor.store.log import Output, logged, output_of
+from auditor.store.schema import SCHEMA_VERSION, table_schema
+from auditor.store.tables import read_table
+from tests.store.kept import unpack
+
+ATTACKED_EVERY = 20
+OF_FRAMES = ("cells", "fault_features", "regions", "poses", "frames")
+_DAY_NS = 24 * 3600 * 10**9
+_APART_NS = 1000 * 10**9
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All rows of one recording that was measured and judged, by table."""
+
+    tables: Mapping[str, pa.Table]
+    frames: int
+    period_ns: int
+
+
+def measured_in(folder: Path) -> list[Measured]:
+    """A clean and an attacked recording of the kept store, each with its latest judgement by the robust method."""
+    store = Store.open(unpack(SCHEMA_VERSION, folder)[0])
+    by_name = {store.recording(one.recording_id).name: one.measurement_id for one in store.measurements()}
+    return [_measured(store, by_name[name]) for name in ("clean.mcap", "attacked.mcap")]
+
+
+def _measured(store: Store, known: str) -> Measured:
+    measurement = store.measurement(known)
+    judgement = next(one for one in reversed(store.judgements()) if one.measurement_id == known)
+    ids = {
+        "recordings": measurement.recording_id,
+        "measurements": known,
+        **dict.fromkeys(OF_FRAMES, known),
+        "verdicts": judgement.judgement_id,
+        "judgements": judgement.judgement_id,
+    }
+    tables = {table: read_table(table, store.path(table, row_id)) for table, row_id in ids.items()}
+    stamps = np.diff(tables["frames"]["stamp_ns"].to_numpy())
+    return Measured(tables, measurement.frames, int(np.median(stamps)))
+
+
+def fill(folder: Path, recordings: int, frames: int, tables: Sequence[str], first: int = 0) -> None:
+    """Add recordings of so many frames to the store in a folder, made there where there is none; some tables only."""
+    with tempfile.TemporaryDirectory() as place:
+        kept = unpack(SCHEMA_VERSION, Path(place))[0]
+        known = measured_in(Path(place))
+        store, old = Store.open(folder, create=True), Store.open(kept)
+        with logged(store.folder) as entry:
+            for table in ("rigs", "triples", "sensor_checks", "calibrations", "calibration_history"):
+                for path in old.finished_paths(table):
+                    _write(store, table, path.stem, read_table(table, path), entry)
+            for number in range(first, first + recordings):
+                _add(store, number, frames, known[number % ATTACKED_EVERY == ATTACKED_EVERY - 1], set(tables), entry)
+
+
+def _add(store: Store, number: int, frames: int, one: Measured, tables: set[str], entry: Any) -> None:
+    def named(what: str, digits: int) -> str:
+        return sha256(f"{what} {number}".encode()).hexdigest()[:digits]
+
+    shift_ns = number * _APART_NS
+    ids = {
+        "recording_id": named("recording", 64),
+        "measurement_id": named("measurement", 32),
+        "judgement_id": named("judgement", 32),
+    }
+    length_ns = frames * one.period_ns
+    outputs = {}
+    for table in (*OF_FRAMES, "verdicts"):
+        content = _repeated(one.tables[table], frames, one, shift_ns)
+        content = _renamed(content, ids).slice(0, None if table in tables else 0)
+        row_id = ids["judgement_id" if table == "verdicts" else "measurement_id"]
+        outputs[table] = _write(store, table, row_id, content, None)
+    measurement = {
+        "frames": frames,
+        "measured": frames,
+        "skipped": [],
+        "outputs": [outputs[table].fields for table in OF_FRAMES],
+    }
+    first_ns = one.tables["measurements"]["first_stamp_ns"][0].as_py() + shift_ns
+    span = {"first_stamp_ns": first_ns, "last_stamp_ns": first_ns + length_ns}
+    row = {**one.tables["measurements"].to_pylist()[0], **measurement, **span, **_of(ids, "measurements")}
+    _write_row(store, "measurements", ids["measurement_id"], row, entry)
+    before = one.tables["judgements"].to_pylist()[0]
+    counts = ("clean", "attacked", "unidentified", "suspect", "not_auditable", "in_incidents")
+    times = frames // one.frames
+    row = {**before, **{name: before[name] * times for name in counts}, "outputs": [outputs["verdicts"].fields]}
+    _write_row(store, "judgements", ids["judgement_id"], {**row, **_of(ids, "judgements")}, entry)
+    name = f"drive_{number:05}.mcap"
+    row = one.tables["recordings"].to_pylist()[0] | {"name": name, "path": f"/logs/{name}", "sightings": None}
+    row |= {"from_ns": first_ns, "to_ns": first_ns + length_ns, "vehicle": f"car{number % 20}", "conflicts": []}
+    _write_row(store, "recordings", ids["recording_id"], {**row, **_of(ids, "recordings")}, entry)
+
+
+def _of(ids: Mapping[str, str], table: str) -> dict[str, str]:
+    names = table_schema(table).arrow.names
+    return {name: value for name, value in ids.items() if name in names}
+
+
+def _repeated(content: pa.Table, frames: int, one: Measured, shift_ns: int) -> pa.Table:
+    """Rows of frames, repeated until there are so many frames."""
+    times = frames // one.frames
+    place = np.tile(np.arange(len(content)), times)
+    again = np.repeat(np.arange(times), len(content))
+    found = content.take(place)
+    for name, step in (("frame", one.frames), ("stamp_ns", one.frames * one.period_ns)):
+        if name in found.column_names:
+            shifted = found[name].to_numpy() + again * step + (shift_ns if name == "stamp_ns" else 0)
+            found = found.set_column(found.column_names.index(name), found.field(name), pa.array(shifted))
+    return found
+
+
+def _renamed(content: pa.Table, ids: Mapping[str, str]) -> pa.Table:
+    for name, value in ids.items():
+        if name in content.column_names:
+            column = pa.repeat(pa.scalar(value, content.field(name).type), len(content))
+            content = content.set_column(content.column_names.index(name), content.field(name), column)
+    return content
+
+
+def _write_row(store: Store, table: str, row_id: str, row: Mapping[str, Any], entry: Any) -> None:
+    _write(store, table, row_id, pa.Table.from_pylist([dict(row)], schema=table_schema(table).arrow), entry)
+
+
+def _write(store: Store, table: str, row_id: str, content: pa.Table, entry: Any) -> Output:
+    """As the store writes it, but for making it survive a power cut."""
+    schema, path = table_schema(table), store.path(table, row_id)
+    make_folder(path.parent)
+    pq.write_table(
+        content.replace_schema_metadata(schema.arrow.metadata),
+        path,
+        compression="zstd",
+        use_dictionary=schema.dictionary_columns,
+        column_encoding=schema.encodings,
+    )
+    output = output_of(path, store.folder)
+    if entry is not None:
+        with entry.writing([output]):
+            pass
+    return output
+
+
+def cost(words: Sequence[str]) -> tuple[float, float, int]:
+    """CPU seconds, peak memory in MB and exit code of a command and all its workers."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "auditor", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, process.returncode
+
+
+def verbs(store: Path) -> Iterator[tuple[str, list[str]]]:
+    """The verbs that are measured, in this order."""
+    where = ["--store", str(store)]
+    yield "summary", ["query", "summary", "--format", "csv", *where]
+    yield "incidents", ["query", "incidents", "--format", "csv", *where]
+    yield "calibrate", ["calibrate", str(store), "--store", f"{store}.calibrated"]
+    yield "judge", ["judge", str(store)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recordings", type=int, nargs="+", default=[100, 200, 400])
+    parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--tables", nargs="*", default=[*OF_FRAMES[1:], "verdicts"], help="those that have rows")
+    parser.add_argument("--verbs", nargs="*", default=["summary", "incidents", "calibrate", "judge"])
+    parser.add_argument("--into", type=Path, help="keep the store in this folder")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        folder, before = (options.into or Path(place)) / "audit", 0
+        for recordings in options.recordings:
+            fill(folder, recordings - before, options.frames, options.tables, before)
+            before = recordings
+            for verb, words in verbs(folder):
+                if verb in options.verbs:
+                    seconds, memory, code = cost(words)
+                    each = 1000 * seconds / (recordings * options.frames)
+                    print(
+                        f"{recordings:6} recordings {verb:10} {seconds:7.2f} CPU s, {each:.4f} ms a frame, "
+                        f"{memory:5.0f} MB, exit {code}",
+                        flush=True,
+                    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,294 @@
+"""Fits the curves of the likelihood of attack sets, and measures how true the posterior is that they give.
+
+Reads what `python -m tests.benchmarks.clean_statistics --attacked` measured. Each scene is scored by thresholds of the
+scenes of other families in its folder. The curves are linear between knots, ascending for a sensor of the set and
+descending for the rest, and fitted by multinomial logistic regression; every kind of attack weighs as much, and clean
+frames as much as half of all kinds, the share of each set in that being taken for its prior:
+
+    python -m tests.benchmarks.likelihood FOLDER... [--without NAME] [--judge FOLDER...]
+
+With --judge the scenes of those folders are judged by the curves that were fitted (those of one NAME alone where scenes
+of it were left out), with three and with four cameras: of the frames that are findings at r = 1 %, by attack, how many
+are named with at least the least probability, rightly and wrongly; then the expected calibration error and Brier
+scores, of all and of the families that have enough names.
+"""
+
+import argparse
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from auditor.identification import likelihood, parameters
+from auditor.identification.algorithm2 import FEWEST_COMPARED
+from auditor.identification.likelihood import AttackSet, attack_sets, explained, log_likelihood_ratios, posteriors
+from auditor.identification.naming import attack_scores
+from auditor.identification.prior import effective_size
+from auditor.identification.scores import for_drive, normalised_scores
+from auditor.identification.systems import System
+from auditor.model.arrays import Floats, Integers
+from auditor.model.rig import LIDAR
+from tests.benchmarks.rates import clean_frames, frames_of, system_of, thresholds_of
+from tests.benchmarks.scenes import Scene, load
+
+R = Decimal("0.01")
+CAMERAS = (*combinations((1, 2, 3, 4), 3), (1, 2, 3, 4))
+NOBODY: frozenset[int] = frozenset()
+OWN_AT = np.array([-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0])
+REST_AT = np.array([-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0])
+CLEAN_WEIGHT = 4.0
+SMOOTH = 1e-3
+BINS = 10
+SURE = 0.9
+FEWEST_NAMES = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """Frames of one attack in one scene: scores z (F, M), and the limit of a finding."""
+
+    scene: Scene
+    system: System
+    attack: str
+    attacked: AttackSet
+    z: Floats
+    limit: float
+
+
+def scored(scenes: Sequence[Scene], cameras: Sequence[int]) -> Iterator[Scored]:
+    """All frames of some scenes by these cameras and the LiDAR."""
+    systems = {scene.name: system_of(scene, cameras) for scene in scenes}
+    clean = {scene.name: clean_frames(scene, systems[scene.name]) for scene in scenes}
+    for scene in scenes:
+        system = systems[scene.name]
+        learnt, _ = thresholds_of([clean[o.name] for o in scenes if o.family != scene.family], system, R)
+        own = for_drive(learnt, system.sensor_checks, clean[scene.name].statistics_of(system.sensor_checks))
+        groups = defaultdict(list)
+        for case in scene.cases:
+            if set(case.attacked) <= set(system.sensors):
+                groups[case.attack, case.attacked].append(case)
+        for (attack, attacked), cases in groups.items():
+            statistics = frames_of(scene, system, cases).statistics_of(system.sensor_checks)
+            z = normalised_scores(statistics, [own.expected.get(check) for check in system.sensor_checks])
+            yield Scored(scene, system, attack, attacked, z, own.limit)
+
+
+def basis(values: Floats, knots: Floats) -> Floats:
+    """(..., K) weights of the knots that linear interpolation at these values has."""
+    return np.stack([np.interp(values, knots, row) for row in np.eye(len(knots))], axis=-1)
+
+
+class Curves(torch.nn.Module):
+    """The curves: of a camera of the set, of the LiDAR, of the rest; and what each sensor after the first adds."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        knots = (OWN_AT, OWN_AT, REST_AT)
+        self.steps = torch.nn.ParameterList([torch.zeros(len(at)) for at in knots])
+        self.starts = torch.nn.Parameter(torch.tensor([-3.0, -3.0]))
+        self.several = torch.nn.Parameter(torch.tensor(-1.0))
+
+    def values(self) -> list[torch.Tensor]:
+        camera, lidar, rest = (
+            torch.cat([torch.zeros(1), torch.cumsum(torch.nn.functional.softplus(one[1:] - 2), 0)])
+            for one in self.steps
+        )
+        return [self.starts[0] + camera, self.starts[1] + lidar, -rest]
+
+    def roughness(self) -> torch.Tensor:
+        total = torch.zeros(())
+        for one, at in zip(self.values(), (OWN_AT, OWN_AT, REST_AT), strict=True):
+            slopes = (one[1:] - one[:-1]) / torch.tensor(np.diff(at), dtype=torch.float32)
+            total = total + ((slopes[1:] - slopes[:-1]) ** 2).sum()
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """N frames, H sets: (N, H, K) weights of the knots, (N,) true sets and weights, (H,) sensors and priors."""
+
+    camera: torch.Tensor
+    lidar: torch.Tensor
+    rest: torch.Tensor
+    several: torch.Tensor
+    true: torch.Tensor
+    weight: torch.Tensor
+    prior: torch.Tensor
+
+
+def design(frames: Sequence[Scored]) -> Design:
+    """The frames of systems that have the same number of sets."""
+    in_family: Counter[tuple[str, str, int]] = Counter()
+    families = defaultdict(set)
+    for one in frames:
+        in_family[one.scene.family, one.attack, len(one.system.sensors)] += len(one.z)
+        families[one.attack].add(one.scene.family)
+    rows, true, weight = [], [], []
+    for one in frames:
+        sets = attack_sets(one.system, NOBODY, one.system.sensors)
+        if one.attacked not in sets:
+            continue
+        seen = [explained(one.z, one.system, NOBODY, attacked) for attacked in sets]
+        nothing = np.zeros((len(one.z), len(OWN_AT)))
+        camera = [sum((basis(v, OWN_AT) for s, v in e.own.items() if s != LIDAR), nothing) for e in seen]
+        lidar = [sum((basis(v, OWN_AT) for s, v in e.own.items() if s == LIDAR), nothing) for e in seen]
+        rows.append([np.stack(part, axis=1) for part in (camera, lidar, [basis(e.rest, REST_AT) for e in seen])])
+        true += [sets.index(one.attacked)] * len(one.z)
+        kind = CLEAN_WEIGHT if not one.attack else 1.0
+        each = kind / in_family[one.scene.family, one.attack, len(one.system.sensors)] / len(families[one.attack])
+        weight += [each] * len(one.z)
+    weights, answers = np.array(weight) / sum(weight), np.array(true)
+    sets = attack_sets(frames[0].system, NOBODY, frames[0].system.sensors)
+    camera_part, lidar_part, rest_part = (
+        torch.tensor(np.concatenate(part), dtype=torch.float32) for part in zip(*rows, strict=True)
+    )
+    return Design(
+        camera_part,
+        lidar_part,
+        rest_part,
+        torch.tensor([max(len(one) - 1, 0) for one in sets], dtype=torch.float32),
+        torch.tensor(answers),
+        torch.tensor(weights, dtype=torch.float32),
+        torch.tensor(np.log(_shares(sets, answers, weights) + 1e-6), dtype=torch.float32),
+    )
+
+
+def _shares(sets: Sequence[AttackSet], answers: Integers, weights: Floats) -> Floats:
+    """(H,) the share of the weights that each set has, those of one kind taken for equal."""
+    kinds = [(len(one), one == (LIDAR,)) for one in sets]
+    whole: Counter[tuple[int, bool]] = Counter()
+    for answer, value in zip(answers.tolist(), weights.tolist(), strict=True):
+        whole[kinds[answer]] += value
+    return np.array([whole[kind] / kinds.count(kind) for kind in kinds])
+
+
+def fit(designs: Sequence[Design]) -> parameters.Likelihood:
+    """The parameters with the curves that make these frames' sets likeliest."""
+    curves = Curves()
+    optimiser = torch.optim.LBFGS(curves.parameters(), max_iter=300, line_search_fn="strong_wolfe")
+
+    def loss() -> torch.Tensor:
+        optimiser.zero_grad()
+        total = SMOOTH * curves.roughness()
+        camera, lidar, rest = curves.values()
+        for one in designs:
+            logits = (
+                one.camera @ camera + one.lidar @ lidar + one.rest @ rest + curves.several * one.several + one.prior
+            )
+            chosen = torch.log_softmax(logits, 1)[torch.arange(len(one.true)), one.true]
+            total = total - (one.weight * chosen).sum()
+        total.backward()  # type: ignore[no-untyped-call]
+        return total
+
+    optimiser.step(loss)  # type: ignore[no-untyped-call]
+    camera, lidar, rest = (tuple(round(v, 2) for v in one.tolist()) for one in curves.values())
+    return replace(
+        parameters.LIKELIHOOD,
+        own_at=tuple(OWN_AT.tolist()),
+        of_camera=camera,
+        of_lidar=lidar,
+        rest_at=tuple(REST_AT.tolist()),
+        of_rest=rest,
+        of_several=round(curves.several.item(), 2),
+    )
+
+
+def judged(frames: Sequence[Scored]) -> Iterator[tuple[Scored, float, AttackSet]]:
+    """Of each frame the likeliest set of sensors, and its probability, 0 where it is no finding."""
+    for one in frames:
+        sets = attack_sets(one.system, NOBODY, one.system.sensors)
+        findings = attack_scores(one.z, one.system, [NOBODY] * len(one.z)) > one.limit
+        ratios = log_likelihood_ratios(one.z, one.system, NOBODY, sets)
+        chances = posteriors(ratios, sets, len(one.system.sensors))
+        for finding, row in zip(findings, chances, strict=True):
+            best = 1 + int(np.argmax(row[1:]))
+            yield one, float(row[best]) if finding else 0.0, sets[best]
+
+
+def report(frames: Sequence[Scored], least: float) -> Iterator[str]:
+    """By attack the shares found, named rightly and wrongly; then how true the probabilities of findings are."""
+    found = list(judged(frames))
+    for attack in dict.fromkeys(one.attack for one in frames):
+        those = [(p, best == one.attacked) for one, p, best in found if one.attack == attack]
+        counts = {
+            "found": sum(p > 0 for p, _ in those),
+            "named": sum(p >= least and right for p, right in those),
+            "wrongly": sum(p >= least and not right for p, right in those),
+            "with 90 %": sum(p >= SURE and right for p, right in those),
+        }
+        shares = ", ".join(f"{name} {100 * k / len(those):.1f} %" for name, k in counts.items())
+        yield f"  {attack or 'clean'} ({len(those)}): {shares}"
+    known = [(one, p, best == one.attacked) for one, p, best in found if p > 0 and len(one.attacked) <= _most(one)]
+    groups = defaultdict(list)
+    for one, p, right in known:
+        if p >= least:
+            family = one.scene.family
+            groups["all names"].append((p, right))
+            groups[family.partition(", ")[2] or family].append((p, right))
+        groups["all findings"].append((p, right))
+    for name, those in groups.items():
+        if len(those) >= FEWEST_NAMES:
+            yield f"  {name}: {truth(*(np.array(column) for column in zip(*those, strict=True)))}"
+
+
+def _most(one: Scored) -> int:
+    return len(one.system.sensors) - FEWEST_COMPARED
+
+
+def truth(p: Floats, right: Floats) -> str:
+    """The expected calibration error of names, their Brier score beside a constant's, and those of 90 % and more."""
+    places = np.minimum((p * BINS).astype(int), BINS - 1)
+    error = sum(
+        abs(p[places == b].mean() - right[places == b].mean()) * (places == b).mean() for b in np.unique(places)
+    )
+    share, sure = right.mean(), p >= 0.9
+    return (
+        f"{len(p)}, {100 * share:.1f} % right; expected calibration error {error:.3f}, Brier score"
+        f" {np.mean((p - right) ** 2):.4f}, a constant's {share * (1 - share):.4f}; of {sure.sum()} with 90 % or more"
+        f" {100 * right[sure].mean():.1f} % right"
+    )
+
+
+def clean_worth(frames: Sequence[Scored]) -> float:
+    """How many independent clean frames the scenes have, by the largest z of each frame."""
+    clean = (one for one in frames if not one.attack)
+    return sum(effective_size(attack_scores(one.z, one.system, [NOBODY] * len(one.z))) for one in clean)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folders", type=Path, nargs="+")
+    parser.add_argument("--without", help="the family that is left out of the fit")
+    parser.add_argument("--judge", type=Path, nargs="*", default=[])
+    parser.add_argument("--shipped", action="store_true", help="judge by the curves that ship")
+    options = parser.parse_args()
+    if not options.shipped:
+        scenes = {folder: load(folder) for folder in options.folders}
+        frames = {
+            cameras: [
+                one
+                for those in scenes.values()
+                for one in scored(those, cameras)
+                if one.scene.family != options.without
+            ]
+            for cameras in CAMERAS
+        }
+        four = frames[CAMERAS[-1]]
+        three = [one for cameras in CAMERAS[:-1] for one in frames[cameras]]
+        fitted = replace(fit([design(three), design(four)]), clean_worth=round(clean_worth(four), -1))
+        print(fitted)
+        likelihood.LIKELIHOOD = fitted  # type: ignore[attr-defined]
+        likelihood.LARGEST_RATIO = float(np.log(fitted.clean_worth))
+    for folder in options.judge:
+        for cameras in (CAMERAS[0], CAMERAS[-1]):
+            wanted = [one for one in scored(load(folder), cameras) if options.without in (None, one.scene.family)]
+            print(folder.name, cameras, *report(wanted, parameters.NAMING.least_probability), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
