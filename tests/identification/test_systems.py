@@ -33,7 +33,7 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
-    assert one.judged_together == 2 + 4 * 4 + 2 + 6, "and the six pairs"
+    assert one.judged_together == 2 + 3 * 4 + 2 + 6, "and the six pairs; light of one colour does not count"
 
 
 def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
