@@ -44,6 +44,7 @@ PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
     "measurement/colour_parameters.py",
+    "measurement/point_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/evidence_parameters.py",

@@ -7,6 +7,9 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
+_BEHIND = 1.5
+"""What a pair tells apart that checks the LiDAR: a surface and one half as far again."""
+
 
 def short_pairs(rig: "Rig") -> list[Pair]:
     """The matched pairs of cameras whose disparities say too little about depth to check the LiDAR."""
@@ -32,7 +35,10 @@ def _of_lidar(rig: "Rig") -> list[str]:
     wide, short = _pairs(rig), short_pairs(rig)
     lines = []
     if not wide:
-        lines.append("no pair of cameras is wide enough to check the LiDAR: only missing points are noticed")
+        lines.append(
+            "no pair of cameras is wide enough to check the LiDAR: only an upright part of its view without most "
+            "points, or many isolated points, are noticed"
+        )
     elif len(wide) == 1 and rig.max_attacked:
         lines.append(
             f"only {_listed(wide)} can check the LiDAR: while one of these cameras is attacked, the LiDAR's points "
@@ -40,9 +46,32 @@ def _of_lidar(rig: "Rig") -> list[str]:
         )
     else:
         lines.append(f"the LiDAR is checked by {_listed(wide)}")
+    lines += _reaches(rig, wide) if wide else []
     if short:
         lines.append(f"too close together to check it (less than 9 px of disparity at 10 m): {_listed(short)}")
     return lines
+
+
+def _reaches(rig: "Rig", wide: list[Pair]) -> list[str]:
+    """How far away invented and removed surfaces are noticed, by the widest pair."""
+    from auditor.measurement.parameters import DISPARITY_ERROR  # noqa: PLC0415 - OpenCV is heavy
+    from auditor.measurement.point_parameters import LOST_RETURNS  # noqa: PLC0415
+
+    # f b / z - f b / (1.5 z) is what Eq. 2 asks for.
+    reach_m = max(_disparity_at_1_m(rig, pair) for pair in wide) * (1 - 1 / _BEHIND) / DISPARITY_ERROR.absolute_px
+    return [
+        f"a bogus wall is told from textured surfaces {_BEHIND:g} times as far away, up to {reach_m:.0f} m at most",
+        f"vanished objects and sectors are noticed up to {LOST_RETURNS.farthest_m:g} m, where cameras see texture and "
+        "a whole car or more is gone",
+        "not noticed: walls in front of the sky, or farther away; a few hundred points here and there; mostly a "
+        "LiDAR and a camera that are forged to agree (docs/attacks.md)",
+    ]
+
+
+def _disparity_at_1_m(rig: "Rig", pair: Pair) -> float:
+    """The disparity in px of what is 1 m away."""
+    cameras = rig.cameras if rig.shares_view else [rig.camera(number) for number in pair]
+    return min(camera.focal_px for camera in cameras) * rig.baseline_m(*pair)
 
 
 def _of_cameras() -> list[str]:

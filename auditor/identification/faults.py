@@ -20,7 +20,7 @@ from auditor.identification.parameters import (
 from auditor.identification.statistics import window_means
 from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Scale
-from auditor.model.checks import COLUMNS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
+from auditor.model.checks import COLUMNS, DIRECTION_CHECKS, FEWEST_VOTERS, LIDAR_CHECKS, Check, Pair, relative_excess
 from auditor.model.measurement import NO_FINGERPRINT
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import (
@@ -353,7 +353,7 @@ def _covers_most(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     disagrees = hypothesis.cause in FAULTS and hypothesis.sensor != LIDAR
 
     def is_of_it(one: Evidence) -> bool:
-        conflict = one.check_name == Check.LIDAR_CONFLICT.value
+        conflict = one.check_name in DIRECTION_CHECKS
         return hypothesis.sensor in (one.i, one.k) or (conflict and disagrees)
 
     covered = sum(one.score for one in verdict.evidence if is_of_it(one))

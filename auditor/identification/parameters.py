@@ -31,6 +31,7 @@ _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one
 _ONE_COLOUR = "lasers of one colour on three real drives, against benchmark benign (docs/attacks.md)"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
+_REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 
 
@@ -41,6 +42,11 @@ class WindowedMean:
     conflict_window: tuple[int, int] = parameter((6, 6), unit="cells, rows and columns", source=_CHECKS)
     conflict_pseudo_count: int = parameter(40, unit="LiDAR points: half of what 64 beams give", source=_CHECKS)
     conflict_fewest: int = parameter(20, unit="LiDAR points of a pair", source=_THREE_DRIVES)
+    lost_window: tuple[int, int] = parameter((6, 6), unit="cells, rows and columns", source=_REMOVED)
+    lost_pseudo_count: int = parameter(
+        36, unit="samples of surfaces: a quarter of what a window holds", source=_REMOVED
+    )
+    lost_fewest: int = parameter(18, unit="samples of surfaces of a pair", source=_REMOVED)
     image_window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_CHECKS)
     image_pseudo_count: int = parameter(200, unit="half px", source=_CHECKS)
     image_fewest: int = parameter(200, unit="half px of a pair", source=_THREE_DRIVES)
@@ -71,6 +77,8 @@ class CheckPriors:
     )
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
+    lost_returns: tuple[float, ...] = parameter((-3.78, 0.56, 0.1, 1.1), unit=_OF_PRIOR, source=_PRIOR)
+    lost_returns_of_a_pair: tuple[float, ...] = parameter((-3.72, 0.6, 0.1, 1.2), unit=_OF_PRIOR, source=_PRIOR)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
 from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
-from auditor.model.checks import FEWEST_VOTERS, LIDAR_CHECKS, SIGNED_CHECKS, Check, CountedPair, SensorCheck
+from auditor.model.checks import (
+    DIRECTION_CHECKS,
+    FEWEST_VOTERS,
+    LIDAR_CHECKS,
+    SIGNED_CHECKS,
+    Check,
+    CountedPair,
+    SensorCheck,
+)
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
@@ -55,8 +63,14 @@ CONFLICT_WINDOW = Window(
 )
 """Of cells of the LiDAR's directions. 40 points are half of what 64 beams usually give; for fewer see `fitted`."""
 
+LOST_WINDOW = Window(*WINDOWED_MEAN.lost_window, WINDOWED_MEAN.lost_pseudo_count, WINDOWED_MEAN.lost_fewest)
+"""Of cells of the LiDAR's directions: a window is as wide as a car 25 m away."""
+
 IMAGE_WINDOW = Window(*WINDOWED_MEAN.image_window, WINDOWED_MEAN.image_pseudo_count, WINDOWED_MEAN.image_fewest)
 """Of cells of 8 x 8 px: 48 x 64 px of half-resolution pixels."""
+
+_MEAN_OF_ALL = frozenset({Check.LIDAR_CONFLICT, Check.COLOURED_LIGHT})
+_WINDOWS = {Check.LIDAR_CONFLICT: CONFLICT_WINDOW, Check.LOST_RETURNS: LOST_WINDOW}
 
 
 def sensor_statistics(
@@ -68,16 +82,16 @@ def sensor_statistics(
 
     `cells` holds the counts of the checks that are counted on grids, `shares` the statistics of the others.
     """
-    conflicts = [counted for counted in cells if counted.check is Check.LIDAR_CONFLICT]
-    of_conflicts = window_means_of(conflicts, cells) if conflicts else None
+    of_lidar = {check: [counted for counted in cells if counted.check is check] for check in DIRECTION_CHECKS}
+    directions = {check: window_means_of(grids, cells) for check, grids in of_lidar.items() if grids}
     of_cameras = {subject: (others, window_means_of(grids, cells)) for subject, others, grids in _by_subject(cells)}
 
     def statistic(one: SensorCheck) -> float | None:
         if one.check in LIDAR_CHECKS:
             return shares.get(one)
-        if one.check is Check.LIDAR_CONFLICT:
-            pairs = [place for place, pair in enumerate(conflicts) if {pair.i, pair.k} <= set(one.others)]
-            return _mean_vote(of_conflicts.of(pairs)) if of_conflicts is not None and pairs else None
+        if one.check in DIRECTION_CHECKS:
+            pairs = [place for place, pair in enumerate(of_lidar[one.check]) if {pair.i, pair.k} <= set(one.others)]
+            return vote(one.check, directions[one.check].of(pairs)) if pairs else None
         counted = Check.ADDED_LIGHT if one.check is Check.REMOVED_LIGHT else one.check
         others, windows = of_cameras.get((counted, one.sensor), ([], None))
         able = [other for other in one.others if other in others]
@@ -95,7 +109,7 @@ def _by_subject(
     """By check and camera: the cameras that it was compared with, and the grids of its own image."""
     found: dict[tuple[Check, int], list[CountedPair]] = {}
     for counted in cells:
-        if counted.check is not Check.LIDAR_CONFLICT:
+        if counted.check not in DIRECTION_CHECKS:
             found.setdefault((counted.check, counted.sensor), []).append(counted)
     for subject, grids in found.items():
         yield subject, [counted.other for counted in grids], grids
@@ -105,7 +119,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     """The mean residual, or the share of inconsistent pixels or points, of each window of some grids of one check."""
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
-    window = CONFLICT_WINDOW if check is Check.LIDAR_CONFLICT else IMAGE_WINDOW
+    window = _WINDOWS.get(check, IMAGE_WINDOW)
     steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
     windows = [fitted(window, one) for one in N] if check is Check.LIDAR_CONFLICT else [window] * len(N)
@@ -116,14 +130,15 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
 
 
 def vote(check: Check, voters: WindowMeans) -> float | None:
-    """The largest over all windows of what a camera's voters say of it there; None where no window has enough voters.
+    """The largest over all windows of what a sensor's voters say of it there; None where no window has enough voters.
 
-    Two at least must have compared the window, where there are two. Light only adds, and a voter that is attacked
-    itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
-    their mean and of the smallest; light of one colour is the mean of all. For removed light and inconsistencies, which
-    an attacked voter shows as well, it is the smallest.
+    A camera's voters are other cameras, the LiDAR's are pairs. Two at least must have compared the window, where there
+    are two. Of LiDAR conflicts and of light of one colour it is the voters' mean. Light only adds, and a voter that is
+    attacked itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric
+    mean of their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as
+    well, and for lost returns, it is the smallest.
     """
-    if check is Check.COLOURED_LIGHT or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
+    if check in _MEAN_OF_ALL or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
         return _mean_vote(voters)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:

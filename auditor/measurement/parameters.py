@@ -7,6 +7,7 @@ pixels of it, px those of the full image.
 from dataclasses import dataclass
 
 from auditor.measurement.colour_parameters import COLOURED_LIGHT
+from auditor.measurement.point_parameters import ISOLATED_POINTS, LOST_RETURNS, POINT_DROPOUT
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
@@ -98,6 +99,9 @@ class LidarProjection:
     """Which LiDAR points a camera sees: much nearer points beside one occlude it."""
 
     nearest_m: float = parameter(1.0, unit="m of depth", source=BY_HAND)
+    beside_span: float = parameter(
+        0.002, unit="share of the points ahead, beside the field on either side", source=BY_HAND
+    )
     baseline_m: float = parameter(0.6, unit="m, at which nearer_by_px is meant", source=BY_HAND)
     nearer_by_px: float = parameter(3.0, unit="px of disparity", source=BY_HAND)
     reference_window_px: tuple[int, int] = parameter((15, 9), unit="px, rows and columns", source=BY_HAND)
@@ -193,39 +197,6 @@ class LidarConflict:
     )
     smallest_px: float = parameter(
         1e-3, unit="px of disparity that is divided by", source="guards against division by zero"
-    )
-
-
-@dataclass(frozen=True)
-class PointDropout:
-    """Upright strips of the LiDAR's view that lack points."""
-
-    step_px: int = parameter(8, unit="px", source=_CHECKS)
-    strip_steps: int = parameter(13, unit="steps: 104 px", source=_CHECKS)
-
-
-@dataclass(frozen=True)
-class IsolatedPoints:
-    """LiDAR points without neighbours at their range."""
-
-    cell: float = parameter(
-        0.011, unit="focal lengths: 0.6 degrees", source="one or two beams of 64; no experiment recorded"
-    )
-    range_step: float = parameter(0.08, unit="of the natural logarithm of the range", source=_FEATURES)
-    ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest", source=BY_HAND)
-    most_together: int = parameter(2, unit="points in 3 x 3 x 3 cells", source=_FEATURES)
-    near_m: float = parameter(8.0, unit="m", source="docs/causes.md, rain: drops lie 1.5 to 6 m away")
-    far_m: float = parameter(40.0, unit="m", source=_FEATURES)
-    parts_across: int = parameter(8, unit="parts of the view, each with two halves", source=_FEATURES)
-    fewest: int = parameter(200, unit="points in view", source=BY_HAND)
-    near_quantile: float = parameter(0.25, unit="quantile of the parts' shares", source=_FEATURES)
-    near_weight: float = parameter(
-        0.5, unit="of the near share, taken off", source=f"{_DECISIONS}, scattered points: rain"
-    )
-    half_share: float = parameter(
-        0.005,
-        unit="share of the view's points at which the statistic is a half",
-        source=f"{_DECISIONS}, scattered points",
     )
 
 
@@ -337,8 +308,6 @@ CHROMA = Chroma()
 SATURATION = Saturation()
 LIGHT = Light()
 LIDAR_CONFLICT = LidarConflict()
-POINT_DROPOUT = PointDropout()
-ISOLATED_POINTS = IsolatedPoints()
 COUNT_GRID = CountGrid()
 ROW_ALIGNMENT = RowAlignment()
 LIDAR_AGREEMENT = LidarAgreement()
@@ -373,6 +342,7 @@ MEASURING = (
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,
+    LOST_RETURNS,
     COUNT_GRID,
     ROW_ALIGNMENT,
     LIDAR_AGREEMENT,

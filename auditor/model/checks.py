@@ -16,12 +16,13 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are seven.
+    """One kind of statistic of a sensor; there are eight.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
     next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
+    LOST_RETURNS: pairs of cameras see a surface where the LiDAR scans and has no return.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -31,10 +32,14 @@ class Check(StrEnum):
     POINT_DROPOUT = "point_dropout"
     ISOLATED_POINTS = "isolated_points"
     COLOURED_LIGHT = "coloured_light"
+    LOST_RETURNS = "lost_returns"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
 """The checks of the LiDAR alone, in the view of a camera."""
+
+DIRECTION_CHECKS = frozenset({Check.LIDAR_CONFLICT, Check.LOST_RETURNS})
+"""The checks of the LiDAR by pairs of cameras, counted by its directions."""
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
 """The checks of a camera by the other cameras."""
@@ -59,7 +64,7 @@ class SensorCheck(NamedTuple):
     """One check of a sensor by `others`, ascending.
 
     Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
-    LIDAR_CONFLICT all cameras of the pairs that are
+    DIRECTION_CHECKS all cameras of the pairs that are
     compared with the LiDAR; of LIDAR_CHECKS the one camera whose view the points are in.
     """
 
@@ -85,7 +90,7 @@ class SensorCheck(NamedTuple):
 class CountedPair(NamedTuple):
     """What is counted on one grid: a check of the camera pair i < k, in the image of one of them.
 
-    `sensor` is that camera; of LIDAR_CONFLICT it is the LiDAR, and the grid is one of its directions. ADDED_LIGHT
+    `sensor` is that camera; of DIRECTION_CHECKS it is the LiDAR, and the grid is one of its directions. ADDED_LIGHT
     counts removed light as well, with the other sign.
     """
 
@@ -118,7 +123,7 @@ def sensor_checks_of(
     """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
-    LiDAR's conflicts by the pairs of all cameras, and of all but one or two.
+    LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two.
     """
     partners: dict[int, list[int]] = {}
     for i, k in sorted(matched):
@@ -138,6 +143,7 @@ def sensor_checks_of(
             for camera in sorted(partners)
             for others in _voters(tuple(sorted(partners[camera])))
         ),
+        *(SensorCheck(Check.LOST_RETURNS, LIDAR, cameras) for cameras in _conflict_cameras(conflicts)),
     )
 
 

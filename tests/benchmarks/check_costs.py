@@ -22,6 +22,7 @@ from auditor.measurement.checks.collect import collect_checks
 from auditor.measurement.checks.count_grid import ImageGrid, cells_of_pair, cells_of_points, places_of
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
+from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, photometric_consistency
 from auditor.measurement.disparity.equalising import equalised
 from auditor.measurement.disparity.half_resolution import grey, halve
@@ -91,6 +92,12 @@ def pieces(seconds: Seconds, kind: str, frame: Frame, rig: Rig, watch: FaultFeat
         seconds,
         f"{kind}: verified conflicts, a pair",
         lambda: verify_conflicts(view, maps[1, k], pair, rig, 1, (half_res[k], half_res[1])),
+    )
+    scanned = timed(seconds, f"{kind}: scanned directions, a view", lambda: scanned_view(view))
+    timed(
+        seconds,
+        f"{kind}: lost returns, a pair",
+        lambda: count_lost_returns(view, scanned, maps[1, k], pair, 1),
     )
     places = timed(
         seconds, f"{kind}: places, a pair", lambda: places_of(pair.matches, ImageGrid.of(*half_res[k].shape))

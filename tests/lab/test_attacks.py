@@ -165,6 +165,10 @@ def test_a_plan_of_another_kind_does_it_and_names_it() -> None:
 @pytest.mark.parametrize("kind", sorted(ON_LIDAR))
 def test_every_kind_for_the_lidar_changes_its_cloud(kind: str) -> None:
     cloud = road_and_far_wall()
+    left, up = np.meshgrid(np.arange(-0.9, 0.9, 0.1), np.arange(-1.3, 0, 0.1))
+    car = np.stack([np.full(left.size, 20.0), left.ravel(), up.ravel()], axis=1)
+    behind = car * np.array([2.0, 6.0, 1.0])
+    cloud = PointCloud(7, np.concatenate([cloud.xyz_m, car, behind]).astype(np.float32))
     assert not np.array_equal(Attacker(AttackPlan(0, kind=kind), rig()).change_cloud(cloud).xyz_m, cloud.xyz_m)
 
 

@@ -38,6 +38,7 @@ def test_wilsons_interval_in_sql_is_pythons_and_stays_within_0_and_1(tmp_path):
         (("photometric_inconsistency", 2, 3), "S_2 and S_3 do not see the same"),
         (("point_dropout", 0, None), "the LiDAR lacks points"),
         (("isolated_points", 0, None), "the LiDAR has isolated points"),
+        (("lost_returns", 0, None), "the LiDAR has no return from what the cameras see"),
     ],
 )
 def test_evidence_is_told_of_a_sensor_or_of_two_cameras_alone(tmp_path, evidence, words):

@@ -22,7 +22,10 @@ _KINDS = (
     *("facula", "spot", "blue", "green", "red", "infrared", "veil", "projected", "stripes", "shutter"),
     *("blur", "electromagnetic", "dimmed", "soiled", "shifted", "pattern"),
 )
-_LIDAR_KINDS = ("wall", "hidden", "scattered", "turned", "rain")
+_LIDAR_KINDS = (
+    *("wall", "far-wall", "removed", "seen-through", "saturated", "pulses"),
+    *("hidden", "scattered", "turned", "rain"),
+)
 _EITHER = ("delayed", "frozen")
 
 
@@ -42,7 +45,8 @@ _EITHER = ("delayed", "frozen")
     type=options.FiniteRange(min=0),
     help="How much: radius of a facula or spot (px of an image 1242 px wide), width of a wall (m), veil and stripes "
     "(grey levels), share of the rows that the shutter's stripes light, height of what is projected (px of such an "
-    "image), blur (px), electromagnetic stripes (number), hidden sector or turned LiDAR (degrees), scattered points, "
+    "image), blur (px), electromagnetic stripes (number), range of a far wall or of an object that is removed "
+    "or seen through (m), hidden or noisy sector, turned LiDAR (degrees), scattered points, "
     "rain (mm/h), delay (frames), shift (rows), soil (blobs), share of light that dims.",
 )
 @click.option(
@@ -86,6 +90,7 @@ def command(
     auditor attack clean.mcap attacked.mcap --on S_0 --on S_1 --strength mild --from 2 --to 5
     auditor attack clean.mcap attacked.mcap --on S_0 --kind hidden --size 30
     auditor attack clean.mcap attacked.mcap --on S_3 --kind blue --strength mild
+    auditor attack clean.mcap attacked.mcap --on S_0 --kind removed --size 20
     auditor attack clean.mcap faulty.mcap --on S_2 --kind delayed --size 1
 
     The ground truth travels inside the copy and comes into the store with it.

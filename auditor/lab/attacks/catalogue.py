@@ -21,12 +21,13 @@ from auditor.lab.attacks.interference import AcousticBlur, ElectromagneticStripe
 from auditor.lab.attacks.light_patterns import LaserPattern, Stripes
 from auditor.lab.attacks.paper import STRENGTHS, BogusWall, Facula, draw_facula, draw_wall
 from auditor.lab.attacks.rain import Rain
+from auditor.lab.attacks.spoofing import RandomRanges, RemovedObject
 from auditor.model.frames import CameraImage, PointCloud
 from auditor.model.rig import Camera
 
 OfLight = Facula | LaserPattern | Stripes | ColouredFacula | InfraredFacula | Veil | ProjectedObject
 OnCamera = OfLight | AcousticBlur | ElectromagneticStripes | DimmedCamera | ShiftedCamera | SoiledLens | DelayedCamera
-OnLidar = BogusWall | HiddenSector | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
+OnLidar = BogusWall | HiddenSector | RemovedObject | RandomRanges | ScatteredPoints | TurnedLidar | Rain | DelayedLidar
 
 _PAPER_WIDTH_PX = 1242
 _STRIPES_PX = 40.0
@@ -37,6 +38,10 @@ _SIGN_PX, _SIGN_LEVEL = 120.0, 120.0
 _BLUR_PX = 15.0
 _LOST_STRIPES, _LOST_STRIPE_SHARE = 4, 0.08  # of the image's height
 _AZIMUTHS_DEG = (-25.0, 25.0)
+_FAR_WALL_M, _OBJECT_M, _BEHIND_M = 30.0, 20.0, 60.0
+_SECTOR_DEG = 20.0
+_SATURATED_LOST, _NOISE_M = 0.7, 100.0
+_PULSES_M = 150.0  # a pulse each microsecond
 
 PATTERN, DELAYED, FROZEN = "pattern", "delayed", "frozen"
 """Kinds that need further input: a picture file, the data of some frames ago, the data at the attack's start."""
@@ -103,6 +108,11 @@ def _wall(draw: Drawing) -> BogusWall:
     return replace(drawn, width_m=draw.sized(drawn.width_m))
 
 
+def _sector(draw: Drawing, lost: float, farthest_m: float) -> RandomRanges:
+    azimuth_deg = float(draw.rng.uniform(*_AZIMUTHS_DEG))
+    return RandomRanges(draw.sized(_SECTOR_DEG), azimuth_deg, lost, farthest_m, draw.seed)
+
+
 ON_CAMERA: Mapping[str, Callable[[Drawing, Camera], OnCamera]] = {
     "facula": _facula,
     "spot": _spot,
@@ -126,12 +136,18 @@ number of electromagnetic stripes; share of light; blobs; rows."""
 
 ON_LIDAR: Mapping[str, Callable[[Drawing], OnLidar]] = {
     "wall": _wall,
-    "hidden": lambda draw: HiddenSector(draw.sized(20), float(draw.rng.uniform(*_AZIMUTHS_DEG))),
+    "far-wall": lambda draw: replace(draw_wall(draw.rng), range_m=draw.sized(_FAR_WALL_M)),
+    "removed": lambda draw: RemovedObject(draw.sized(_OBJECT_M)),
+    "seen-through": lambda draw: RemovedObject(draw.sized(_OBJECT_M), _BEHIND_M),
+    "saturated": lambda draw: _sector(draw, _SATURATED_LOST, _NOISE_M),
+    "pulses": lambda draw: _sector(draw, 0.0, _PULSES_M),
+    "hidden": lambda draw: HiddenSector(draw.sized(_SECTOR_DEG), float(draw.rng.uniform(*_AZIMUTHS_DEG))),
     "scattered": lambda draw: ScatteredPoints(round(draw.sized(2000)), draw.seed),
     "turned": lambda draw: TurnedLidar(draw.sized(1)),
     "rain": lambda draw: Rain(draw.sized(25), draw.seed),
 }
-"""By name: width in m, degrees, points, degrees of yaw, mm/h."""
+"""By name and size: width of a wall, range of a far one and of an object in m; degrees of a sector; points; degrees of
+yaw; mm/h."""
 
 
 KINDS = (*ON_CAMERA, PATTERN, *ON_LIDAR, DELAYED, FROZEN)

@@ -32,7 +32,7 @@ class HiddenSector(Described):
 
     def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
         """The cloud without the sector. Raises SettingError for a rig without a LiDAR."""
-        right, _, forward = (cloud.xyz_m @ _rotation(rig).T).T
+        right, _, forward = (cloud.xyz_m @ lidar_axes(rig).T).T
         aside = np.rad2deg(np.arctan2(right, forward)) - self.azimuth_deg
         return PointCloud(cloud.stamp_ns, cloud.xyz_m[np.abs(aside) > self.width_deg / 2])
 
@@ -55,7 +55,7 @@ class ScatteredPoints(Described):
         ahead = np.cos(elevation)
         direction = np.stack([np.sin(azimuth) * ahead, -np.sin(elevation), np.cos(azimuth) * ahead], axis=1)
         points = direction * rng.uniform(*_RANGES_M, (self.count, 1))
-        spoofed = np.asarray(points @ _rotation(rig), dtype=np.float32)
+        spoofed = np.asarray(points @ lidar_axes(rig), dtype=np.float32)
         return PointCloud(cloud.stamp_ns, np.concatenate([cloud.xyz_m, spoofed]))
 
 
@@ -74,7 +74,7 @@ class TurnedLidar(Described):
         yaw = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
         cosine, sine = np.cos(np.deg2rad(self.pitch_deg)), np.sin(np.deg2rad(self.pitch_deg))
         turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]) @ yaw
-        rotation = _rotation(rig)
+        rotation = lidar_axes(rig)
         xyz = cloud.xyz_m @ (rotation.T @ turn @ rotation).T
         return PointCloud(cloud.stamp_ns, np.asarray(xyz, dtype=np.float32))
 
@@ -175,7 +175,7 @@ class DelayedLidar:
         return PointCloud(cloud.stamp_ns, self.earlier.xyz_m)
 
 
-def _rotation(rig: Rig) -> Points:
+def lidar_axes(rig: Rig) -> Points:
     """(3, 3): the LiDAR's points to right, down, forward of it."""
     if rig.lidar is None:
         raise SettingError("this attack needs a LiDAR, and the rig has none", where="S_0")

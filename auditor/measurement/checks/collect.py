@@ -16,6 +16,7 @@ from auditor.measurement.checks.count_grid import (
 )
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts, verify_conflicts
 from auditor.measurement.checks.light import LightDifference, light_difference, views_of
+from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
 from auditor.measurement.checks.photometric_consistency import PairConsistency, matchable, photometric_consistency
 from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
 from auditor.measurement.disparity.lidar import LidarView, out_of_range
@@ -42,13 +43,15 @@ class PairCounts:
 class FrameChecks:
     """The results of all checks, by camera pair (i, k) or by reference camera.
 
-    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `counts`: what cameras see otherwise
+    `lidar_conflicts`: counts of LiDAR points with which both cameras disagree. `lost_returns`: counts of surfaces that
+    both cameras see, and of those where the LiDAR has no return. `counts`: what cameras see otherwise
     than each other. `point_dropout`: the share of its points that a strip of the LiDAR's view lacks. `isolated_shares`:
     how many points are isolated. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
     `verified_conflicts`, `consistencies` and `lights` hold the first two pixel by pixel: they are not stored.
     """
 
     lidar_conflicts: Mapping[Pair, Cells]
+    lost_returns: Mapping[Pair, Cells]
     counts: Mapping[Pair, PairCounts]
     point_dropout: Mapping[int, float]
     isolated_shares: Mapping[int, IsolatedShares]
@@ -60,8 +63,9 @@ class FrameChecks:
     @property
     def cells(self) -> dict[CountedPair, Cells]:
         """The counts of the checks that are counted on grids."""
-        conflicts = {CountedPair(Check.LIDAR_CONFLICT, *p, LIDAR): cells for p, cells in self.lidar_conflicts.items()}
-        return conflicts | _by_camera(self.counts)
+        of_lidar = {Check.LIDAR_CONFLICT: self.lidar_conflicts, Check.LOST_RETURNS: self.lost_returns}
+        counted = {CountedPair(check, *p, LIDAR): cells for check, of in of_lidar.items() for p, cells in of.items()}
+        return counted | _by_camera(self.counts)
 
     @property
     def unmasked_cells(self) -> dict[CountedPair, Cells]:
@@ -127,6 +131,7 @@ def collect_checks(
         for (j, k), stereo in maps.items()
         if k in views and resolves_depth(rig, j, k)
     }
+    scanned = {k: scanned_view(view) for k, view in views.items()}
     places = {
         pair: places_of(seen.matches, grid or ImageGrid.of(*seen.ncc.shape)) for pair, seen in consistencies.items()
     }
@@ -136,6 +141,10 @@ def collect_checks(
 
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
+        lost_returns={
+            (j, k): count_lost_returns(views[k], scanned[k], maps[j, k], consistencies[j, k], j)
+            for j, k in verified_conflicts
+        },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
         point_dropout={k: point_dropout(view, rig.camera(k).width_px) for k, view in views.items()},
         isolated_shares={
@@ -173,6 +182,7 @@ def with_pairs(in_common: FrameChecks, of_pairs: Mapping[Pair, FrameChecks], own
         lidar_conflicts={
             pair: one.lidar_conflicts[own] for pair, one in of_pairs.items() if own in one.lidar_conflicts
         },
+        lost_returns={pair: one.lost_returns[own] for pair, one in of_pairs.items() if own in one.lost_returns},
         counts={pair: one.counts[own] for pair, one in of_pairs.items() if own in one.counts},
         unmasked={pair: one.unmasked[own] for pair, one in of_pairs.items() if own in one.unmasked},
         verified_conflicts={

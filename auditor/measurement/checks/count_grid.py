@@ -82,11 +82,15 @@ def cells_of_points(conflicts: VerifiedConflicts, view: LidarView) -> Cells:
     x, y, z = view.rig.lidar.rig_SE3_lidar[:3, :3].astype(np.float32) @ view.point_m.T
     row = np.floor(np.arctan2(y, np.hypot(x, z)) / _RADIANS).astype(np.intp) + _ROWS // 2
     column = np.floor(np.arctan2(x, z) / _RADIANS).astype(np.intp) + _COLUMNS // 2
-    inside = (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS)
-    cell = np.where(inside, row * _COLUMNS + column, 0)
+    inside = (row >= 0) & (row < _ROWS) & (column >= 0) & (column < _COLUMNS) & conflicts.valid
+    return cells_of_directions(row[inside], column[inside], conflicts.lidar_conflicts[inside])
+
+
+def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Cells:
+    """Count what lies in rows and columns (M,) of the LiDAR's directions, and which (M,) of it is inconsistent."""
+    cell = row * _COLUMNS + column
     valid, total = (
-        _bytes(np.bincount(cell[mask & inside], minlength=_ROWS * _COLUMNS), _ROWS, _COLUMNS)
-        for mask in (conflicts.valid, conflicts.lidar_conflicts)
+        _bytes(np.bincount(these, minlength=_ROWS * _COLUMNS), _ROWS, _COLUMNS) for these in (cell, cell[inconsistent])
     )
     return Cells(valid.astype(np.uint8), total)
 

@@ -10,7 +10,7 @@ from math import isnan
 import numpy as np
 
 from auditor.measurement.disparity.lidar import LidarView
-from auditor.measurement.parameters import ISOLATED_POINTS, POINT_DROPOUT
+from auditor.measurement.point_parameters import ISOLATED_POINTS, POINT_DROPOUT
 from auditor.model.arrays import Mask
 from auditor.model.checks import IsolatedShares
 

@@ -19,7 +19,9 @@ class LidarView:
     """The LiDAR's points as reference camera k sees them, one a pixel, occluded ones dropped.
 
     `column` and `row` are (M,) integer pixels; `u_px` the (M,) exact column; `point_m` the (M, 3) points in the LiDAR
-    frame; `returns` counts the points in view before any was dropped; `rig` is what they were projected by.
+    frame; `returns` counts the points in view before any was dropped, and `in_view_m` (returns, 3) are these; `span_px`
+    are the leftmost and rightmost columns that the LiDAR's field reaches, in the image or beyond it; `rig` is what the
+    points were projected by.
     """
 
     reference: int
@@ -29,6 +31,8 @@ class LidarView:
     point_m: Points
     returns: int
     rig: Rig
+    in_view_m: Points
+    span_px: tuple[float, float]
     _disparities: dict[int, Floats32] = field(default_factory=dict, init=False, repr=False)
 
     def disparity_px(self, source: int) -> Floats32:
@@ -55,13 +59,23 @@ def lidar_view(cloud: PointCloud, rig: Rig, reference: int) -> LidarView:
     column, row = np.rint(u).astype(np.int32), np.rint(v).astype(np.int32)
     in_view = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
     inside = np.flatnonzero(in_view)
+    in_view_m = points[inside]
     inside = inside[np.argsort(-depth[inside])]  # far to near: of several points in a pixel the last, nearest stays
     pixel = row[inside] * camera.width_px + column[inside]
     owner = np.full(camera.height_px * camera.width_px, -1, dtype=np.int32)
     owner[pixel] = inside
     kept = owner[np.flatnonzero(owner >= 0)]
     kept = kept[_not_occluded(camera, column[kept], row[kept], depth[kept])]
-    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig)
+    return LidarView(reference, column[kept], row[kept], u[kept], points[kept], inside.size, rig, in_view_m, _span(u))
+
+
+def _span(u_px: Floats32) -> tuple[float, float]:
+    """The columns that the points ahead reach, but for a few of them."""
+    if not u_px.size:
+        return 0.0, 0.0
+    few = int(LIDAR_PROJECTION.beside_span * u_px.size)
+    ordered = np.partition(u_px, (few, u_px.size - 1 - few))
+    return float(ordered[few]), float(ordered[u_px.size - 1 - few])
 
 
 def _not_occluded(camera: Camera, column: NDArray[np.int32], row: NDArray[np.int32], depth: Floats32) -> Mask:

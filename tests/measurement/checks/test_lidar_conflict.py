@@ -150,8 +150,9 @@ def seen_at(rig, row, column, u, d0):
     right, down, ahead = np.array([x, y, z]) - rig.lidar.rig_SE3_lidar[:3, 3:]
     points = np.stack([ahead, -right, -down], axis=1).astype(np.float32)
     return WrittenDown(
-        3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, rig, np.float32(d0)
-    )
+        3, column.astype(np.int32), row.astype(np.int32), np.float32(u), points, row.size, rig, points, (0, WIDTH),
+        np.float32(d0),
+    )  # fmt: skip
 
 
 def passes_over(rig, row, u, d0, disparity):

@@ -15,7 +15,9 @@ def view_of(columns, rows, depths):
     """Points at given pixels and depths, as the leftmost camera at x = 0 sees them."""
     u, v, z = (np.array(values, dtype=np.float32) for values in (columns, rows, depths))
     column, row, nowhere = u.astype(np.int32), v.astype(np.int32), np.zeros((u.size, 3), np.float32)
-    return LidarView(3, column, row, u, nowhere, u.size, plane_rig()), (FOCAL * 0.6 / z).astype(np.float32)
+    return LidarView(3, column, row, u, nowhere, u.size, plane_rig(), nowhere, (0, WIDTH)), (FOCAL * 0.6 / z).astype(
+        np.float32
+    )
 
 
 def test_a_point_behind_a_near_one_in_the_source_image_is_occluded():
@@ -100,9 +102,9 @@ def test_rows_below_a_lower_source_count_as_its_last():
 def test_the_range_mask_is_that_worked_out_by_hand():
     # One point a little over the limit at row 30, column 100 of the half-resolution grid; the others are not.
     rows, columns = np.int32([60, 60, 100]), np.int32([200, 40, 100])
-    view = WrittenDown(
-        3, columns, rows, np.float32(columns), np.zeros((3, 3), np.float32), 3, plane_rig(), np.float32([116, 115, 120])
-    )
+    points = np.zeros((3, 3), np.float32)
+    d0 = np.float32([116, 115, 120])
+    view = WrittenDown(3, columns, rows, np.float32(columns), points, 3, plane_rig(), points, (0, WIDTH), d0)
     mask = out_of_range(view, np.array([False, False, True]), 1, RangeMask(115.0, 20), (60, 160))
     expected = np.zeros((60, 160), dtype=np.bool_)
     expected[30 - 8 : 30 + 9, 100 - 8 - 9 : 100 + 9] = True

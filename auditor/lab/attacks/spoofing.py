@@ -1,0 +1,182 @@
+"""Attacks on the LiDAR by light beyond the paper's wall: objects that vanish, noise in a sector, a wall in two sensors.
+
+A spoofer sees a LiDAR's pulses and answers with its own. What it takes, and which LiDARs let it, is in docs/attacks.md.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auditor.lab.attacks.faults import lidar_axes
+from auditor.lab.attacks.paper import BogusWall, Described, road_below_m
+from auditor.model.frames import Frame, PointCloud
+from auditor.model.rig import Rig
+
+Points = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+_HALF_WIDTH_M, _HALF_DEPTH_M = 1.1, 2.3  # of a box around a car
+_BESIDE_M = 0.5
+_STEP_M = 0.4
+_AROUND_RANGE_M = 1.6
+_HEIGHTS_M = (0.1, 2.0)  # above the road, of what is removed
+_ABOVE_ROAD_M = 0.25
+_ROOF_M = (1.1, 1.9)
+_WIDEST = 0.6  # tangent of the azimuth, at which a car is still in most cameras' view
+_MOST_BESIDE, _MOST_ABOVE, _MOST_NEARER, _MOST_BEHIND = 0.25, 0.05, 0.1, 0.3  # of the car's own points
+_FEWEST = 60
+_LEAST_WIDTH_M, _LEAST_HEIGHT_M = 1.4, 1.0
+_NEAREST_M = 1.0
+
+
+class Spot(NamedTuple):
+    """Where a car-sized box stands: its middle to the right of and ahead of the LiDAR, and whether it holds a car."""
+
+    right_m: float
+    ahead_m: float
+    is_car: bool
+
+
+@dataclass(frozen=True)
+class RemovedObject(Described):
+    """What stands `range_m` ahead vanishes: the points of the car-sized box there that most looks like a car are gone.
+
+    Physical removal (Cao et al., USENIX Security 2023): relayed pulses arrive before the echo, nearer than the LiDAR's
+    least range, so that it drops them, and the echo with them. With `returned_at_m` the beams return from there
+    instead, as from a wall behind the object.
+    """
+
+    range_m: float
+    returned_at_m: float | None = None
+
+    name = "removed object"
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud without the object. Raises SettingError for a rig without a LiDAR."""
+        points = cloud.xyz_m @ lidar_axes(rig).T
+        gone = _in_box(points, find_object(points, self.range_m))
+        if self.returned_at_m is None:
+            return PointCloud(cloud.stamp_ns, cloud.xyz_m[~gone])
+        scale = np.where(gone, np.float32(self.returned_at_m) / np.linalg.norm(points, axis=1), np.float32(1))
+        return PointCloud(cloud.stamp_ns, np.asarray(cloud.xyz_m * scale[:, None], dtype=np.float32))
+
+
+@dataclass(frozen=True)
+class RandomRanges(Described):
+    """Beams of a sector see noise: a share `lost` returns nothing, the others random ranges up to `farthest_m`.
+
+    Strong light saturates the receiver (Shin et al., CHES 2017), or pulses at a higher frequency than the LiDAR's come
+    at no fixed time (Sato et al., NDSS 2024). The sector is `width_deg` wide, its middle `azimuth_deg` to the right.
+    """
+
+    width_deg: float
+    azimuth_deg: float
+    lost: float
+    farthest_m: float
+    seed: int = 0
+
+    name = "random ranges"
+
+    def apply(self, cloud: PointCloud, rig: Rig) -> PointCloud:
+        """The cloud with the sector's points lost or moved along their beams. Raises SettingError without a LiDAR."""
+        right, _, forward = (cloud.xyz_m @ lidar_axes(rig).T).T
+        inside = np.abs(np.rad2deg(np.arctan2(right, forward)) - self.azimuth_deg) <= self.width_deg / 2
+        rng = np.random.default_rng([self.seed, cloud.stamp_ns])
+        distance = np.linalg.norm(cloud.xyz_m, axis=1)
+        seen = rng.uniform(_NEAREST_M, self.farthest_m, distance.size) / np.maximum(distance, _NEAREST_M)
+        kept = ~inside | (rng.random(distance.size) >= self.lost)
+        moved = cloud.xyz_m * np.where(inside, seen, 1.0)[:, None]
+        return PointCloud(cloud.stamp_ns, np.asarray(moved[kept], dtype=np.float32))
+
+
+def find_object(points: Points, range_m: float) -> Spot:
+    """The car-sized box about `range_m` ahead that holds the most points and looks like a car, else just the most.
+
+    `points` are (N, 3) right, down, forward of the LiDAR. A car stands free, is as high as one, is not hidden, and
+    nothing shows through it.
+    """
+    height = road_below_m(points) - points[:, 1]
+    ahead = np.arange(range_m - _AROUND_RANGE_M, range_m + _AROUND_RANGE_M + _STEP_M / 2, 2 * _STEP_M)
+    near = np.abs(points[:, 2] - range_m) < _AROUND_RANGE_M + _HALF_DEPTH_M + _BESIDE_M
+    around, above = points[near], height[near]
+    best, most = Spot(0.0, range_m, is_car=False), (False, 0)
+    for z in ahead.tolist():
+        for x in np.arange(-z * _WIDEST, z * _WIDEST, _STEP_M).tolist():
+            count, free = _stands_free(around, above, x, z)
+            if (free, count) > most and (not free or _looks_like_car(points, height, x, z)):
+                best, most = Spot(x, z, free), (free, count)
+    return best
+
+
+def copied_wall(frame: Frame, rig: Rig, wall: BogusWall, camera: int, reference: int) -> Frame:
+    """The frame with a wall in the cloud, and its copy in the picture of one camera: both forged to agree.
+
+    The camera shows at the wall's outline what the `reference` camera shows there, shifted by the wall's disparity: so
+    the two cameras match at the wall's distance. The rig's cameras share a rectified view.
+    """
+    assert rig.lidar is not None
+    assert frame.cloud is not None
+    points = frame.cloud.xyz_m @ lidar_axes(rig).T
+    bottom_m = road_below_m(points) - wall.bottom_m
+    left_m, right_m = wall.lateral_m - wall.width_m / 2, wall.lateral_m + wall.width_m / 2
+    corners = np.array([[left_m, bottom_m - wall.height_m, wall.range_m], [right_m, bottom_m, wall.range_m]])
+    corners += rig.lidar.rig_SE3_lidar[:3, 3]
+    there, here = (_box_px(rig.camera(number).projection, corners) for number in (reference, camera))
+    height, width = rig.camera(camera).height_px, rig.camera(camera).width_px
+    top, bottom = max(there[1], 0), min(there[3], height)
+    shift = there[0] - here[0]
+    left, right = max(there[0], shift, 0), min(there[2], width, width + shift)
+    changed, shown = frame.images[camera].pixels.copy(), frame.images[reference].pixels
+    patch = shown[top:bottom, left:right]
+    levels = patch if patch.ndim == changed.ndim else patch.mean(axis=2) if patch.ndim == 3 else patch[:, :, None]
+    changed[top:bottom, left - shift : right - shift] = levels
+    images = {**frame.images, camera: replace(frame.images[camera], pixels=changed)}
+    return replace(frame, cloud=wall.apply(frame.cloud, rig), images=images)
+
+
+def _box_px(projection: NDArray[np.float64], corners_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom pixel of two opposite corners (2, 3) in the rig."""
+    u, v, w = projection[:, :3] @ corners_m.T + projection[:, 3:]
+    left, right = np.rint(u / w).astype(int).tolist()
+    top, bottom = np.rint(v / w).astype(int).tolist()
+    return left, top, right, bottom
+
+
+def _in_box(points: Points, spot: Spot) -> Mask:
+    """(N,) mask of the points above the road in the car-sized box at a spot."""
+    height = road_below_m(points) - points[:, 1]
+    inside: Mask = (np.abs(points[:, 0] - spot.right_m) < _HALF_WIDTH_M) & (
+        np.abs(points[:, 2] - spot.ahead_m) < _HALF_DEPTH_M
+    )
+    return inside & (height > _HEIGHTS_M[0]) & (height < _HEIGHTS_M[1])
+
+
+def _stands_free(points: Points, height: Points, x: float, z: float) -> tuple[int, bool]:
+    """How many points the box at a place holds, and whether it is as high as a car and nothing stands beside it."""
+    beside_x, beside_z = np.abs(points[:, 0] - x), np.abs(points[:, 2] - z)
+    inside = (beside_x < _HALF_WIDTH_M) & (beside_z < _HALF_DEPTH_M)
+    within = height[inside]
+    body = within[(within > _ABOVE_ROAD_M) & (within < _HEIGHTS_M[1])]
+    if body.size < _FEWEST or np.count_nonzero(within > _HEIGHTS_M[1]) > _MOST_ABOVE * body.size:
+        return body.size, False
+    around = (beside_x < _HALF_WIDTH_M + _BESIDE_M) & (beside_z < _HALF_DEPTH_M + _BESIDE_M) & ~inside
+    beside = np.count_nonzero((height[around] > _ABOVE_ROAD_M) & (height[around] < _HEIGHTS_M[1]))
+    roof_m = float(np.quantile(body, 0.95))
+    return body.size, _ROOF_M[0] < roof_m < _ROOF_M[1] and beside <= _MOST_BESIDE * body.size
+
+
+def _looks_like_car(points: Points, height: Points, x: float, z: float) -> bool:
+    """Whether the box at a place is as wide and high as a car, is not hidden, and nothing shows through it."""
+    body = _in_box(points, Spot(x, z, is_car=True))
+    if np.ptp(points[body, 0]) < _LEAST_WIDTH_M or np.ptp(height[body]) < _LEAST_HEIGHT_M:
+        return False
+    ahead = points[:, 2] > _NEAREST_M
+    direction = points[:, :2] / np.where(ahead, points[:, 2], np.float32(np.inf))[:, None]
+    low, high = np.quantile(direction[body], (0.03, 0.97), axis=0)
+    through = ahead & ~body & ((direction > low) & (direction < high)).all(axis=1)
+    nearer = np.count_nonzero(through & (points[:, 2] < z - _HALF_DEPTH_M))
+    behind = np.count_nonzero(through & (points[:, 2] > z + _HALF_DEPTH_M))
+    count = np.count_nonzero(body)
+    return bool(nearer < _MOST_NEARER * count and behind < _MOST_BEHIND * count)

@@ -1,0 +1,65 @@
+"""The numbers of the checks of the LiDAR's points that can change a count; part of `parameters.MEASURING`."""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+_CHECKS = "chosen on KITTI drives 0009 and 0001 and 18 streets (docs/method.md)"
+_FEATURES = "stands in docs/causes.md; no experiment recorded"
+_DECISIONS = "docs/decisions.md"
+_REMOVED = "KITTI drives 0009, 0001 and odometry 04, streets 2000 to 2017: chosen on them (docs/attacks.md)"
+
+
+@dataclass(frozen=True)
+class PointDropout:
+    """Upright strips of the LiDAR's view that lack points."""
+
+    step_px: int = parameter(8, unit="px", source=_CHECKS)
+    strip_steps: int = parameter(13, unit="steps: 104 px", source=_CHECKS)
+
+
+@dataclass(frozen=True)
+class IsolatedPoints:
+    """LiDAR points without neighbours at their range."""
+
+    cell: float = parameter(
+        0.011, unit="focal lengths: 0.6 degrees", source="one or two beams of 64; no experiment recorded"
+    )
+    range_step: float = parameter(0.08, unit="of the natural logarithm of the range", source=_FEATURES)
+    ranges_m: tuple[float, float] = parameter((1.0, 100.0), unit="m, nearest and farthest", source=BY_HAND)
+    most_together: int = parameter(2, unit="points in 3 x 3 x 3 cells", source=_FEATURES)
+    near_m: float = parameter(8.0, unit="m", source="docs/causes.md, rain: drops lie 1.5 to 6 m away")
+    far_m: float = parameter(40.0, unit="m", source=_FEATURES)
+    parts_across: int = parameter(8, unit="parts of the view, each with two halves", source=_FEATURES)
+    fewest: int = parameter(200, unit="points in view", source=BY_HAND)
+    near_quantile: float = parameter(0.25, unit="quantile of the parts' shares", source=_FEATURES)
+    near_weight: float = parameter(
+        0.5, unit="of the near share, taken off", source=f"{_DECISIONS}, scattered points: rain"
+    )
+    half_share: float = parameter(
+        0.005,
+        unit="share of the view's points at which the statistic is a half",
+        source=f"{_DECISIONS}, scattered points",
+    )
+
+
+@dataclass(frozen=True)
+class LostReturns:
+    """Surfaces that cameras see where the LiDAR has no return."""
+
+    farthest_m: float = parameter(30.0, unit="m of depth", source=_REMOVED)
+    consistent: float = parameter(0.5, unit="NCC at stereo's disparity above which it is a surface", source=_REMOVED)
+    around_m: float = parameter(0.3, unit="m around a surface without any return", source=_REMOVED)
+    narrowest: float = parameter(
+        0.0144, unit="radians around it without any return, at least: 1.3 cells", source=_REMOVED
+    )
+    gap_medians: float = parameter(
+        2.2, unit="times the median gap at surfaces, at least", source="half the gap between beams, and a tenth more"
+    )
+    least_crossed: float = parameter(0.25, unit="share of a cell row's columns with returns: scanned", source=_REMOVED)
+    finer: int = parameter(2, unit="cells a cell of the count grid, and samples of surfaces", source=BY_HAND)
+
+
+POINT_DROPOUT = PointDropout()
+ISOLATED_POINTS = IsolatedPoints()
+LOST_RETURNS = LostReturns()

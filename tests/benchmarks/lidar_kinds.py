@@ -1,0 +1,188 @@
+"""How often each kind of attack on the LiDAR is found: `python -m tests.benchmarks.lidar_kinds --into FOLDER`.
+
+Of the real drives (AUDITOR_TEST_DATA), or of streets, all frames are measured clean, and some of them under each kind.
+Each drive is judged by thresholds of the others (streets: of other families), with all cameras and with three of them,
+and again without the check of lost returns. What is in the folder is not measured again:
+
+    python -m tests.benchmarks.lidar_kinds --into FOLDER [--streets 18 --first 6000] [--attacked 12]
+
+Counted are frames: `found` are not clean; `named` name the attacked sensors and no other; `others` name another
+sensor. Objects are removed only where something stands that looks like a car: `spoofing.find_object` says where.
+"""
+
+import argparse
+import os
+import pickle
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from auditor.evaluation.sources import Recorded, Street
+from auditor.identification.statistics import sensor_statistics
+from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
+from auditor.lab.attacks.faults import lidar_axes
+from auditor.lab.attacks.paper import draw_wall
+from auditor.lab.attacks.spoofing import copied_wall, find_object
+from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement.checks.count_grid import cells_of_points
+from auditor.measurement.checks.lidar_conflict import verify_conflicts
+from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
+from auditor.measurement.checks.point_distribution import isolated, isolated_ratio, isolated_shares, point_dropout
+from auditor.measurement.disparity.lidar import lidar_view
+from auditor.measurement.shared_view import FrameArrays
+from auditor.model.arrays import Floats
+from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_checks
+from auditor.model.frames import Frame
+from auditor.model.measurement import Measurement
+from auditor.model.rig import LIDAR, Rig
+from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
+from tests.benchmarks.rates import Judged, judge_all
+from tests.benchmarks.scenes import Scene, load
+
+KINDS: tuple[tuple[str, float | None], ...] = (
+    *(("removed", metres) for metres in (12, 20, 28)),
+    ("seen-through", 20),
+    *(("hidden", degrees) for degrees in (4, 8, 20)),
+    *(("saturated", degrees) for degrees in (8, 20)),
+    *(("pulses", degrees) for degrees in (8, 20)),
+    ("wall", None),
+    *(("far-wall", metres) for metres in (15, 20, 25, 30)),
+    *(("scattered", points) for points in (300, 1000, 2000)),
+)
+COPIED = "copied wall"
+OBJECTS = ("removed", "seen-through")
+SETS = ((1, 2, 3, 4), (1, 2, 3), (1, 2, 4))
+
+
+def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, Frame]]:
+    """The frame under every kind of attack on the LiDAR alone; objects are removed only where a car stands."""
+    assert frame.cloud is not None
+    points = frame.cloud.xyz_m @ lidar_axes(rig).T
+    for number, (kind, size) in enumerate(KINDS):
+        if kind in OBJECTS and size is not None and not find_object(points, size).is_car:
+            continue
+        rng = np.random.default_rng([seed, frame.number, number])
+        cloud = ON_LIDAR[kind](Drawing(rng, "mild", size)).apply(frame.cloud, rig)
+        yield kind if size is None else f"{kind} {size:g}", replace(frame, cloud=cloud)
+
+
+def statistics_of(frame: Frame, clean: Measurement, arrays: FrameArrays, rig: Rig) -> Floats:
+    """The statistics of a frame whose cloud alone was changed: what cameras see of each other is as it was.
+
+    The LiDAR's range masks are those of the clean cloud.
+    """
+    assert frame.cloud is not None
+    checks = arrays.frame_checks
+    views = {k: lidar_view(frame.cloud, rig, k) for k in arrays.lidar}
+    scanned = {k: scanned_view(view) for k, view in views.items()}
+    cells, shares = dict(clean.cells), {}
+    for j, k in checks.verified_conflicts:
+        half_res = arrays.views[k], arrays.views[j]
+        points = verify_conflicts(views[k], arrays.maps[j, k], checks.consistencies[j, k], rig, j, half_res)
+        cells[CountedPair(Check.LIDAR_CONFLICT, j, k, LIDAR)] = cells_of_points(points, views[k])
+        lost = count_lost_returns(views[k], scanned[k], arrays.maps[j, k], checks.consistencies[j, k], j)
+        cells[CountedPair(Check.LOST_RETURNS, j, k, LIDAR)] = lost
+    for k, view in views.items():
+        camera = rig.camera(k)
+        shares[SensorCheck(Check.POINT_DROPOUT, LIDAR, (k,))] = point_dropout(view, camera.width_px)
+        alone = isolated_ratio(isolated_shares(view, isolated(view, camera.focal_px), camera.width_px))
+        if alone is not None:
+            shares[SensorCheck(Check.ISOLATED_POINTS, LIDAR, (k,))] = alone
+    return np.array(sensor_statistics(rig_sensor_checks(rig), cells, shares), dtype=np.float64)
+
+
+def measured(source: Recorded | Street, name: str, family: str, most: int) -> Scene:
+    """All frames of a source clean, and `most` of them, evenly spread, under every attack."""
+    features, cases, seed = FaultFeatures(), [], len(name)
+    with source.open(colour=True) as [drive]:
+        rig = drive.rig
+        frames = [item for item in drive.frames if isinstance(item, Frame)]
+        chosen = {frames[place].number for place in np.linspace(0, len(frames) - 1, most).astype(int)}
+        for frame in frames:
+            clean, arrays = measure(frame, rig, MATCHER)
+            case = case_of(replace(clean, fault_features=features.update(arrays)), rig)
+            cases.append(case)
+            if frame.number not in chosen:
+                continue
+            for kind, changed in attacks_on(frame, rig, seed):
+                statistics = statistics_of(changed, clean, arrays, rig)
+                cases.append(replace(case, attack=kind, attacked=(LIDAR,), statistics=statistics))
+            wall = draw_wall(np.random.default_rng([seed, frame.number]))
+            forged = copied_wall(frame, rig, wall, 1, rig.n)
+            cases.append(case_of(measure(forged, rig, MATCHER)[0], rig, COPIED, (LIDAR, 1)))
+        first = frames[0].images
+        kinds = "".join("c" if first[n].pixels.ndim > 2 else "g" for n in sorted(first))
+        return Scene(name, family, rig, kinds, tuple(cases))
+
+
+def unknown(scene: Scene, check: Check) -> Scene:
+    """The scene as it is judged where a check was not measured."""
+    columns = np.array([one.check is check for one in rig_sensor_checks(scene.rig)])
+    cases = [replace(case, statistics=np.where(columns, np.nan, case.statistics)) for case in scene.cases]
+    return replace(scene, cases=tuple(cases))
+
+
+def report(after: Sequence[Judged], before: Sequence[Judged]) -> Iterator[str]:
+    """A line for the clean frames and each kind: with the check of lost returns, and in brackets without it."""
+    by_kind: dict[str, list[tuple[Judged, Judged]]] = defaultdict(list)
+    for pair in zip(after, before, strict=True):
+        by_kind[pair[0].case.attack].append(pair)
+    for kind, pairs in by_kind.items():
+        counts = [
+            f"{what} {sum(is_so(new) for new, _ in pairs):3} ({sum(is_so(old) for _, old in pairs):3})"
+            for what, is_so in OUTCOMES.items()
+        ]
+        yield f"{kind or 'clean':20} {len(pairs):4} frames: " + ", ".join(counts)
+
+
+def _found(one: Judged) -> bool:
+    return bool(one.robust.kind != "clean")
+
+
+def _named(one: Judged) -> bool:
+    return one.robust.attacked == one.case.attacked
+
+
+def _others(one: Judged) -> bool:
+    return bool(set(one.robust.attacked) - set(one.case.attacked))
+
+
+OUTCOMES: dict[str, Callable[[Judged], bool]] = {"found": _found, "named": _named, "others": _others}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--into", type=Path, required=True)
+    parser.add_argument("--streets", type=int, default=0, help="this many streets in place of the real drives")
+    parser.add_argument("--first", type=int, default=6000)
+    parser.add_argument("--frames", type=int, default=4, help="of each street")
+    parser.add_argument("--attacked", type=int, default=6, help="frames of each drive that are attacked")
+    parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
+    options = parser.parse_args()
+    use_one_thread()
+    options.into.mkdir(parents=True, exist_ok=True)
+    todo: list[tuple[str, str, Recorded | Street]] = [
+        (f"street {seed}", source.family, source)
+        for seed in range(options.first, options.first + options.streets)
+        for source in (Street(seed, options.frames, 4),)
+    ]
+    if not todo:
+        data = Path(os.environ["AUDITOR_TEST_DATA"])
+        todo = [(name, name, Recorded(data / path)) for name, path in DRIVES.items()]
+    for name, family, source in todo:
+        path = options.into / f"{name}.scene"
+        if not path.exists():
+            path.write_bytes(pickle.dumps(measured(source, name, family, options.attacked)))
+    scenes = load(options.into)
+    for cameras in SETS:
+        print(f"\nS_{LIDAR} and " + ", ".join(f"S_{camera}" for camera in cameras))
+        old = [unknown(scene, Check.LOST_RETURNS) for scene in scenes]
+        print(*report(judge_all(scenes, cameras, options.r), judge_all(old, cameras, options.r)), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auditor.measurement import measure
+from auditor.measurement.disparity.matchers import SgbmMatcher
+from auditor.model.checks import Check, CountedPair
+from auditor.model.frames import PointCloud
+from tests.making.scenes import FOCAL, WIDTH, plane_frame, plane_rig
+
+CELL = 8 / 721
+DEPTH_M = 10.0  # disparities of 18 and 9 px
+
+
+@pytest.fixture(scope="module")
+def lost():
+    """How many samples of surfaces, and which cells of the LiDAR's directions lack returns, in a cloud (N, 3)."""
+    rig = plane_rig()
+    frame = plane_frame(rig, depth_m=DEPTH_M)
+
+    def of(kept):
+        xyz = frame.cloud.xyz_m
+        cloud = PointCloud(frame.cloud.stamp_ns, xyz[kept(xyz[:, 1] / xyz[:, 0], xyz[:, 2] / xyz[:, 0])])
+        cells = measure(replace(frame, cloud=cloud), rig, SgbmMatcher())[0].cells
+        return [cells[CountedPair(Check.LOST_RETURNS, i, 3, 0)] for i in (1, 2)]
+
+    return of
+
+
+def outside(left, up, width_m, height_m):
+    """(N,) whether directions pass beside a hole of that size in the plane, straight ahead."""
+    return (np.abs(left) > width_m / 2 / DEPTH_M) | (np.abs(up) > height_m / 2 / DEPTH_M)
+
+
+def test_an_even_cloud_has_lost_nothing(lost):
+    for cells in lost(lambda left, up: np.ones(left.shape, dtype=bool)):
+        assert cells.total.sum() == 0
+        assert cells.valid.sum() > 1500
+        assert cells.valid.max() == 4, "two samples a cell, across and down"
+
+
+def test_a_hole_is_lost_but_for_a_third_of_a_metre_along_its_edge(lost):
+    for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6)):
+        row, column = np.nonzero(cells.total)
+        down, right = (row + 0.5 - 40) * CELL * DEPTH_M, (column + 0.5 - 80) * CELL * DEPTH_M
+        assert cells.total.sum() > 150
+        within_m = 0.3 - 1.25 * CELL * DEPTH_M  # a cell's middle is not its sample's, and beams have gaps
+        assert np.abs(right).max() < 1.0 - within_m
+        assert np.abs(down).max() < 0.8 - within_m
+        assert (cells.total[row, column] <= cells.valid[row, column]).all()
+
+
+def test_some_returns_here_and_there_say_that_a_dark_surface_is_there(lost):
+    # One point of eleven, as of black paint.
+    for cells in lost(lambda left, up: outside(left, up, 2.0, 1.6) | (np.arange(left.size) % 11 == 0)):
+        assert cells.total.sum() == 0
+
+
+def test_a_hole_narrower_than_its_edges_is_not_lost(lost):
+    for cells in lost(lambda left, up: outside(left, up, 0.5, 2.0)):
+        assert cells.total.sum() == 0
+
+
+def test_where_the_lidar_never_scans_nothing_is_expected(lost):
+    for cells in lost(lambda left, up: up < 0.05):
+        assert cells.total.sum() == 0
+        assert not cells.valid[: 40 - int(0.05 / CELL)].any()
+
+
+def test_beside_the_field_of_a_narrow_lidar_nothing_is_expected(lost):
+    for cells in lost(lambda left, up: left > -0.1):
+        assert cells.total.sum() == 0
+        assert not cells.valid[:, 80 + int(0.12 / CELL) :].any()
+
+
+def test_between_the_beams_of_a_lidar_of_few_nothing_is_lost(lost):
+    # A beam every 2 degrees: 16 of them.
+    for cells in lost(lambda left, up: np.abs(np.arctan(up) / np.deg2rad(2) % 1 - 0.5) < 0.1):
+        assert cells.total.sum() == 0
+        assert cells.valid.sum() > 1000
+
+
+def test_surfaces_far_away_are_not_looked_at():
+    rig = plane_rig()
+    far = plane_frame(rig, depth_m=45.0)
+    nothing = replace(far, cloud=PointCloud(far.cloud.stamp_ns, far.cloud.xyz_m[::2]))
+    cells = measure(nothing, rig, SgbmMatcher())[0].cells
+    assert cells[CountedPair(Check.LOST_RETURNS, 1, 3, 0)].valid.sum() < 20
+    assert FOCAL * 0.6 / 45.0 == 4.0
+    assert WIDTH == 320
