@@ -81,7 +81,7 @@ content_option = click.option(
 
 pictures_option = click.option(
     "--pictures",
-    type=click.Choice([*Pictures]),
+    type=click.Choice([one.value for one in Pictures]),
     default=Pictures.ALL,
     show_default=True,
     help="Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is unusually "
