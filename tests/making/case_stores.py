@@ -81,14 +81,14 @@ def attacked_store(folder: Path) -> AttackedStore:
         [known] = measure_recording(MeasureTask(path, store.folder), lambda *_: None).measurement_ids
         judge_by_hand(store, known, sensor)
         recordings[sensor] = path
-    known = [one.measurement_id for one in store.measurements()]
-    assert [one.remark for one in picture_incidents(store, known, Pictures.ALL, limits_by_size())] == ["", ""]
+    measured = [one.measurement_id for one in store.measurements()]
+    assert [one.remark for one in picture_incidents(store, measured, Pictures.ALL, limits_by_size())] == ["", ""]
     return AttackedStore(recordings, folder / "audit")
 
 
 def judge_by_hand(store: Store, measurement_id: str, sensor: int) -> None:
     """Every frame in which the sensor is attacked is found, the last but one as the strongest."""
-    _, thresholds = robust_judging(store.rig(store.measurement(measurement_id).rig_id), "0.01", 2)
+    _, thresholds = robust_judging(store.rig(store.measurement(measurement_id).rig_id), "0.01", 2)  # type: ignore[no-untyped-call]
     evidence = (Evidence(_EVIDENCE[sensor].value, sensor, None, None, 5.0),)
     finding = Finding(VerdictKind.ATTACKED, (sensor,))
     rows = []
