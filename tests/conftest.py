@@ -13,8 +13,9 @@ settings.load_profile("without deadline")
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """What auditor remembers of stores, it remembers in a folder of the tests."""
+    """What auditor remembers of stores, it remembers in a folder of the tests; nobody's settings are read."""
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
+    os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
 
 
 @pytest.fixture(scope="session")

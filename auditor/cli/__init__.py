@@ -6,13 +6,16 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 
 import click
 
 from auditor import __version__
 from auditor.cli.exit_codes import Exit
+from auditor.cli.log_lines import FORMATS, Level, is_json, write, write_as
 from auditor.cli.output import answer, say
+from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
 from auditor.errors import AuditorError
 
 _GO_ON = "finished recordings are kept, run the same command again to go on"
@@ -53,6 +56,8 @@ class _Verbs(click.Group):
         if cmd_name not in VERBS:
             return None
         command: click.Command = importlib.import_module(f"auditor.cli.verbs.{cmd_name.replace('-', '_')}").command
+        from_environment(command, [cmd_name])
+        announced(command)
         return command
 
 
@@ -81,7 +86,21 @@ def _show_versions(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     callback=_show_versions,
     help="Show the version, and those of plug-ins.",
 )
-def auditor() -> None:
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    envvar="AUDITOR_CONFIG",
+    help="A file of settings.  [default: ~/.config/auditor/auditor.toml, where there is one]",
+)
+@click.option(
+    "--log-format",
+    type=click.Choice(FORMATS),
+    default="text",
+    envvar="AUDITOR_LOG_FORMAT",
+    help="How remarks, progress and errors are written to stderr: text, or JSON, one object a line.  [default: text]",
+)
+@click.pass_context
+def auditor(context: click.Context, config: Path | None, log_format: str) -> None:
     """Detect optical attacks on cameras and LiDAR in recorded drives, and identify the attacked sensors.
 
     \b
@@ -91,6 +110,13 @@ def auditor() -> None:
     auditor query incidents                 query the store
     auditor report                          write pages of the fleet and of each incident
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    write_as(log_format)
+    file = config or default_file()
+    if config is not None or file.is_file():
+        assert isinstance(context.command, click.Group)
+        context.default_map = read_file(file, context.command, context)
+    elif Path(FILE).is_file():
+        say(f"{FILE} in this folder is not read, as it may be of strangers: --config {FILE} reads it")
 
 
 class _Ended(BaseException):
@@ -103,7 +129,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         with _heeding_sigterm():
             return _run(arguments)
     except _Ended:
-        say(f"auditor: ended by SIGTERM; {_GO_ON}")
+        write(f"auditor: ended by SIGTERM; {_GO_ON}", Level.ERROR)
         return Exit.ENDED
     except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
         _show_defect(error)
@@ -112,6 +138,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
+    write_as("text")
     try:
         code = auditor.main(given, standalone_mode=False, obj=given)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -121,10 +148,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         _show_usage(error)
         return Exit.FAILED
     except AuditorError as error:
-        say(f"auditor: {error}")
+        write(f"auditor: {error}", Level.ERROR)
         return Exit.FAILED
     except (KeyboardInterrupt, click.Abort):
-        say(f"auditor: interrupted; {_GO_ON}")
+        write(f"auditor: interrupted; {_GO_ON}", Level.ERROR)
         return Exit.INTERRUPTED
     except BrokenPipeError:
         # The reader (head, less) has gone; Python must not try to flush into the closed pipe at exit.
@@ -154,10 +181,10 @@ def _heeding_sigterm() -> Iterator[None]:
 def _show_usage(error: click.ClickException) -> None:
     """What click says of a command line; names of files may stand in it."""
     context = error.ctx if isinstance(error, click.UsageError) else None
-    if context is not None:
+    if context is not None and not is_json():
         click.echo(context.get_usage(), err=True)
         say(f"Try '{context.command_path} --help' for help.")
-    say(f"Error: {error.format_message()}")
+    write(f"Error: {error.format_message()}", Level.ERROR)
 
 
 def _show_defect(error: Exception) -> None:
@@ -165,5 +192,5 @@ def _show_defect(error: Exception) -> None:
 
     for entry in traceback.format_exception(error):
         for line in entry.splitlines() if entry.startswith("  ") else [entry.strip()]:
-            say(line)
-    say("auditor: this is a defect of auditor: please report the lines above")
+            write(line, Level.ERROR)
+    write("auditor: this is a defect of auditor: please report the lines above", Level.ERROR)

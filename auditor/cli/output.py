@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from auditor.cli.log_lines import Level, is_json, write
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ def shown(value: object) -> str:
 
 def say(text: str) -> None:
     """One remark on stderr, on one line."""
-    click.echo(one_line(text), err=True)
+    write(text, Level.REMARK)
 
 
 def answer(text: object) -> None:
@@ -214,7 +215,7 @@ Finished = Callable[..., None]
 def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
     """Show how far a number of recordings are.
 
-    A terminal gets a bar; anything else the remarks only, and now and then a line that counts.
+    A terminal gets a bar; anything else the remarks only, and now and then a line that counts. As JSON each is a line.
     """
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
@@ -227,25 +228,38 @@ def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
         TextColumn("{task.fields[frames]} frames"),
         TimeElapsedColumn(),
     )
+    bars = console.is_terminal and not is_json()
+
+    def remark(text: str, level: Level = Level.REMARK, **more: object) -> None:
+        if is_json():
+            write(text, level, **more)
+        else:
+            console.print(shown(text), soft_wrap=True)
+
     frames: dict[object, int] = {}
     counted_at = monotonic()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True, disable=not bars) as bar:
         task = bar.add_task(doing, total=total, frames=0)
 
         def advanced(item: object, what: str, done: int) -> None:
             nonlocal counted_at
             if done == 0:
-                console.print(shown(f"{item}: {what}"), soft_wrap=True)
+                remark(f"{item}: {what}", item=str(item))
             frames[item] = done
             bar.update(task, frames=sum(frames.values()))
-            if not console.is_terminal and monotonic() - counted_at >= _COUNT_EACH_S:
+            if not bars and monotonic() - counted_at >= _COUNT_EACH_S:
                 counted_at = monotonic()
                 ended = int(bar.tasks[0].completed)
-                console.print(f"{doing}: {ended} of {total} done, {sum(frames.values())} frames", soft_wrap=True)
+                done_frames = sum(frames.values())
+                text = f"{doing}: {ended} of {total} done, {done_frames} frames"
+                remark(text, Level.PROGRESS, done=ended, of=total, frames=done_frames)
 
         def finished(*remarks: str) -> None:
             bar.advance(task)
-            for remark in remarks:
-                console.print(shown(remark), soft_wrap=True)
+            for text in remarks:
+                remark(text)
+            if is_json():
+                ended, done_frames = int(bar.tasks[0].completed), sum(frames.values())
+                write(f"{doing}: {ended} of {total} done", Level.PROGRESS, done=ended, of=total, frames=done_frames)
 
         yield advanced, finished

@@ -8,13 +8,14 @@ from math import inf, sqrt
 import numpy as np
 
 from auditor.identification.incidents import incident_limit
+from auditor.identification.order_statistics import Without, ascending
 from auditor.identification.parameters import INCIDENTS
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
-from auditor.identification.scores import for_drive, thresholds_from
+from auditor.identification.scores import CleanDrives, for_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS
 from auditor.identification.systems import System
-from auditor.identification.thresholds import threshold
-from auditor.model.arrays import Flags, Floats, Integers
+from auditor.identification.thresholds import BELOW_EVERY_ERROR, threshold_rank
+from auditor.model.arrays import Flags, Integers
 from auditor.model.calibration import Calibration, CleanFrames, RobustThresholds
 from auditor.model.measurement import Statistic
 from auditor.model.rig import fallback_of
@@ -27,8 +28,8 @@ INCIDENT_GAP_S = INCIDENTS.gap_s
 
 _Z = 1.959963984540054  # the 97.5 % quantile of the normal distribution
 
-Judge = Callable[[Sequence[CleanFrames], CleanFrames], tuple[int, int]]
-"""Thresholds from some recordings, applied to another: how many of its frames are findings, and how many incidents."""
+Judge = Callable[[CleanFrames], tuple[int, int]]
+"""Thresholds from all other recordings, applied to one: how many of its frames are findings, and how many incidents."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,11 @@ def thresholds_of(
 
 def leave_one_out_robust(calibration: Calibration, system: System, r: Decimal) -> list[LeftOut]:
     """Judge each clean recording by the others as a scan would; a single one by the prior."""
+    drives = CleanDrives(calibration.clean, system.sensor_checks)
 
-    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
-        series, thresholds = as_scanned(left_out, thresholds_of(others, system, r), system)
+    def judge(left_out: CleanFrames) -> tuple[int, int]:
+        by_others = drives.thresholds(system.judged_together, r, without=left_out.recording_id)
+        series, thresholds = as_scanned(left_out, by_others, system)
         verdicts = judge_frames(series, system, thresholds)
         findings = sum(verdict.kind in FINDINGS for verdict in verdicts)
         return findings, count_incidents([verdict.finding for verdict in verdicts], left_out.stamps_ns)
@@ -86,16 +89,22 @@ def leave_one_out_paper(calibration: Calibration, statistic: Statistic, r: Decim
     """Judge each clean recording by the others as the paper does: a finding is a frame with some E above its theta."""
     fallback = fallback_of(len(calibration.rig_kind.sizes_px), lidar=calibration.rig_kind.lidar)
 
-    def judge(others: Sequence[CleanFrames], left_out: CleanFrames) -> tuple[int, int]:
+    clean = calibration.clean
+    keys = dict.fromkeys(key for one in clean for key in one.errors if key[0] is statistic)
+    samples = {key: ascending([one.errors[key] for one in clean if key in one.errors]) for key in keys}
+
+    def judge(left_out: CleanFrames) -> tuple[int, int]:
+        own = [one for one in clean if one.recording_id == left_out.recording_id]
         above, measured = (np.zeros(left_out.frames, dtype=np.bool_) for _ in range(2))
         triples = [triple for kind, triple in left_out.errors if kind is statistic]
         # The fallback, which comes last, counts where no other E of a frame was measured.
         for triple in sorted(triples, key=lambda triple: triple == fallback):
             key, E = (statistic, triple), left_out.errors[statistic, triple]
-            samples = _measured([o.errors[key] for o in others if key in o.errors])
-            if samples.size:
+            others = Without(samples[key], ascending([one.errors[key] for one in own if key in one.errors]))
+            if others.size:
                 known = ~np.isnan(E) & ~(measured & (triple == fallback))
-                above |= known & (threshold(samples.tolist(), r) < E)
+                rank = threshold_rank(others.size, r)
+                above |= known & ((others.at(rank - 1) if rank else BELOW_EVERY_ERROR) < E)
                 measured |= known
         return int(np.count_nonzero(above)), _count_runs(above)
 
@@ -107,10 +116,12 @@ def left_out_peaks(calibration: Calibration, system: System, r: Decimal) -> list
 
     Those of one recording alone are in sample.
     """
+    alone = len(calibration.recordings) == 1
+    drives = CleanDrives(calibration.clean, system.sensor_checks)
     peaks: list[float] = []
     for left_out in calibration.clean:
-        others = [other for other in calibration.clean if other.recording_id != left_out.recording_id]
-        series, thresholds = as_scanned(left_out, thresholds_of(others or [left_out], system, r), system)
+        learnt = drives.thresholds(system.judged_together, r, without=None if alone else left_out.recording_id)
+        series, thresholds = as_scanned(left_out, learnt, system)
         peaks += clean_peaks(series, system, thresholds)
     return peaks
 
@@ -157,8 +168,7 @@ def wilson(k: float, n: float) -> tuple[float, float]:
 def _results(clean: Sequence[CleanFrames], judge: Judge) -> Iterator[LeftOut]:
     """One result a recording and rig: several rigs of one kind may have measured it."""
     for left_out in clean:
-        others = [other for other in clean if other.recording_id != left_out.recording_id]
-        findings, incidents = judge(others, left_out)
+        findings, incidents = judge(left_out)
         yield LeftOut(left_out.recording_id, left_out.frames, findings, incidents, hours_of(left_out.stamps_ns))
 
 
@@ -166,12 +176,6 @@ def as_scanned(clean: CleanFrames, learnt: RobustThresholds, system: System) -> 
     """The frames of a clean recording, and thresholds as a scan has them that knows its own usual statistics."""
     series = FrameSeries.of_clean(clean, system)
     return series, for_drive(learnt, system.sensor_checks, series.statistics)
-
-
-def _measured(columns: Sequence[Floats]) -> Floats:
-    """What was measured in all columns, in ascending order."""
-    values = np.concatenate(columns) if columns else np.zeros(0)
-    return np.sort(values[~np.isnan(values)])
 
 
 def _count_runs(above: Flags) -> int:

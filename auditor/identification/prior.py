@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.parameters import CAUSE_PRIORS, CHECK_PRIORS, HIERARCHY, JOINT_TAIL
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Flags, Floats, Integers
 from auditor.model.calibration import Expected
 from auditor.model.checks import FEWEST_VOTERS, Check, SensorCheck
 from auditor.model.rig import LIDAR
@@ -52,14 +52,33 @@ class Prior(NamedTuple):
     tail: float = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class DriveValues:
+class DriveValues(NamedTuple):
     """The values of one drive: their mean, their sum of squares about it, and how many frames they are worth."""
 
     mean: float
     squares: float
     frames: int
     worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """The values of D drives summed up, each (D,), as those of one are in `DriveValues`."""
+
+    mean: Floats
+    squares: Floats
+    frames: Integers
+    worth: Floats
+
+    @classmethod
+    def of(cls, drives: Sequence[DriveValues]) -> "Drives":
+        """Of each of them; a drive without values has no frames."""
+        mean, squares, frames, worth = (np.array([one[n] for one in drives]) for n in range(4))
+        return cls(mean, squares, frames.astype(np.int64), worth)
+
+    def chosen(self, places: Flags) -> "Drives":
+        """The drives at some places (D,)."""
+        return Drives(self.mean[places], self.squares[places], self.frames[places], self.worth[places])
 
 
 def prior_of_check(check: SensorCheck) -> Prior:
@@ -71,6 +90,8 @@ def prior_of_check(check: SensorCheck) -> Prior:
         return Prior(*CHECK_PRIORS.point_dropout)
     if check.check is Check.ISOLATED_POINTS:
         return Prior(*CHECK_PRIORS.isolated_points)
+    if check.check is Check.COLOURED_LIGHT:
+        return Prior(*CHECK_PRIORS.coloured_light)
     alone, two, more = _OF_CAMERAS[check.check]
     return Prior(*(alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more))
 
@@ -108,28 +129,27 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
     seen = [drive_values(values, None if believed else prior) for values in drives]
-    return expected_after(prior, seen, believed=believed)
+    return expected_after(prior, Drives.of(seen), believed=believed)
 
 
-def expected_after(prior: Prior, drives: Sequence[DriveValues], *, believed: bool = False) -> Expected:
+def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> Expected:
     """What is expected after drives whose values are summed up, see `expected`."""
-    seen = [one for one in drives if one.frames]
-    freedom = sum(one.worth for one in seen)
-    within = (HIERARCHY.prior_frames * prior.within**2 + sum(one.worth * one.squares / one.frames for one in seen)) / (
-        HIERARCHY.prior_frames + freedom
+    seen = drives.chosen(drives.frames > 0)
+    D = seen.mean.size
+    within = (HIERARCHY.prior_frames * prior.within**2 + _sum(seen.worth * seen.squares / seen.frames)) / (
+        HIERARCHY.prior_frames + _sum(seen.worth)
     )
     within = within if believed else min(within, (HIERARCHY.widest * prior.within) ** 2)
-    far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (len(seen) - 1)
+    far = inf if believed else HIERARCHY.farthest + HIERARCHY.farther * (D - 1)
     reach = far * sqrt(prior.within**2 + prior.between**2 * (1 + 1 / HIERARCHY.rig_kind))
-    means = np.clip([one.mean for one in seen], prior.mean - reach, prior.mean + reach)
-    weights = np.array([1 / (prior.between**2 + within / one.worth) for one in seen])
+    means = np.clip(seen.mean, prior.mean - reach, prior.mean + reach)
+    weights = 1 / (prior.between**2 + within / seen.worth)
     of_prior = HIERARCHY.rig_kind / prior.between**2
     mean = (of_prior * prior.mean + float(weights @ means)) / (of_prior + float(weights.sum()))
-    beyond = sum(max((m - mean) ** 2 - within / one.worth, 0.0) for m, one in zip(means, seen, strict=True))
-    D = len(seen)
+    beyond = _sum(np.maximum((means - mean) ** 2 - within / seen.worth, 0.0))
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
     deviation = sqrt(within + between * (1 + 1 / (HIERARCHY.rig_kind + D)))
-    return Expected(mean, prior.tail * deviation, prior.tail * sqrt(within), D, sum(one.frames for one in seen))
+    return Expected(mean, prior.tail * deviation, prior.tail * sqrt(within), D, int(seen.frames.sum()))
 
 
 def of_drive(one: Expected, values: Floats, limit: float) -> Expected:
@@ -180,6 +200,11 @@ def _drive(values: Floats) -> DriveValues:
         return DriveValues(0.0, 0.0, 0, 0.0)
     mean = float(values.mean())
     return DriveValues(mean, float(np.square(values - mean).sum()), values.size, effective_size(values))
+
+
+def _sum(values: Floats) -> float:
+    """The sum in order: its last digits do not depend on how NumPy groups the values."""
+    return float(np.cumsum(values)[-1]) if values.size else 0.0
 
 
 def effective_size(values: Floats) -> float:

@@ -56,17 +56,30 @@ class Influence:
 class Gate:
     """What a calibration must hold to come into force by itself."""
 
-    most_step: float = parameter(0.5, unit="deviations that a threshold may rise in one refresh", source=BY_HAND)
+    most_step: float = parameter(
+        0.5, unit="deviations that a threshold of a hundred drives may rise in one refresh", source=BY_HAND
+    )
     most_creep: float = parameter(
-        1.0, unit="deviations that a threshold may lie above that of the version a person confirmed", source=BY_HAND
+        1.0,
+        unit="deviations that a threshold may lie above that of a hundred drives a person confirmed",
+        source=BY_HAND,
     )
     planted: float = parameter(2.5, unit="log odds added to a statistic: a mild attack", source=BY_HAND)
-    most_lost: float = parameter(0.03, unit="share of planted attacks that may be lost in one refresh", source=BY_HAND)
+    most_lost: float = parameter(
+        0.03, unit="share of planted attacks that a version of a hundred drives may lose", source=BY_HAND
+    )
     most_lost_in_all: float = parameter(
-        0.05, unit="share of planted attacks that may be lost since a person confirmed", source=BY_HAND
+        0.05,
+        unit="share of planted attacks that may be lost since a person confirmed a version of a hundred",
+        source=BY_HAND,
+    )
+    most_more_alarms: float = parameter(
+        0.01, unit="share of windows of new drives that may be raised besides in one refresh", source=BY_HAND
     )
     most_false_alarms: float = parameter(
-        3.0, unit="times r: windows judged by others with findings, the lower end of their interval", source=BY_HAND
+        8.0,
+        unit="times r: windows judged by others with findings, the lower end of their interval",
+        source="5 to 6 times r on 21 streets that others judge",
     )
 
 
@@ -76,6 +89,11 @@ class TwoSamples:
 
     chance: float = parameter(
         0.01, unit="chance that a night of clean drives leaves one out, all tests together", source=BY_HAND
+    )
+    shape: float = parameter(
+        0.4,
+        unit="deviation between drives of the log of the distance of their shapes",
+        source="21 streets of 100 frames: 0.27 to 0.53 by check",
     )
     fewest_drives: int = parameter(8, unit="others that a drive is compared with", source=BY_HAND)
     fewest_frames: int = parameter(10, unit="measured frames of a drive that are compared", source=BY_HAND)

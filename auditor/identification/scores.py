@@ -9,8 +9,10 @@ import numpy as np
 
 from auditor.identification.faults import TONES, faults_of
 from auditor.identification.incidents import incident_limit
+from auditor.identification.order_statistics import Without, ascending
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS
 from auditor.identification.prior import (
+    Drives,
     DriveValues,
     drive_values,
     expected_after,
@@ -21,16 +23,19 @@ from auditor.identification.prior import (
     prior_of_check,
 )
 from auditor.identification.thresholds import checked
-from auditor.model.arrays import Floats
+from auditor.model.arrays import Flags, Floats
 from auditor.model.calibration import CleanFrames, Expected, RobustThresholds, Scale
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.verdict import Cause, CauseIn
+
+_NONE = np.zeros(0)
 
 _LOCALISED_FROM: Mapping[Check, float] = {
     Check.LIDAR_CONFLICT: LOCALISED_FROM.lidar_conflict,
     Check.ADDED_LIGHT: LOCALISED_FROM.light,
     Check.REMOVED_LIGHT: LOCALISED_FROM.light,
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
+    Check.COLOURED_LIGHT: LOCALISED_FROM.coloured,
 }
 
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()
@@ -49,22 +54,48 @@ def thresholds_from(
     `judged_together` is how many checks a frame is judged by at once. The limit of incidents is the usual one. Raises
     SettingError for an r outside 0 to 1.
     """
-    limit = joint_limit(float(checked(r)), judged_together)
-    of_checks = {
-        check: expected_after(
-            prior_of_check(check), [_statistics_of(one, check) for one in clean if check in one.statistics]
-        )
-        for check in sensor_checks
-    }
-    causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
-    of_causes = {
-        cause: _expected_of(cause, [_strengths_of(one, cause) for one in clean if cause in one.strengths])
-        for cause in causes
-    }
-    drives = len({one.recording_id for one in clean})
-    known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
-    scales = {cause: fault_scale(cause[0], found, limit, _shown(cause, clean)) for cause, found in known.items()}
-    return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
+    return CleanDrives(clean, sensor_checks).thresholds(judged_together, r, calibration_id)
+
+
+class CleanDrives:
+    """What thresholds are learnt from, the clean frames of D recordings: looked at once, whichever are left out."""
+
+    def __init__(self, clean: Sequence[CleanFrames], sensor_checks: Sequence[SensorCheck]) -> None:
+        self._clean = clean
+        self._names = np.array([one.recording_id for one in clean], dtype=np.str_)
+        self._of_checks = {check: Drives.of([_statistics_of(one, check) for one in clean]) for check in sensor_checks}
+        causes = faults_of({sensor for check in sensor_checks for sensor in check.needed})
+        self._of_causes = {cause: Drives.of([_strengths_of(one, cause) for one in clean]) for cause in causes}
+        self._ascending = {cause: ascending(self._strengths(cause)) for cause in causes if cause[0] not in TONES}
+
+    def thresholds(
+        self, judged_together: int, r: Decimal, calibration_id: str = "", *, without: str | None = None
+    ) -> RobustThresholds:
+        """As `thresholds_from`; `without` names a recording that they are not learnt from. Raises SettingError."""
+        limit = joint_limit(float(checked(r)), judged_together)
+        used = self._names != without if without is not None else np.ones(len(self._clean), dtype=np.bool_)
+        of_checks = {
+            check: expected_after(prior_of_check(check), drives.chosen(used))
+            for check, drives in self._of_checks.items()
+        }
+        of_causes = {cause: _expected_of(cause, drives.chosen(used)) for cause, drives in self._of_causes.items()}
+        known = {cause: found for cause, found in of_causes.items() if found.drives or cause[0] not in TONES}
+        scales = {
+            cause: fault_scale(cause[0], found, limit, self._shown(cause, used)) for cause, found in known.items()
+        }
+        drives = np.unique(self._names[used]).size
+        return RobustThresholds(calibration_id, r, limit, of_checks, scales, drives, incident_limit())
+
+    def _strengths(self, cause: CauseIn) -> list[Floats]:
+        return [one.strengths.get(cause, _NONE) for one in self._clean]
+
+    def _shown(self, cause: CauseIn, used: Flags) -> float:
+        """What nearly all clean frames stay below; 0 where nothing is known, and of faults unusual either way."""
+        if cause[0] in TONES:
+            return 0.0
+        out = [values for values, inside in zip(self._strengths(cause), used, strict=True) if not inside]
+        measured = Without(self._ascending[cause], ascending(out))
+        return max(measured.quantile(FAULT_SCALE.shown_quantile), 0.0) if measured.size else 0.0
 
 
 def for_drive(
@@ -82,11 +113,10 @@ def for_drive(
     return replace(thresholds, expected=of_checks)
 
 
-def _expected_of(cause: CauseIn, drives: Sequence[DriveValues]) -> Expected:
+def _expected_of(cause: CauseIn, drives: Drives) -> Expected:
     """What is expected of a fault's score; what is usual of a rig only its own drives say."""
-    prior = prior_of_cause(cause)
-    means = [one.mean for one in drives if one.frames]
-    if cause[0] in TONES and means:
+    prior, means = prior_of_cause(cause), drives.mean[drives.frames > 0]
+    if cause[0] in TONES and means.size:
         prior = prior._replace(mean=float(np.median(means)))
     return expected_after(prior, drives, believed=True)
 
@@ -94,25 +124,15 @@ def _expected_of(cause: CauseIn, drives: Sequence[DriveValues]) -> Expected:
 def _statistics_of(one: CleanFrames, check: SensorCheck) -> DriveValues:
     known = _SUMMED_UP.setdefault(one, {})
     if check not in known:
-        known[check] = drive_values(log_odds(one.statistics[check]), prior_of_check(check))
+        known[check] = drive_values(log_odds(one.statistics.get(check, _NONE)), prior_of_check(check))
     return known[check]
 
 
 def _strengths_of(one: CleanFrames, cause: CauseIn) -> DriveValues:
     known = _SUMMED_UP.setdefault(one, {})
     if cause not in known:
-        known[cause] = drive_values(one.strengths[cause], None)
+        known[cause] = drive_values(one.strengths.get(cause, _NONE), None)
     return known[cause]
-
-
-def _shown(cause: CauseIn, clean: Sequence[CleanFrames]) -> float:
-    """What nearly all clean frames stay below; 0 where nothing is known, and of faults that are unusual either way."""
-    scores = [one.strengths[cause] for one in clean if cause in one.strengths]
-    measured = np.concatenate(scores) if scores else np.zeros(0)
-    measured = measured[~np.isnan(measured)]
-    if not measured.size or cause[0] in TONES:
-        return 0.0
-    return max(float(np.quantile(measured, FAULT_SCALE.shown_quantile)), 0.0)
 
 
 def fault_scale(cause: Cause, found: Expected, limit: float, shown: float = 0.0) -> Scale:

@@ -35,12 +35,19 @@ def threshold(samples: Sequence[float], r: Decimal) -> float:
     `samples` are N clean disparity errors in ascending order. Without ties exactly floor(r N) of them lie above theta,
     with ties at most. Raises ThresholdsError where N = 0 and SettingError where r is not in [0, 1].
     """
+    rank = threshold_rank(len(samples), r)
+    return float(samples[rank - 1]) if rank > 0 else BELOW_EVERY_ERROR
+
+
+def threshold_rank(N: int, r: Decimal) -> int:
+    """The rank of Theta_r among N samples, the first being rank 1; 0 where it lies below all of them.
+
+    Raises ThresholdsError where N = 0 and SettingError where r is not in [0, 1].
+    """
     checked(r)
-    N = len(samples)
     if N == 0:
         raise ThresholdsError("no clean samples to take theta from", remedy="calibrate on clean recordings")
-    rank = N - _outliers(r, N)
-    return float(samples[rank - 1]) if rank > 0 else BELOW_EVERY_ERROR
+    return N - _outliers(r, N)
 
 
 def resolvable(r: Decimal, N: int) -> bool:

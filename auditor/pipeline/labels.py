@@ -143,7 +143,7 @@ def _stamp(
 
 
 def _stamp_of_frame(store: Store, measurement: StoredMeasurement, number: int, option: str) -> int:
-    frames = read_table("frames", store.path("frames", measurement.measurement_id), ["frame", "stamp_ns"])
+    frames = read_table("frames", store.source("frames", measurement.measurement_id), ["frame", "stamp_ns"])
     stamps = dict(zip(frames["frame"].to_pylist(), frames["stamp_ns"].to_pylist(), strict=True))
     if number not in stamps:
         numbers = f"{min(stamps)} to {max(stamps)}" if stamps else "none"

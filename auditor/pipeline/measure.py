@@ -33,7 +33,7 @@ from auditor.measurement.disparity.matchers import (
     libraries,
     preflight,
 )
-from auditor.model.checks import CAMERA_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
@@ -286,7 +286,7 @@ def unmasked_statistics(
     others = [
         one
         for one in sensor_checks
-        if one.check in CAMERA_CHECKS and any((one.sensor, other) in changed for other in one.others)
+        if one.check in IMAGE_CHECKS and any((one.sensor, other) in changed for other in one.others)
     ]
     found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
     of_check = dict(zip(others, found, strict=True))

@@ -211,8 +211,16 @@ def _rows(calibration: Calibration) -> Iterator[Row]:
                 "stamps_ns": clean.stamps_ns.tolist(),
                 "versions": dict(sorted(clean.versions.items())),
                 "for_parts": column in for_parts,
-                "clean": [None if np.isnan(value) else value for value in values.tolist()],
+                "clean": _without_nan(values),
             }
+
+
+def _without_nan(values: NDArray[np.float64]) -> list[float | None]:
+    """The values, None for NaN: most columns have none, and each is long."""
+    listed: list[float | None] = values.tolist()
+    for place in np.flatnonzero(np.isnan(values)).tolist():
+        listed[place] = None
+    return listed
 
 
 def calibration_of(rows: list[dict[str, Any]]) -> Calibration:

@@ -6,7 +6,7 @@ statements or functions decides.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import ExitStack
 from functools import cache
 from graphlib import TopologicalSorter
@@ -17,10 +17,12 @@ from auditor.errors import StoreError
 from auditor.model.measurement import MIN_VALID_PX
 from auditor.model.parameters import RIG_KIND_TOLERANCE
 from auditor.store.evaluation_tables import CHUNK_FRAMES, INTERVAL_FRAMES
+from auditor.store.marker import MARKER
+from auditor.store.packs.files import Files
 from auditor.store.pictures import picture_files
 from auditor.store.sandbox.limits import SqlLimits
 from auditor.store.sandbox.read_only_files import ReadOnlyFiles
-from auditor.store.schema import TABLES, TableSchema, table_schema
+from auditor.store.schema import ID_COLUMNS, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import macros, views
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.views.comments import comments
@@ -46,9 +48,12 @@ _CATALOG = re.compile(r"duckdb_|information_schema|pg_", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
 
 
+@cache
 def all_macros() -> dict[str, str]:
-    """The statements that make the macros, by name: those that stand for numbers of the program go first."""
-    return {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
+    """The statements that make the macros, by name, each after those that it calls; some stand for our own numbers."""
+    known = {name: f"CREATE MACRO {name}() AS {value};" for name, value in _CONSTANTS.items()} | macros()
+    calls = {name: _words(sql) & known.keys() - {name} for name, sql in known.items()}
+    return {name: known[name] for name in TopologicalSorter(calls).static_order()}
 
 
 def connected(store: Store | None, text: str = "", limits: SqlLimits | None = None) -> duckdb.DuckDBPyConnection:
@@ -57,7 +62,7 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
     For a `with`. Without a store all views are empty. Raises StoreError where a file of the store cannot be read.
     """
     needed = _needed(text)
-    files = ReadOnlyFiles()
+    files = ReadOnlyFiles(store.folder / MARKER if store is not None else None)
     with ExitStack() as on_error:
         connection = on_error.enter_context(duckdb.connect(config=_SHUT))
         connection.register_filesystem(files)
@@ -68,9 +73,9 @@ def connected(store: Store | None, text: str = "", limits: SqlLimits | None = No
         readable: list[str] = []
         try:
             for table in (table for table in TABLES if f"stored_{table}" in needed):
-                names = files.names(store.finished_paths(table)) if store else []
-                _create_stored(connection, table_schema(table), names)
-                readable += names if table in LARGE else []
+                found = store.files(table) if store else Files((), (), frozenset())
+                alone, packs = files.names(found.alone), files.names(found.packs)
+                readable += _create_stored(connection, table_schema(table), alone, packs, found.hidden)
             if "stored_pictures" in needed:
                 _create_pictures(connection, picture_files(store.folder / "pictures") if store else [])
             for view in in_order(needed):
@@ -94,25 +99,46 @@ def in_one_line(error: Exception) -> str:
     return " ".join(text.split())
 
 
-def _create_stored(connection: duckdb.DuckDBPyConnection, schema: TableSchema, names: list[str]) -> None:
+def _create_stored(
+    connection: duckdb.DuckDBPyConnection,
+    schema: TableSchema,
+    alone: list[str],
+    packs: list[str],
+    hidden: Collection[str],
+) -> list[str]:
     """The table `stored_<name>` with the columns of its schema file; those that no file has yet are NULL.
 
-    Small tables are read here and now: thousands of files of one row each would else be opened whenever a view over
-    them is made. Files of large tables are all opened only where their manifest shows that their columns differ.
+    The files of one id of small tables are read here and now: thousands of files of one row each would else be opened
+    whenever a view over them is made. Files of large tables are all opened only where their manifest shows that their
+    columns differ. Returns the files that are read later on.
     """
-    present: set[str] = set()
-    if names:
-        manifest = LARGE.get(schema.name)
-        mixed = manifest is None or _versions(connection, manifest) > 1
-        # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
-        listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
-        raw = f"raw_{schema.name}"
-        connection.execute(f"CREATE VIEW {raw} AS FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
-        present = {name for name, *_ in connection.execute(f"DESCRIBE {raw}").fetchall()}
+    name, manifest = schema.name, LARGE.get(schema.name)
+    mixed = manifest is None or _versions(connection, manifest) > 1
+    nothing = f"SELECT {', '.join(f'NULL::{c.type} AS {c.name}' for c in schema.columns)} WHERE false"
+    rows = _select(connection, schema, f"raw_{name}", alone, mixed=mixed) or nothing
+    kind = "VIEW" if name in LARGE else "TABLE"
+    if packs:
+        connection.execute(f"CREATE {kind} raw_{name}_alone AS {rows}")
+        connection.execute(f"CREATE TABLE raw_{name}_hidden AS SELECT unnest(CAST(? AS VARCHAR[])) AS id", [[*hidden]])
+        packed = _select(connection, schema, f"raw_{name}_packs", packs, mixed=mixed)
+        counting = f" ANTI JOIN raw_{name}_hidden ON {ID_COLUMNS[name]} = id" if hidden else ""
+        kind, rows = "VIEW", f"FROM raw_{name}_alone UNION ALL {packed}{counting}"
+    connection.execute(f"CREATE {kind} stored_{name} AS {rows}")  # our own names
+    return [*(alone if name in LARGE else ()), *packs]
+
+
+def _select(
+    connection: duckdb.DuckDBPyConnection, schema: TableSchema, raw: str, names: list[str], *, mixed: bool
+) -> str:
+    """SQL of the rows of some files; empty where there are none."""
+    if not names:
+        return ""
+    # Through SQL: before DuckDB 2, read_parquet() of Python keeps the interpreter while it waits for our files.
+    listed = ", ".join(f"'{name}'" for name in names)  # our own names: <table>/<id>
+    connection.execute(f"CREATE VIEW {raw} AS FROM read_parquet([{listed}], union_by_name = {str(mixed).lower()})")
+    present = {name for name, *_ in connection.execute(f"DESCRIBE {raw}").fetchall()}
     columns = ", ".join(f"{c.name if c.name in present else 'NULL'}::{c.type} AS {c.name}" for c in schema.columns)
-    source = f"FROM raw_{schema.name}" if names else "WHERE false"
-    what = "VIEW" if schema.name in LARGE else "TABLE"
-    connection.execute(f"CREATE {what} stored_{schema.name} AS SELECT {columns} {source}")  # our own names
+    return f"SELECT {columns} FROM {raw}"  # noqa: S608  # our own names
 
 
 def _create_pictures(connection: duckdb.DuckDBPyConnection, files: list[str]) -> None:

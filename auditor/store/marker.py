@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auditor.errors import StoreError
-from auditor.store.files import locked, write_whole
+from auditor.store.files import is_part, locked, write_whole
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.tables import newer_version
 
@@ -101,3 +101,18 @@ def move_upgraded(folder: Path) -> None:
             f"its upgrade cannot be completed ({error.strerror or error})", where=folder, remedy="run the command again"
         ) from error
     write_marker(folder)
+
+
+def check_free(folder: Path, *, create: bool) -> None:
+    """Refuse a folder that is no store, unless one may be made in it. Raises StoreError."""
+    if folder.exists() and not folder.is_dir():
+        raise StoreError("it is a file, not a store", where=folder, remedy="name a folder")
+    content = [path for path in folder.iterdir() if not is_part(path)] if folder.exists() else []
+    if content:
+        raise StoreError(
+            f"it is no store: it has no {MARKER} but holds {content[0].name!r}",
+            where=folder,
+            remedy="name a store, or an empty or new folder to make one in",
+        )
+    if not create:
+        raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
 from operator import itemgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
+from auditor.model.checks import ADDED_LATER, COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.common_view import view_size_px
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
@@ -35,7 +34,7 @@ from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
 from auditor.store.records import FrameErrors, FrameStatistics, MeasurementRecord
 from auditor.store.rows import measurement_row, pose_row
-from auditor.store.tables import Row, TableWriter, read_table, stream_rows
+from auditor.store.tables import Row, Source, TableWriter, read_table, stream_rows
 
 FrameCells = tuple[int, dict[CountedPair, Cells]]
 """The number of a frame, and its counts by what they are of."""
@@ -59,7 +58,7 @@ def cell_rows(measurement_id: str, frame: int, cells: Mapping[CountedPair, Cells
         }
 
 
-def read_cells(path: Path) -> Iterator[FrameCells]:
+def read_cells(path: Source) -> Iterator[FrameCells]:
     """The cells of a finished file, frame by frame; frames without any are left out. Raises StoreError."""
     for frame, rows in groupby(stream_rows("cells", path), key=itemgetter("frame")):
         yield frame, dict(map(_cells, rows))
@@ -97,7 +96,7 @@ def fault_feature_rows(
         yield {"measurement_id": measurement_id, "frame": frame, "i": i, "k": k, **values}
 
 
-def read_fault_features(frames_path: Path, path: Path, rig: Rig) -> FrameFaultFeatures:
+def read_fault_features(frames_path: Source, path: Source, rig: Rig) -> FrameFaultFeatures:
     """The fault features of the measured frames of a finished measurement. Raises StoreError."""
     frames, stamps_ns, coverage = read_coverage(frames_path, rig, BRIGHTNESS)
     places = {pair: place for place, pair in enumerate(rig.pairs)}
@@ -135,7 +134,7 @@ def region_rows(measurement_id: str, frame: int, regions: Iterable[Region]) -> I
         }
 
 
-def read_regions(path: Path, frame: int) -> list[Region]:
+def read_regions(path: Source, frame: int) -> list[Region]:
     """The regions of one frame. Raises StoreError."""
     return [_region(row) for row in stream_rows("regions", path) if row["frame"] == frame]
 
@@ -207,7 +206,7 @@ def measured_row(
     }
 
 
-def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
+def read_errors(path: Source, rig: Rig, statistic: Statistic) -> FrameErrors:
     """The disparity errors of a finished frames file, its skipped ticks left out. Raises StoreError."""
     valid, inconsistent = _PIXELS[statistic]
     table = _measured(path, ["frame", "stamp_ns", "state", valid, inconsistent])
@@ -229,12 +228,15 @@ def read_errors(path: Path, rig: Rig, statistic: Statistic) -> FrameErrors:
     )
 
 
-def read_statistics(path: Path, rig: Rig) -> FrameStatistics:
+def read_statistics(path: Source, rig: Rig) -> FrameStatistics:
     """The statistics of a finished frames file, its skipped ticks left out. Raises StoreError."""
     kept = ["statistics", "unmasked_statistics", "fingerprint", "returns"]
     table = _measured(path, ["frame", "stamp_ns", "state", *kept])
-    F, M, S = len(table), len(rig_sensor_checks(rig)), len(rig.sensors)
-    statistics, unmasked = (_where_kept(table[name], M, path) for name in ("statistics", "unmasked_statistics"))
+    F, S, checks = len(table), len(rig.sensors), rig_sensor_checks(rig)
+    before = sum(one.check not in ADDED_LATER for one in checks)
+    statistics, unmasked = (
+        _where_kept(table[name], len(checks), path, before) for name in ("statistics", "unmasked_statistics")
+    )
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     returns = _floats(table["returns"], F * S, path).reshape(F, S)
     return FrameStatistics(
@@ -249,7 +251,7 @@ def read_statistics(path: Path, rig: Rig) -> FrameStatistics:
 
 
 def read_coverage(
-    path: Path, rig: Rig, names: Sequence[str]
+    path: Source, rig: Rig, names: Sequence[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
     """Numbers and stamps (F,) of the measured frames, and (F, S) values of these columns, NaN where NULL.
 
@@ -260,18 +262,18 @@ def read_coverage(
     return table["frame"].to_numpy(), table["stamp_ns"].to_numpy(), values
 
 
-def _measured(path: Path, columns: Sequence[str]) -> pa.Table:
+def _measured(path: Source, columns: Sequence[str]) -> pa.Table:
     """These columns of the measured frames."""
     table = read_table("frames", path, ["skipped", *columns])
     return table.filter(table["skipped"].is_null())
 
 
-def _floats(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.float64]:
+def _floats(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.float64]:
     """The values of all lists, NaN where NULL."""
     return np.asarray(_list_values(column, count, path).cast("float64").to_numpy(zero_copy_only=False))
 
 
-def _padded(column: pa.ChunkedArray, width: int, before: int, path: Path) -> NDArray[np.float64]:
+def _padded(column: pa.ChunkedArray, width: int, before: int, path: Source) -> NDArray[np.float64]:
     """(F, width) values of the lists, NaN where NULL; lists of before there was a fallback lack the last of them."""
     rows = len(column)
     stored = before if len(column.combine_chunks().flatten()) == rows * before else width
@@ -279,15 +281,17 @@ def _padded(column: pa.ChunkedArray, width: int, before: int, path: Path) -> NDA
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
-def _where_kept(column: pa.ChunkedArray, width: int, path: Path) -> NDArray[np.float64]:
-    """(F, width) values of the lists, NaN where NULL and where the whole list is."""
+def _where_kept(column: pa.ChunkedArray, width: int, path: Source, before: int = 0) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL and where the whole list is; older lists end at `before`."""
     kept = column.is_valid().to_numpy()
+    rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
+    width_stored = before if before and stored == rows * before else width
     values = np.full((len(column), width), np.nan)
-    values[kept] = _floats(column, int(kept.sum()) * width, path).reshape(-1, width)
+    values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(-1, width_stored)
     return values
 
 
-def _texts(column: pa.ChunkedArray, count: int, path: Path) -> NDArray[np.str_]:
+def _texts(column: pa.ChunkedArray, count: int, path: Source) -> NDArray[np.str_]:
     return np.asarray(_list_values(column, count, path).to_pylist(), dtype=np.str_)
 
 
@@ -295,7 +299,7 @@ def _count(counts: Counts | None, name: str) -> int | None:
     return None if counts is None else getattr(counts, name)
 
 
-def _list_values(column: pa.ChunkedArray, count: int, path: Path) -> pa.Array:
+def _list_values(column: pa.ChunkedArray, count: int, path: Source) -> pa.Array:
     values = column.combine_chunks().flatten()
     if len(values) != count:
         raise StoreError(

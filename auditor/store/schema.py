@@ -44,6 +44,25 @@ TABLES = (
     "object_cases",
 )
 
+ID_COLUMNS = {
+    "recordings": "recording_id",
+    "labels": "recording_id",
+    "given_labels": "recording_id",
+    "rigs": "rig_id",
+    "triples": "rig_id",
+    "sensor_checks": "rig_id",
+    **dict.fromkeys(
+        ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
+    ),
+    **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
+    "reviews": "review_id",
+    "judgements": "judgement_id",
+    "verdicts": "judgement_id",
+    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
+    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
+}
+"""By table: the column that has the id of the file."""
+
 _VERSION_KEY = b"schema_version"
 
 

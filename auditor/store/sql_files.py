@@ -90,7 +90,7 @@ def _with_defaults(view: SqlFile) -> str:
 
 @cache
 def macros() -> dict[str, str]:
-    """The statements that make the macros, by name, each after those that it calls within its file."""
+    """The statements that make the macros, by name."""
     files = sql_files(resource_folder("queries") / "macros")
     return {found[1]: found[0].strip() for file in files for found in _MACRO.finditer(file.sql)}
 

@@ -15,9 +15,9 @@ from auditor.model.rig import Rig
 from auditor.model.text import storable
 from auditor.model.verdict import FINDINGS, AttackLabel, Method, Verdict, VerdictKind
 from auditor.store.calibrations import OutdatedCalibrationError, read_calibration, write_calibration
-from auditor.store.files import Written, checked_id, finished, is_part, remove_abandoned, write_whole
+from auditor.store.files import Written, checked_id, finished, remove_abandoned, write_whole
 from auditor.store.log import Output, logged
-from auditor.store.marker import MARKER, check_marker, write_marker
+from auditor.store.marker import MARKER, check_free, check_marker, write_marker
 from auditor.store.measurement_tables import (
     WRITTEN,
     FrameCells,
@@ -29,6 +29,8 @@ from auditor.store.measurement_tables import (
     read_regions,
     read_statistics,
 )
+from auditor.store.packs.files import Files, finished_files, rows_of_files
+from auditor.store.packs.index import Packs
 from auditor.store.pictures import (
     Picture,
     pictured_frames,
@@ -62,7 +64,7 @@ from auditor.store.rows import (
     verdict_row,
 )
 from auditor.store.schema import TABLES
-from auditor.store.tables import Row, read_rows, read_table, write_rows, writing
+from auditor.store.tables import Row, Stored, read_rows, read_table, write_rows, writing
 
 MANIFESTS = {
     **dict.fromkeys(WRITTEN, "measurements"),
@@ -84,6 +86,7 @@ class Store:
         self._rigs: dict[str, Rig] = {}
         self._measurements: dict[str, StoredMeasurement] = {}
         self._only: Mapping[str, Collection[str]] = {}
+        self.packs = Packs(folder)
 
     @classmethod
     def open(cls, path: str | Path, *, create: bool = False) -> Self:
@@ -95,7 +98,7 @@ class Store:
         if storable(str(folder)) != str(folder):
             raise StoreError("its path is not UTF-8, as Parquet and SQL need it", where=folder, remedy="name another")
         if not (folder / MARKER).exists():
-            _check_free(folder, create=create)
+            check_free(folder, create=create)
             write_marker(folder)
         check_marker(folder)
         store = cls(folder)
@@ -115,8 +118,17 @@ class Store:
         return (path / MARKER).is_file()
 
     def path(self, table: str, row_id: str) -> Path:
-        """Where the file of an id lies."""
+        """Where a file of an id of its own lies, or would."""
         return self.folder / table / f"{checked_id(row_id)}.parquet"
+
+    def source(self, table: str, row_id: str) -> Stored:
+        """Where the rows of an id are read: in a file of its own, or in a pack."""
+        path = self.path(table, row_id)
+        return Stored(path, lambda: path if path.is_file() else self.packs.part(table, row_id) or path)
+
+    def has(self, table: str, row_id: str) -> bool:
+        """True where there are rows of an id, or a file for them."""
+        return self.path(table, row_id).is_file() or self.packs.member(table, row_id) is not None
 
     def remove_abandoned(self) -> None:
         """Remove what killed runs left behind; what is being written stays."""
@@ -161,7 +173,7 @@ class Store:
 
     def has_recording(self, recording_id: str) -> bool:
         """True where a recording was kept."""
-        return self.path("recordings", recording_id).is_file()
+        return self.has("recordings", recording_id)
 
     def recording(self, recording_id: str) -> RecordingRecord:
         """The recording of an id."""
@@ -187,9 +199,9 @@ class Store:
 
     def labels(self, recording_id: str) -> list[AttackLabel]:
         """The ground truth that a recording carries; none where it carries none."""
-        if not self.path("labels", recording_id).is_file():
+        if not self.has("labels", recording_id):
             return []
-        return [stored_label(row) for row in read_rows("labels", self.path("labels", recording_id))]
+        return [stored_label(row) for row in read_rows("labels", self.source("labels", recording_id))]
 
     def write_given_labels(self, recording_id: str, labels: Iterable[GivenLabel]) -> None:
         """Keep all labels that persons gave to a recording, in place of those of before."""
@@ -214,10 +226,12 @@ class Store:
 
     def has_measurement(self, measurement_id: str) -> bool:
         """True where a measurement was finished."""
-        return self.path("measurements", measurement_id).is_file()
+        return self.has("measurements", measurement_id)
 
     def measurements(self) -> list[StoredMeasurement]:
         """All finished measurements, by id."""
+        for row in self._rows("measurements"):
+            self._measurements.setdefault(row["measurement_id"], stored_measurement(row))
         return [self.measurement(known) for known in self.ids("measurements")]
 
     def measurement(self, measurement_id: str) -> StoredMeasurement:
@@ -233,28 +247,28 @@ class Store:
     def load_errors(self, measurement_id: str, statistic: Statistic) -> FrameErrors:
         """The disparity errors of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_errors(self.path("frames", measurement_id), rig, statistic)
+        return read_errors(self.source("frames", measurement_id), rig, statistic)
 
     def load_statistics(self, measurement_id: str) -> FrameStatistics:
         """The statistics of the sensor checks and the fingerprints of a finished measurement."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
-        return read_statistics(self.path("frames", measurement_id), rig)
+        return read_statistics(self.source("frames", measurement_id), rig)
 
     def load_cells(self, measurement_id: str) -> Iterator[FrameCells]:
         """The counts of a finished measurement on their grids, frame by frame: enough to recount its statistics."""
         self.measurement(measurement_id)
-        return read_cells(self.path("cells", measurement_id))
+        return read_cells(self.source("cells", measurement_id))
 
     def load_fault_features(self, measurement_id: str) -> FrameFaultFeatures:
         """The fault features of a finished measurement's frames."""
         rig = self.rig(self.measurement(measurement_id).rig_id)
         return read_fault_features(
-            self.path("frames", measurement_id), self.path("fault_features", measurement_id), rig
+            self.source("frames", measurement_id), self.source("fault_features", measurement_id), rig
         )
 
     def load_regions(self, measurement_id: str, frame: int) -> list[Region]:
         """The portions of a frame's sensors that would be damaged, were they attacked."""
-        return read_regions(self.path("regions", measurement_id), frame)
+        return read_regions(self.source("regions", measurement_id), frame)
 
     # Calibrations and judgements
 
@@ -362,40 +376,24 @@ class Store:
         evaluation.
         """
         manifest = MANIFESTS.get(table, table)
-        known = finished(self.folder / manifest)
+        packed = self.packs.ids(manifest)
+        known = sorted(packed.union(finished(self.folder / manifest))) if packed else finished(self.folder / manifest)
         return known if manifest not in self._only else [one for one in known if one in self._only[manifest]]
 
+    def files(self, table: str) -> Files:
+        """The finished files of a table. Raises StoreError where one is missing that its manifest names."""
+        return finished_files(self.packs, self.folder, table, self.ids(table))
+
     def finished_paths(self, table: str) -> list[Path]:
-        """The finished files of a table, by id. Raises StoreError where one is missing that its manifest names."""
-        paths = [self.path(table, row_id) for row_id in self.ids(table)]
-        for path in paths:
-            if not path.is_file():
-                raise StoreError(
-                    "a finished file is missing", where=path, remedy="measure or judge again into a new store"
-                )
-        return paths
+        """The finished files of a table that nothing is packed of, by id. Raises StoreError as `files` does."""
+        return list(self.files(table).alone)
 
     def _rows(self, table: str) -> Iterator[dict[str, Any]]:
-        for row_id in self.ids(table):
-            yield from read_rows(table, self.path(table, row_id))
+        """The rows of all finished ids, by id."""
+        yield from rows_of_files(table, self.files(table))
 
     def _row(self, table: str, row_id: str) -> dict[str, Any]:
-        rows = read_rows(table, self.path(table, row_id))
+        rows = read_rows(table, self.source(table, row_id))
         if len(rows) != 1:
             raise StoreError(f"it has {len(rows)} rows in place of one", where=self.path(table, row_id))
         return rows[0]
-
-
-def _check_free(folder: Path, *, create: bool) -> None:
-    """Refuse a folder that is no store, unless one may be made in it."""
-    if folder.exists() and not folder.is_dir():
-        raise StoreError("it is a file, not a store", where=folder, remedy="name a folder")
-    content = [path for path in folder.iterdir() if not is_part(path)] if folder.exists() else []
-    if content:
-        raise StoreError(
-            f"it is no store: it has no {MARKER} but holds {content[0].name!r}",
-            where=folder,
-            remedy="name a store, or an empty or new folder to make one in",
-        )
-    if not create:
-        raise StoreError("there is no store", where=folder, remedy="measure something into it with auditor scan")

@@ -1,19 +1,36 @@
 """Parquet files of the store's tables: written with their schema, read one by one."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from auditor.errors import StoreError
 from auditor.model.text import storable
 from auditor.store.files import Announce, PartFile, Written, part_file
+from auditor.store.packs.index import Part
 from auditor.store.schema import SCHEMA_VERSION, TableSchema, table_schema, version_of
 
 Row = Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """The rows of one id, wherever they lie when they are read; `path` is where a file of its own would."""
+
+    path: Path
+    find: Callable[[], Path | Part]
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+Source = Path | Stored
 
 _UNREADABLE = (OSError, pa.ArrowException, ValueError, KeyError, OverflowError, MemoryError)
 """What Arrow raises on a damaged file, as where a name is not UTF-8 or a length is any number."""
@@ -111,16 +128,16 @@ def write_rows(table: str, path: Path, rows: Iterable[Row], announce: Announce |
         return writer.commit(announce)
 
 
-def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read a file of a table; columns that it does not have yet are NULL.
+def read_table(table: str, source: Source, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read the rows of a file of a table, or of an id; columns that it does not have yet are NULL.
 
     Raises StoreError where it is missing, torn, or of another version.
     """
     schema = table_schema(table).arrow
     wanted = schema if columns is None else pa.schema([schema.field(name) for name in columns])
-    with _opened(path) as file:
+    with _opened(source) as (file, part):
         present = [name for name in wanted.names if name in file.schema_arrow.names]
-        stored = file.read(columns=present)
+        stored = file.read(columns=present) if part is None else _of_part(file, part, present)
     arrays = [
         stored.column(field.name).cast(field.type) if field.name in present else pa.nulls(len(stored), field.type)
         for field in wanted
@@ -128,23 +145,39 @@ def read_table(table: str, path: Path, columns: Sequence[str] | None = None) -> 
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
-def stream_rows(table: str, path: Path) -> Iterator[dict[str, Any]]:
-    """The rows of a file of a table, some row groups at a time; its columns are those it was written with.
+def _of_part(file: pq.ParquetFile, part: Part, columns: list[str]) -> pa.Table:
+    """Some columns of the rows of one id in a pack."""
+    if part.group is None:
+        return file.schema_arrow.empty_table().select(columns)
+    group = file.read_row_group(part.group, columns=[*{part.column, *columns}])
+    return group.filter(pc.equal(group[part.column], part.row_id)).select(columns)
+
+
+def stream_rows(table: str, source: Source) -> Iterator[dict[str, Any]]:
+    """The rows of a file of a table, or of an id, some row groups at a time; its columns are those it was written with.
 
     Raises StoreError.
     """
-    with _opened(path) as file:
-        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=table_schema(table).arrow.names):
+    names = table_schema(table).arrow.names
+    with _opened(source) as (file, part):
+        if part is not None:
+            yield from _of_part(file, part, [name for name in names if name in file.schema_arrow.names]).to_pylist()
+            return
+        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=names):
             yield from batch.to_pylist()
 
 
-def read_rows(table: str, path: Path) -> list[dict[str, Any]]:
-    """The rows of a file of a table as dictionaries. Raises StoreError."""
-    content = read_table(table, path)
+def read_rows(table: str, source: Source) -> list[dict[str, Any]]:
+    """The rows of a file of a table, or of an id, as dictionaries. Raises StoreError."""
+    return listed(read_table(table, source), source)
+
+
+def listed(content: pa.Table, source: Source) -> list[dict[str, Any]]:
+    """Rows that were read as dictionaries. Raises StoreError."""
     try:
         rows: list[dict[str, Any]] = content.to_pylist(maps_as_pydicts="strict")
     except _UNREADABLE as error:
-        raise StoreError(f"it has rows that cannot be read ({in_one_line(error)})", where=path) from error
+        raise StoreError(f"it has rows that cannot be read ({in_one_line(error)})", where=source) from error
     return rows
 
 
@@ -154,21 +187,41 @@ def in_one_line(error: Exception) -> str:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """A file of a table, open for reading. Raises StoreError where it is missing, torn, or of another version."""
+def _opened(source: Source) -> Iterator[tuple[pq.ParquetFile, Part | None]]:
+    """A file of a table, open for reading, and where in it the rows lie that are asked for; None where all are.
+
+    Raises StoreError where it is missing, torn, or of another version.
+    """
     try:
-        with pq.ParquetFile(path) as file:
-            _check_version(file.schema_arrow, path)
-            yield file
+        file, place = _open(source)
+        with file:
+            _check_version(file.schema_arrow, source)
+            yield file, place if isinstance(place, Part) else None
     except FileNotFoundError as error:
-        raise StoreError("it does not exist", where=path) from error
+        raise StoreError("it does not exist", where=source) from error
     except StoreError:
         raise
     except _UNREADABLE as error:
-        raise StoreError(f"it is no readable Parquet file ({in_one_line(error)})", where=path) from error
+        raise StoreError(f"it is no readable Parquet file ({in_one_line(error)})", where=source) from error
 
 
-def _check_version(schema: pa.Schema, path: Path) -> None:
+def _open(source: Source) -> tuple[pq.ParquetFile, Path | Part]:
+    """A file; where it was packed just now, the pack."""
+    if isinstance(source, Path):
+        return pq.ParquetFile(source), source
+    place = source.find()
+    try:
+        return _parquet(place), place
+    except FileNotFoundError:
+        place = source.find()
+        return _parquet(place), place
+
+
+def _parquet(place: Path | Part) -> pq.ParquetFile:
+    return pq.ParquetFile(place.path if isinstance(place, Part) else place)
+
+
+def _check_version(schema: pa.Schema, path: object) -> None:
     version = version_of(schema)
     if version is None:
         raise StoreError("it was not written by auditor", where=path)
@@ -182,7 +235,7 @@ def _check_version(schema: pa.Schema, path: Path) -> None:
         )
 
 
-def newer_version(version: int, where: Path) -> StoreError:
+def newer_version(version: int, where: object) -> StoreError:
     """The error for a file or store that a newer auditor has written."""
     return StoreError(
         f"it has schema version {version}, and this auditor knows {SCHEMA_VERSION}",

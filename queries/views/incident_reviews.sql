@@ -1,6 +1,7 @@
 -- One row a review of an incident of the view `incidents`, the whole history; the last of an incident counts while it is in effect.
 --
 -- column incident_id: The incident, as in `incidents`.
+-- column places: The recordings in which it counts, as in `reviews`.
 -- column reviewed_as: The incident as it was called when it was reviewed.
 -- column in_effect: TRUE until the last day on which it counts, by this machine's clock.
 -- column counts: TRUE where it is the last one of the incident, and in effect.

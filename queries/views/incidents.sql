@@ -69,6 +69,7 @@ step AS (
     FROM verdicts
     JOIN line USING (measurement_id)
     WHERE line IN (SELECT line FROM line WHERE wanted)
+        AND line IN (SELECT line FROM line WHERE measurement_id IN (SELECT measurement_id FROM findings))
 ),
 -- A step back within a recording: there the clock was set, and stamps on either side of it are not of one line.
 timed AS (

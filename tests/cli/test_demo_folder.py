@@ -7,7 +7,7 @@ import pytest
 from auditor.cli import run
 from auditor.errors import AuditorError
 from auditor.pipeline.demo import fleet
-from auditor.reporting import render_incident_report
+from auditor.reporting import render_fleet_report, render_incident_report
 from tests.making.report_stores import add_recording, new_store
 from tests.making.small_drives import write_drive
 
@@ -38,6 +38,7 @@ def folder(tmp_path: Path) -> Path:
     store = new_store(folder)
     add_recording(store, "alder_night.mcap", attacks=[((3,), 4, 10)], pictured=[5])
     render_incident_report(store, out=folder / "audit" / "reports" / "incident.html")
+    render_fleet_report(store, out=folder / "audit" / "reports")
     return folder
 
 

@@ -37,12 +37,32 @@ def error_line(capfd: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize("verb", ["calibrate", "report"])
 def test_out_spares_what_the_command_did_not_make(verb: str, store: Path, mine: Path, capfd) -> None:
     command = [verb, *([str(store), "-r", "0"] if verb == "calibrate" else []), "--store", str(store)]
-    for target, is_what in ((mine, "is not "), (mine.parent, "is a folder")):
+    page = mine.rename(mine.with_suffix(".html"))
+    for target, is_what in ((page, "is not "), (made_folder(mine.parent / "folder.html"), "is a folder")):
         assert run([*command, "--out", str(target)]) == 2
         assert f"{target}: it exists already and {is_what}" in error_line(capfd)
-    assert mine.read_bytes() == MINE
+    assert page.read_bytes() == MINE
     for _ in range(2):  # what it made itself it makes again
-        assert run([*command, "--out", str(mine.parent / "own")]) == 0
+        assert run([*command, "--out", str(mine.parent / "own.html")]) == 0
+
+
+def test_pages_of_a_folder_spare_pages_that_somebody_else_made(store: Path, mine: Path, tmp_path: Path, capfd) -> None:
+    assert run(["report", "--store", str(store), "--out", str(mine)]) == 2
+    assert f"{mine}: it is a file; name a folder, or a file that ends in .html" in error_line(capfd)
+    incidents = made_folder(tmp_path / "pages" / "incidents")
+    (incidents / "own.html").write_text("mine")
+    assert run(["report", "--store", str(store), "--out", str(incidents.parent)]) == 2
+    assert "own.html: it exists already and is not a page that auditor wrote" in error_line(capfd)
+    assert [path.name for path in incidents.parent.iterdir()] == ["incidents"]
+    (incidents / "own.html").unlink()
+    for _ in range(2):
+        assert run(["report", "--store", str(store), "--out", str(incidents.parent)]) == 0
+    assert (incidents.parent / "index.html").is_file()
+
+
+def made_folder(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    return folder
 
 
 def test_a_pattern_after_out_costs_no_recording_and_no_work(clean: Path, mine: Path, tmp_path: Path, capfd) -> None:

@@ -3,7 +3,11 @@
 import fcntl
 import json
 import os
+import resource
 import shutil
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +190,136 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
     answer = audit("refresh")
     assert (answer.code, kind_of(answer)["decided"]) == (4, "refused")
     assert "look at them first" in kind_of(answer)["reasons"][0]
+
+
+def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_night, audit_of, monkeypatch):
+    audit = audit_of(first_night)
+    store = Store.open(audit.store)
+    add_drive(store, "attacked.mcap", seed=50, vehicle="car9", day=4, attacked=(2,))
+    assert [one["recording"] for one in kind_of(audit("refresh"))["look_at"]] == ["attacked.mcap"]
+    [waiting] = audit("calibration", "quarantine", "--format", "json").rows
+    assert (waiting["name"], waiting["vehicle"], waiting["findings"]) == ("attacked.mcap", "car9", 12)
+    assert "raised by the prior" in waiting["reason"]
+    assert "attacked.mcap" in audit("calibration", "quarantine").out.decode()
+    add_drive(store, "v1d8.mcap", seed=80, vehicle="car1", day=8)
+    with monkeypatch.context() as patch:
+        patch.setattr("auditor.identification.refreshing.drives.Shown.raised", lambda *_: "")
+        kind = kind_of(audit("refresh"))
+    assert (kind["decided"], [one["recording"] for one in kind["look_at"]]) == ("promoted", ["attacked.mcap"])
+    assert audit("calibration", "quarantine", "--format", "json").rows == [waiting], "since when it waits is kept"
+    assert audit("label", "attacked.mcap", "--sensor", "S_2", "--attack", "laser").code == 0
+    assert audit("calibration", "quarantine", "--format", "json").rows == []
+    assert audit.ask("SELECT name, labelled FROM quarantine") == [{"name": "attacked.mcap", "labelled": "attacked"}]
+    audit("refresh")
+    assert audit.ask("SELECT * FROM quarantine") == []
+    assert "no recording waits for a person" in audit("calibration", "quarantine").err
+    assert audit("store", "check", audit.store, store=False).code == 0
+
+
+def test_a_drive_unlike_the_others_is_left_out_though_nothing_in_it_is_raised(refreshed, audit_of, monkeypatch):
+    audit = audit_of(refreshed)
+    add_drive(Store.open(audit.store), "odd.mcap", seed=65, vehicle="car7", day=6, raised=2.0)
+    monkeypatch.setattr("auditor.identification.refreshing.drives.Shown.raised", lambda *_: "")
+    kind = kind_of(audit("refresh"))
+    [odd] = kind["look_at"]
+    assert (kind["decided"], odd["recording"]) == ("nothing new", "odd.mcap")
+    assert "that of others (p = " in odd["reason"]
+    assert audit("label", "odd.mcap", "--clean").code == 0
+    kind = kind_of(audit("refresh"))
+    assert (kind["recordings"], kind["look_at"]) == (10, []), "a false alarm that somebody looked at teaches"
+
+
+def test_one_road_every_day_is_learnt_from_a_few_times_and_conditions_are_kept(first_night, audit_of):
+    audit = audit_of(first_night)
+    store = Store.open(audit.store)
+    for day in range(8):
+        add_drive(
+            store,
+            f"road{day}.mcap",
+            seed=60 + day,
+            vehicle=f"truck{day}",
+            day=10 + day,
+            weather="rain" if day % 2 else None,
+            place_deg=(49.0, 8.4),
+        )
+    kind = kind_of(audit("refresh"))
+    assert kind["recordings"] == 14
+    rows = audit.ask("SELECT reason, weather, time_of_day FROM calibration_recordings WHERE starts_with(name, 'road')")
+    assert [row["reason"] for row in rows].count("5 others drove the same road") == 3
+    assert {row["time_of_day"] for row in rows} == {"day", None}, "08:00 UTC in March; not read of those left out"
+    assert {row["weather"] for row in rows} == {"rain", None}
+    rates = audit.ask("SELECT condition, value, drives, enough FROM calibration_conditions ORDER BY condition, value")
+    found = {(row["condition"], row["value"]): (row["drives"], row["enough"]) for row in rates}
+    assert found["time of day", "day"] == (5, False)
+    assert ("weather", "rain") in found
+    shown = audit("calibration", "show", kind["calibration"]).out.decode()
+    assert "Windows raised, each judged by others" in shown
+    assert "too few to say" in (audit.store / "reports" / "refresh.html").read_text()
+
+
+def test_some_that_cannot_be_measured_are_said_and_the_others_go_on(refreshed, audit_of, tmp_path):
+    audit = audit_of(refreshed)
+    (tmp_path / "broken.mcap").write_bytes(b"no recording")
+    answer = audit("refresh", tmp_path / "broken.mcap")
+    kind_of(answer)
+    assert (answer.code, [Path(one["recording"]).name for one in json.loads(answer.out)["failed"]]) == (
+        1,
+        ["broken.mcap"],
+    )
+
+
+def test_a_rollback_gives_the_verdicts_of_before_a_refresh_byte_for_byte(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    audit("judge", audit.store, store=False)
+    before = verdicts_of(store)
+    for vehicle in range(VEHICLES):
+        add_drive(store, f"v{vehicle}d3.mcap", seed=30 + vehicle, vehicle=f"car{vehicle}", day=3)
+    assert kind_of(audit("refresh"))["decided"] == "promoted"
+    audit("judge", audit.store, store=False)
+    assert not before.items() <= verdicts_of(store).items()
+    assert audit("calibration", "rollback").code == 0
+    assert before.items() <= verdicts_of(store).items()
+
+
+def verdicts_of(store):
+    """The current verdicts, by measurement."""
+    current = store.current_judgements()
+    return {known: store.path("verdicts", one.judgement_id).read_bytes() for known, one in current.items()}
+
+
+def test_of_two_refreshes_at_once_one_runs_and_the_other_says_so(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    store = Store.open(audit.store)
+    for vehicle in range(VEHICLES):
+        add_drive(store, f"v{vehicle}d3.mcap", seed=30 + vehicle, vehicle=f"car{vehicle}", day=3)
+    command = [sys.executable, "-m", "auditor", "refresh", "--store", str(audit.store)]
+    both = [subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for _ in range(2)]
+    said = [one.communicate()[1].decode() for one in both]
+    codes = sorted(one.returncode for one in both)
+    assert codes in ([0, 0], [0, 2]), said
+    assert (2 in codes) == any("another refresh of this store is running" in one for one in said)
+    assert len(histories(store)[0].moves) == 2
+    assert audit("verify", audit.store, store=False).code == 0
+
+
+def test_a_file_that_may_not_grow_leaves_one_version_in_force_and_whole(refreshed, audit_of):
+    audit = audit_of(refreshed)
+    before = in_force(audit)
+    add_drive(Store.open(audit.store), "v1d8.mcap", seed=80, vehicle="car1", day=8)
+
+    def small_files():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+    command = [sys.executable, "-m", "auditor", "refresh", "--store", str(audit.store)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=small_files)
+    assert ended.returncode == 2
+    assert "File too large" in ended.stdout + ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert in_force(audit) == before
+    assert audit("store", "check", audit.store, store=False).code == 0
+    assert kind_of(audit("refresh"))["decided"] == "promoted"
 
 
 def test_it_could_not_run_without_a_store_or_beside_another_refresh(refreshed, audit_of, tmp_path):

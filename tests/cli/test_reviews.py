@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from auditor.cli import run
+from auditor.pipeline.refreshing.pool import groups_of
 from auditor.store import Store, rows_of, run_query, run_sql
 from auditor.store.log.chains import entries
 from auditor.store.maintenance.verify import verify
@@ -131,6 +132,7 @@ def test_what_is_confirmed_fails_still_and_a_false_alarm_may_be_calibrated_on(st
     assert false_alarms(store) == frozenset()
     assert review(store, "--as", "false-alarm") == 0
     assert false_alarms(store) == {drive}
+    assert [log.named for group in groups_of([store], []) for log in group.logs].count(True) == 1
     assert verb("judge", store) == 0
     assert "1 with incidents (1 of them excused)" in capfd.readouterr().out
     assert verb("calibrate", store, store.folder, "-r", "0") == 0

@@ -9,7 +9,14 @@ from auditor.errors import SettingError
 from auditor.identification.incidents import incident_limit
 from auditor.identification.parameters import FAULT_SCALE
 from auditor.identification.prior import expected, joint_limit, log_odds, prior_of_cause, prior_of_check, statistic_at
-from auditor.identification.scores import fault_scale, for_drive, normalised_scores, thresholds_from, worth_localising
+from auditor.identification.scores import (
+    CleanDrives,
+    fault_scale,
+    for_drive,
+    normalised_scores,
+    thresholds_from,
+    worth_localising,
+)
 from auditor.model.calibration import CleanFrames, Expected, Scale
 from auditor.model.checks import Check, SensorCheck, sensor_checks_of
 from auditor.model.verdict import Cause
@@ -48,6 +55,23 @@ def test_clean_recordings_are_drives():
     assert (found.expected[LIT].drives, found.expected[LIT].samples) == (2, 2 * FRAMES)
     other = CHECKS[0]
     assert found.expected[other] == expected(prior_of_check(other), []), "of others nothing is known"
+
+
+def test_thresholds_without_a_recording_are_those_of_all_others_to_the_last_digit():
+    draw, causes = np.random.default_rng(5), [(Cause.DARK, None), (Cause.EXPOSURE, 2), (Cause.LATE, 1)]
+
+    def drawn(recording, checks):
+        found = clean(recording, dict.fromkeys(checks, 0.1), dict.fromkeys(causes, 0.2))
+        for values in (*found.statistics.values(), *found.strengths.values()):
+            values[:] = draw.beta(2, 9, FRAMES)
+            values[draw.random(FRAMES) < 0.1] = np.nan
+        return found
+
+    drives = [drawn(name, CHECKS[: 3 + place]) for place, name in enumerate("abcca")]
+    learnt = CleanDrives(drives, CHECKS)
+    for name in "abc":
+        others = [one for one in drives if one.recording_id != name]
+        assert learnt.thresholds(11, R, without=name) == thresholds_from(others, CHECKS, 11, R)
 
 
 def test_two_measurements_of_one_recording_are_one_drive_in_what_is_said():

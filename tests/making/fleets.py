@@ -3,12 +3,14 @@
 from collections.abc import Collection
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
+from functools import partial
 from hashlib import sha256
 
 import numpy as np
 
 from auditor.identification.prior import log_odds, statistic_at
 from auditor.store import RecordingRecord, Store
+from auditor.store.tables import write_rows
 from tests.making.drawn_statistics import drawn_statistics
 from tests.making.stores import PERIOD_NS, PROCEDURE, add_frames, make_measurement, make_rig
 
@@ -27,10 +29,15 @@ def add_drive(
     attacked: Collection[int] = (),
     frames: int = FRAMES,
     raised: float = 0.0,
+    weather: str | None = None,
+    place_deg: tuple[float, float] | None = None,
     rig=RIG,
     procedure=PROCEDURE,
 ) -> str:
-    """A measured drive; returns its measurement. `raised` is added to the log odds of each statistic of each frame."""
+    """A measured drive; returns its measurement. `raised` is added to the log odds of each statistic of each frame.
+
+    With a `place_deg` it has GPS fixes, along 240 m to the north of this latitude and longitude.
+    """
     rng = np.random.default_rng(seed)
     start = datetime.combine(FIRST_DAY + timedelta(days=day), datetime.min.time(), UTC) + timedelta(hours=8)
     start_ns = int(start.timestamp()) * 10**9 + seed * 3600 * 10**6
@@ -54,7 +61,23 @@ def add_drive(
         to_ns=start_ns + (frames - 1) * PERIOD_NS,
         vehicle=vehicle,
         date=FIRST_DAY + timedelta(days=day),
+        weather=weather,
     )
     store.write_recording(replace(record, conflicts=()))
     store.write_rig(rig)
-    return add_frames(store, rig, recording_id, measured, procedure=procedure)
+    measurement = add_frames(store, rig, recording_id, measured, procedure=procedure)
+    if place_deg is not None:
+        latitude, longitude = place_deg
+        fixes = [(latitude + 1e-4 * number, longitude) for number in range(frames)]
+        stamps = [one.stamp_ns for one in measured]
+        write_rows(
+            "poses", store.path("poses", measurement), map(partial(_fix, measurement), range(frames), stamps, fixes)
+        )
+    return measurement
+
+
+def _fix(measurement: str, frame: int, stamp_ns: int, place_deg: tuple[float, float]) -> dict[str, object]:
+    known = {"measurement_id": measurement, "frame": frame, "stamp_ns": stamp_ns, "offset_ns": 0, "topic": "/fix"}
+    places = {"latitude_deg": place_deg[0], "longitude_deg": place_deg[1], "altitude_m": 10.0}
+    absent = dict.fromkeys(("x_m", "y_m", "z_m", "heading_deg"))
+    return {**known, "schema": "sensor_msgs/msg/NavSatFix", "frame_id": "gps", **places, **absent}

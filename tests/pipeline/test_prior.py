@@ -89,7 +89,7 @@ def test_the_prior_gives_no_incident_rate_and_is_not_strict(recordings, tmp_path
     clean = measured(tmp_path / "audit", recordings["clean"])
     store = Store.open(tmp_path / "audit")
     criteria = Criteria(R, incidents_per_hour=1.0)
-    assert "too few clean frames for that incident rate: judged as at 0" in judged(store, clean, criteria).warnings
+    assert "too few clean frames for that incident rate: its limit is extrapolated" in judged(store, clean, criteria).warnings
     error = judged(store, clean, replace(criteria, strict=True)).error
     assert error.what == "its thresholds are the prior alone: no clean drive of this rig kind was seen"
 

@@ -72,11 +72,11 @@ def by_paper(cases, left_out, recording, line):
         theta, _ = theta_of[left_out, recording, case.frame // PAPER_BLOCK, R]
         pairs = zip(errors(case, Statistic.GATED), theta, strict=True)
         kind, found, _ = judged("".join(state(*pair) for pair in pairs))
-        yield kind, found if kind == "attacked" else ()
+        yield kind, found if kind == "attacked" else (), None
 
 
 def by_robust(cases, left_out, recording, line):
-    """The verdicts on each frame and on the temporal window around it, in an otherwise clean drive."""
+    """The incidents that the frames belong to, in an otherwise clean drive."""
     drive = {case.frame: case for case in cases["clean", recording]} | {case.frame: case for case in line}
     for case in line:
         kept = {
@@ -86,20 +86,26 @@ def by_robust(cases, left_out, recording, line):
         }[left_out]
         thresholds = learnt(cases, kept, SYSTEM, ROBUST_R, recording)
         statistics = [drive[frame].statistics for frame in sorted(drive)]
-        found = judged_robustly(statistics, SYSTEM, thresholds, [0] * len(statistics))[case.frame].finding
-        yield (found.kind.value, found.attacked) if found else ("clean", ())
+        verdict = judged_robustly(statistics, SYSTEM, thresholds, [0] * len(statistics))[case.frame]
+        found = verdict.finding
+        yield (found.kind.value, found.attacked, found.event) if verdict.in_incident else ("clean", (), None)
 
 
 def incidents(line, told, gap_s):
-    """(frames, first stamp, identified) of each run of frames of which the same is said."""
+    """(frames, first stamp, identified) of each event, or run of frames of which the same is said."""
     stamps = defaultdict(list)
-    for case, (kind, identified) in zip(line, told, strict=True):
+    for case, (kind, identified, event) in zip(line, told, strict=True):
         if kind in ("attacked", "unidentified", "suspect"):
-            stamps[kind, identified].append(case.stamp_ns)
+            stamps[kind, identified].append((case.stamp_ns, event))
     for (_, identified), of_it in stamps.items():
-        starts = [n for n, at in enumerate(of_it) if n == 0 or at - of_it[n - 1] > gap_s * 1e9]
+        starts = [n for n in range(len(of_it)) if n == 0 or not goes_on(of_it[n - 1], of_it[n], gap_s)]
         for first, end in zip(starts, [*starts[1:], len(of_it)], strict=True):
-            yield end - first, of_it[first], identified
+            yield end - first, of_it[first][0], identified
+
+
+def goes_on(before, one, gap_s):
+    (earlier, event), (later, same) = before, one
+    return later - earlier <= gap_s * 1e9 or (event is not None and event == same)
 
 
 @pytest.mark.parametrize("gap_s", [0.15, 0.5])

@@ -77,7 +77,7 @@ def verdicts(store, experiment):
 
 
 def test_a_moment_around_a_frame_is_of_its_own_rig(tmp_path):
-    """One frame that stands out is raised; the temporal window around it is not a finding."""
+    """One frame that stands out is raised; it is no incident."""
     store = new_store(tmp_path)
     for rig in (RIG, OTHER):
         keep(store, rig, [case(rig, frame, high=(60,), level=0.45) for frame in range(120)])

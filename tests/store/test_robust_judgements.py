@@ -49,7 +49,7 @@ def judged(tmp_path):
     loaded = store.load_statistics(known)
     system = System(CHECKS, RIG.triples, RIG.sensors, RIG.fallback)
     thresholds = RobustThresholds(
-        "c" * 32, Decimal("0.01"), 3.5, expected, {}, drives=3, score=0.5, incidents_per_hour=2.0
+        "c" * 32, Decimal("0.01"), 3.5, expected, {}, drives=3, score=1.0, incidents_per_hour=2.0
     )
     present = loaded.states == "present"
     series = FrameSeries.of_recording(loaded.stamps_ns, loaded.statistics, present, loaded.fingerprints, {})
@@ -68,14 +68,19 @@ def test_scores_in_sql_are_those_in_python(judged):
     assert np.isnan(found[:, -1]).all()
 
 
-def test_findings_are_the_frames_that_the_half_second_confirms(judged):
+def test_findings_are_the_frames_of_incidents_with_what_they_add(judged):
     store, known, verdicts, _ = judged
-    rows = run_sql(store, "SELECT frame, kind, attacked FROM findings ORDER BY frame").to_pylist()
-    expected = [(f, v.finding.kind, list(v.finding.attacked)) for f, v in enumerate(verdicts) if v.finding]
-    assert [(row["frame"], row["kind"], row["attacked"]) for row in rows] == expected
-    assert {frame for frame, *_ in expected} >= set(range(11, 19))
+    sql = "SELECT frame, kind, attacked, own_kind, event, event_added FROM findings ORDER BY frame"
+    found = [tuple(row.values()) for row in run_sql(store, sql).to_pylist()]
+    expected = [
+        (f, v.finding.kind, list(v.finding.attacked), v.kind, v.finding.event, v.finding.added)
+        for f, v in enumerate(verdicts)
+        if v.in_incident
+    ]
+    assert found == expected
+    assert {frame for frame, *_ in expected} >= set(range(10, 20))
     judgement = store.current_judgements()[known]
-    assert judgement.in_incidents == len(expected)
+    assert judgement.in_incidents == sum(kind is not VerdictKind.CLEAN for *_, kind, _, _ in expected)
     assert judgement.statistic is None
     assert judgement.counts[VerdictKind.CLEAN] == sum(v.kind is VerdictKind.CLEAN for v in verdicts)
 
@@ -84,7 +89,7 @@ def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(jud
     store, *_ = judged
     (row,) = [row for row in run_query(store, "incidents").to_pylist() if row["attacked"] == [1]]
     assert "S_1 sees light that others do not in 10 frames (+12.00)" in row["evidence"]
-    assert "worse by" in row["alternatives"]
+    assert "no attack (under 1 %)" in row["alternatives"]
     assert row["causes"] is None
     facts = {(row["part"], row["item"]): row for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
     assert (facts["verdict", "finding"]["value"], facts["verdict", "finding"]["note"]) == ("attacked", "S_1")
@@ -96,7 +101,56 @@ def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(jud
     assert "alternative" in {part for part, _ in facts}
 
 
-def test_a_frame_that_the_half_second_does_not_confirm_names_no_sensor_in_the_summary(tmp_path):
+def kept_verdicts(store, *verdicts, step_ns=10**9):
+    """A judgement by the robust method with these verdicts on successive frames."""
+    known = add_measurement(store, RIG, [make_measurement(RIG, f) for f in range(len(verdicts))])
+    thresholds = RobustThresholds("c" * 32, Decimal(0), 4.0, {}, {}, drives=0)
+    rows = [(f, f * step_ns, verdict) for f, verdict in enumerate(verdicts)]
+    return store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
+
+
+def part_of(own, attacked, event, *, single=False, added=1.0):
+    """A frame with a verdict of its own that belongs to an event."""
+    return replace(make_verdict(RIG, own), finding=Finding(VerdictKind.ATTACKED, attacked, event, single, added))
+
+
+def test_one_event_is_one_incident_with_the_shares_of_what_its_frames_say(tmp_path):
+    store, clean = new_store(tmp_path), make_verdict(RIG, "c")
+    strobe = [part_of("1", (1,), 1, added=3.0), clean, part_of("2", (1,), 1), clean, part_of("c", (1,), 1, added=0.5)]
+    kept = kept_verdicts(store, *strobe, *[clean] * 3, part_of("1", (1,), 2))
+    assert kept.in_incidents == 3
+    first, second = run_query(store, "incidents").to_pylist()
+    assert (first["frames"], first["first_frame"], first["last_frame"], first["seconds"]) == (3, 0, 4, 4.0)
+    assert first["shares"] == "attacked: S_1 75 %, attacked: S_2 25 %"
+    assert first["strongest_frame"] in (0, 2), "not one that is clean by itself"
+    assert (second["first_frame"], second["frames"]) == (8, 1)
+
+
+def test_events_of_one_set_that_a_gap_parts_by_little_are_one_incident(tmp_path):
+    store = new_store(tmp_path)
+    kept_verdicts(store, part_of("1", (1,), 1), part_of("1", (1,), 2), part_of("2", (2,), 3), step_ns=10**8)
+    assert [(row["attacked"], row["frames"]) for row in run_query(store, "incidents").to_pylist()] == [
+        ([1], 2),
+        ([2], 1),
+    ]
+
+
+def test_a_single_frame_is_told_apart_from_incidents(tmp_path):
+    store = new_store(tmp_path)
+    clean = make_verdict(RIG, "c")
+    kept = kept_verdicts(store, clean, part_of("1", (1,), 1, single=True), clean, make_verdict(RIG, "2"))
+    assert kept.in_incidents == 0
+    assert run_query(store, "incidents").num_rows == run_sql(store, "FROM findings").num_rows == 0
+    rows = run_sql(store, "SELECT frame, kind, attacked FROM single_frames").to_pylist()
+    assert rows == [{"frame": 1, "kind": "attacked", "attacked": [1]}]
+    looked_at = run_query(store, "look_first").to_pylist()
+    assert [(row["frame"], row["of_incident"], row["single_frame"]) for row in looked_at] == [
+        (1, False, True),
+        (3, False, False),
+    ]
+
+
+def test_a_frame_that_belongs_to_no_incident_names_no_sensor_in_the_summary(tmp_path):
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f) for f in range(3)])
     alone = replace(make_verdict(RIG, "2"), finding=None)

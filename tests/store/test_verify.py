@@ -241,11 +241,11 @@ def test_query_finds_with_verify_what_keeps_its_time(checked, capsys):
 
 
 def test_nothing_is_reported_from_an_altered_store(checked, capsys):
-    page = checked.folder / "reports" / "incident.html"
+    page = checked.folder / "reports" / "index.html"
     assert run(["report", "--store", str(checked.folder)]) == 0
     assert problems(checked) == {}
     page.write_text("another page")
-    assert "it is not as auditor report" in problems(checked)["reports/incident.html"]
+    assert "it is not as auditor report" in problems(checked)["reports/index.html"]
     with flipped(verdict_flip(checked, silent=True)) as where:
         capsys.readouterr()
         assert run(["report", "--store", str(checked.folder)]) == 2

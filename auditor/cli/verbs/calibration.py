@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _BRIEF = 12
 _LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
 _USED_COLUMNS = ("recording", "vehicle", "day", "in", "frames", "findings", "look at", "reason")
+_CONDITION_COLUMNS = ("condition", "value", "drives", "windows", "raised", "share", "low", "high")
+_WAITING_COLUMNS = ("name", "vehicle", "day", "since", "findings", "frames", "reason", "kind")
 _DIFF_COLUMNS = ("check", "sensor", "others", "theta A", "theta B", "rise")
 
 _id_argument = click.argument("calibration", metavar="ID")
@@ -36,6 +38,7 @@ def command() -> None:
     auditor calibration diff 4be19a40 77c0ffee
     auditor calibration promote 77c0ffee
     auditor calibration rollback
+    auditor calibration quarantine
     auditor calibration verify
     auditor calibration export 4be19a40 fleet.thresholds
 
@@ -87,14 +90,17 @@ def show(calibration: str, store: Path, form: str) -> None:
     [row] = rows_of(run_query(kept, "versions", {"calibration": known}))
     version = read_version(kept, known)
     used = [vars(one) for one in version.recordings] if version else []
+    conditions = [vars(one) for one in version.conditions] if version else []
     moves = [vars(move) for one in _histories(kept) for move in one.moves if move.calibration_id == known]
     if form == "json":
-        write_bytes(as_json({**row, "moves": moves, "used": used}))
+        write_bytes(as_json({**row, "moves": moves, "used": used, "conditions": conditions}))
         return
     for name, value in row.items():
         answer(f"{name:>18}  {shown(value)}")
     for move in moves:
         answer(f"{'in force from':>18}  {shown(move['moved_at'])}, {move['how']} {shown(move['reason'])}".rstrip())
+    if conditions:
+        print_rows([_condition(one) for one in conditions], _CONDITION_COLUMNS, "Windows raised, each judged by others")
     if used:
         print_rows([_used(one) for one in used], _USED_COLUMNS, "Recordings", wrapped=("reason",))
     else:
@@ -207,6 +213,30 @@ def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
     return Exit.INCOMPLETE if failed else Exit.CLEAN
 
 
+@command.command("quarantine", short_help="Recordings that wait for a person.")
+@options.store_option
+@format_option
+def quarantine(store: Path, form: str) -> None:
+    """List the recordings that a refresh left out and that nobody has looked at yet, and why.
+
+    \b
+    auditor calibration quarantine
+    auditor calibration quarantine --store fleet --format csv
+
+    They are not learnt from, whatever later thresholds say of them, until somebody says that they are clean (auditor
+    label NAME --clean), or what was attacked.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
+
+    found = run_query(Store.open(store), "quarantine", {})
+    if form != "table":
+        emit(found, form)
+    elif rows := rows_of(found):
+        print_rows(rows, _WAITING_COLUMNS, expendable=("kind", "since"), wrapped=("reason",))
+    else:
+        say("no recording waits for a person")
+
+
 @command.command("verify", short_help="Check that calibrations are what they say.")
 @click.argument("calibration", metavar="[ID]", required=False)
 @options.store_option
@@ -279,3 +309,12 @@ def _used(one: Mapping[str, Any]) -> dict[str, object]:
         "look at": "yes" if one["look_at"] else None,
         "reason": one["reason"],
     }
+
+
+def _condition(one: Mapping[str, Any]) -> dict[str, object]:
+    """A condition as it is printed: without a share where there are too few windows to say anything."""
+    said = ("share", "low", "high") if one["enough"] else ()
+    return {
+        **{name: one[name] for name in ("condition", "value", "drives", "windows")},
+        "raised": one["raised_windows"],
+    } | {name: one[name] if name in said else None for name in ("share", "low", "high")}

@@ -25,7 +25,7 @@ _MADE = re.compile(
     | (.+/)?\.[^/]+\.part(/.+)?  # what a killed demo was writing
     | audit/(
         store\.json | log/[\w.-]+\.jsonl | \w+/[0-9a-f]{8,64}\.parquet | pictures/[0-9a-f]{8,64}/\d+_S\d+\.(jpg|png)
-        | reports/(incident|evaluation)\.html
+        | reports/(incident|evaluation|index|incidents/[0-9a-f]{32})\.html
     )
     """,
     re.VERBOSE,
@@ -40,13 +40,13 @@ _USUAL_R = Decimal("0.01")
 @options.method_option
 @options.jobs_option
 def command(folder: Path, method: str, jobs: int) -> int:
-    """Make a small fleet, attack three of its drives, audit them all, and write the incident page.
+    """Make a small fleet, attack three of its drives, audit them all, and write their pages.
 
     \b
     auditor demo
     auditor demo /tmp/demo
 
-    Everything lands in the folder: the recordings, the store, the page. Exits with 0 when the audit names exactly the
+    Everything lands in the folder: the recordings, the store, the pages. Exits with 0 when the audit names exactly the
     sensors that were attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
@@ -63,7 +63,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
     )
     from auditor.pipeline.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
-    from auditor.reporting import render_incident_report  # noqa: PLC0415
+    from auditor.reporting import render_fleet_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
     clean, suspected = fleet(folder)
@@ -84,8 +84,8 @@ def command(folder: Path, method: str, jobs: int) -> int:
         show_judging(judge_all(kept, [known for one in audited for known in one.measurement_ids], judging), kept, tally)
         show_audit(kept, "table", tally, {one.recording_id for one in audited})
         exact = _compare(kept, suspected)
-        page = render_incident_report(kept, out=store / "reports" / "incident.html")
-    answer(f"The incident page: {page}")
+        page = render_fleet_report(kept, out=store / "reports")
+    answer(f"The pages:         {page}")
     answer(f"Query the store:   auditor query --store {shlex.quote(str(store))}")
     return Exit.CLEAN if exact and not (of_clean.failed or tally.failed) else Exit.FINDINGS
 

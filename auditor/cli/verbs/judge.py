@@ -37,7 +37,7 @@ def command(place: Path | None, store: Path, policy: Path | None, form: str, **j
     from auditor.pipeline.library import judge  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
 
-    if place is not None and click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
+    if place is not None and click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE:
         raise click.UsageError("name the store once, with --store")
     allowed = policy_of(policy)
     kept, tally = Store.open(place or store), Tally()

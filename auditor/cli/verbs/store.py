@@ -13,7 +13,7 @@ from auditor.cli.output import emit, format_option, say, shown
 _store_argument = click.argument("store", type=click.Path(path_type=Path), default=options.DEFAULT_STORE)
 
 
-@click.group("store", short_help="List, remove, check and upgrade what a store holds.")
+@click.group("store", short_help="List, remove, check, compact and upgrade what a store holds.")
 def command() -> None:
     """What is done to a store itself.
 
@@ -21,6 +21,7 @@ def command() -> None:
     auditor store list
     auditor store remove old_drive.mcap
     auditor store check
+    auditor store compact
     auditor store upgrade
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
 
@@ -106,6 +107,33 @@ def check(store: Path) -> Exit:
         return Exit.INCOMPLETE
     say(f"{store}: whole; {len(kept.ids('recordings'))} recordings, {len(kept.ids('measurements'))} measurements")
     return Exit.CLEAN
+
+
+@command.command("compact", short_help="Make few files of many small ones.")
+@_store_argument
+def compact(store: Path) -> None:
+    """Put the small files of a store's recordings, measurements and judgements into few: questions take less time.
+
+    \b
+    auditor store compact
+    auditor store compact night/audit
+
+    Nothing is lost or judged anew, and other commands may use the store meanwhile. A command that is killed leaves the
+    files of before, or the new ones; what it leaves behind goes the next time. Large files and pictures stay as they
+    are, and so do files that are not as they were written: auditor verify names them.
+    """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
+    from auditor.store import Store  # noqa: PLC0415 - keeps --help quick
+    from auditor.store.packs.packing import pack  # noqa: PLC0415
+
+    kept = Store.open(store)
+    with logged(kept.folder):
+        packed = pack(kept)
+    if not packed.files:
+        say(f"{store}: there are no small files to put together")
+        return
+    say(f"{store}: {packed.files} files are {packed.packs} now")
+    if packed.left:
+        say(f"{store}: {packed.left} files are being read and stay; run the command again later to remove them")
 
 
 @command.command("upgrade", short_help="Upgrade a store of the version before.")

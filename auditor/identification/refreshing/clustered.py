@@ -23,24 +23,31 @@ class Share(NamedTuple):
 def share_of(hits: Sequence[int], cases: Sequence[int]) -> Share:
     """sum(hits) / sum(cases), one entry a drive: Wilson's interval of as many cases as they are worth.
 
-    Where all cases agree they are worth as many as there are drives. Of no case it is 0, from 0 to 1.
+    Where all cases agree, or there is one drive, they are worth as many as there are drives: how much drives differ is
+    not known then. Of no case it is 0, from 0 to 1.
     """
     k, n = sum(hits), sum(cases)
     if n == 0:
         return Share(0.0, 0.0, 1.0)
     p = k / n
-    error = _error(hits, cases, p)
-    worth = min(p * (1 - p) / error**2, float(n)) if error > 0 else float(sum(of > 0 for of in cases))
+    drives = sum(of > 0 for of in cases)
+    if not 0 < p < 1 or drives < 2:
+        worth = float(drives)
+    else:
+        worth = min(p * (1 - p) / max(_error(hits, cases, p) ** 2, p * (1 - p) / n), float(n))
     return Share(p, *wilson(p * worth, worth))
 
 
 def difference_of(differences: Sequence[int], cases: Sequence[int]) -> Share:
-    """sum(differences) / sum(cases), which may be negative, by the normal distribution over drives."""
+    """sum(differences) / sum(cases), which may be negative, by the normal distribution over drives.
+
+    Its error is never smaller than that of independent cases: a few drives may agree by chance.
+    """
     n = sum(cases)
     if n == 0:
         return Share(0.0, 0.0, 0.0)
     p = sum(differences) / n
-    error = _Z * _error(differences, cases, p)
+    error = _Z * max(_error(differences, cases, p), sqrt(abs(p) * (1 - abs(p)) / n))
     return Share(p, p - error, p + error)
 
 

@@ -3,14 +3,16 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from math import sqrt
 
 import numpy as np
 
-from auditor.identification.cross_validation import as_scanned
+from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import log_odds
-from auditor.identification.refresh_parameters import GATE
+from auditor.identification.refresh_parameters import GATE, INFLUENCE
 from auditor.identification.refreshing.clustered import Share, difference_of, share_of
 from auditor.identification.refreshing.drives import Shown
+from auditor.identification.scores import for_drive
 from auditor.identification.systems import System
 from auditor.model.calibration import CleanFrames, RobustThresholds
 from auditor.model.checks import SensorCheck
@@ -60,43 +62,83 @@ def planted_found(drives: Sequence[CleanFrames], system: System, thresholds: Rob
 
     One is planted into each check that counts and each frame: its statistic is raised by so many log odds.
     """
-    columns = system.counting(frozenset())
+    checks = [system.sensor_checks[column] for column in system.counting(frozenset()).tolist()]
     found = []
     for one in drives:
-        series, known = as_scanned(one, thresholds, system)
-        expected = [known.expected[system.sensor_checks[column]] for column in columns.tolist()]
-        theta = np.array([one.mean + known.limit * one.deviation for one in expected])
-        odds = log_odds(series.statistics[:, columns]) + GATE.planted
+        statistics = one.statistics_of(checks)
+        expected = for_drive(thresholds, checks, statistics).expected
+        theta = np.array([expected[check].mean + thresholds.limit * expected[check].deviation for check in checks])
+        odds = log_odds(statistics) + GATE.planted
         found.append((int(np.count_nonzero(odds > theta)), int(np.count_nonzero(~np.isnan(odds)))))
     return Planted(tuple(one for one, _ in found), tuple(of for _, of in found))
 
 
-def doubts(rises: Sequence[Step], creep: Sequence[Step], lost_since_confirmed: Share) -> Iterator[str]:
-    """Why a person should look before thresholds come into force.
+@dataclass(frozen=True)
+class Compared:
+    """How the thresholds of a candidate compare with those of another version, which was made of so many `drives`.
 
-    `creep` is against those that a person confirmed; so is what is lost of planted attacks.
+    `found` is the share of planted attacks that the other one finds, `lost` what the candidate loses of them.
     """
-    largest = max((step.rise for step in rises), default=0.0)
-    if largest > GATE.most_step:
-        yield f"a threshold rises by {largest:.2f} deviations, more than {GATE.most_step:g}, in one refresh"
+
+    drives: int
+    steps: tuple[Step, ...]
+    lost: Share
+    found: Share
+
+    @property
+    def rise(self) -> float:
+        """The largest rise of a threshold."""
+        return max((step.rise for step in self.steps), default=0.0)
+
+
+def compared(
+    drives: Sequence[CleanFrames], system: System, before: RobustThresholds, after: RobustThresholds, found: Planted
+) -> Compared:
+    """Compare thresholds, on drives that attacks are planted into; `found` is what those of after find."""
+    earlier = planted_found(drives, system, before)
+    return Compared(before.drives, tuple(steps(before, after, system)), found.lost_since(earlier), earlier.share)
+
+
+def doubts(step: Compared, creep: Compared) -> Iterator[str]:
+    """Why a person should look before thresholds come into force; `creep` is against those that a person confirmed."""
     confirmed = "the version that a person confirmed last, or of the first"
-    largest = max((step.rise for step in creep), default=0.0)
-    if largest > GATE.most_creep:
-        yield f"a threshold lies {largest:.2f} deviations, more than {GATE.most_creep:g}, above that of {confirmed}"
-    if lost_since_confirmed.value > GATE.most_lost_in_all:
-        yield f"{lost_since_confirmed} of planted attacks are lost since {confirmed}"
+    most = allowed(GATE.most_step, step.drives)
+    if step.rise > most:
+        yield f"a threshold rises by {step.rise:.2f} deviations, more than {most:.2f}, in one refresh"
+    most = allowed(GATE.most_creep, creep.drives)
+    if creep.rise > most:
+        yield f"a threshold lies {creep.rise:.2f} deviations, more than {most:.2f}, above that of {confirmed}"
+    if creep.lost.value > allowed(GATE.most_lost_in_all, creep.drives):
+        yield f"{creep.lost} of planted attacks are lost since {confirmed}"
 
 
-def worse(shown: Sequence[Shown], r: Decimal, lost: Share) -> Iterator[str]:
-    """Why thresholds are worse than those in force: false alarms of drives that others judge, or attacks lost."""
+def worse(step: Compared, before: Sequence[Shown], after: Sequence[Shown]) -> Iterator[str]:
+    """Why thresholds are worse than those in force: attacks lost, or more false alarms.
+
+    `before` and `after` are what the same new drives show by the version in force and by the others of the candidate.
+    """
+    if step.lost.value > allowed(GATE.most_lost, step.drives):
+        yield f"{step.lost} of planted attacks that are found now would be lost"
+    more = [new.raised_windows - old.raised_windows for old, new in zip(before, after, strict=True)]
+    difference = difference_of(more, [one.windows for one in before])
+    if difference.low > 0 and difference.value > GATE.most_more_alarms:
+        yield f"{difference} more windows of new clean recordings would be raised"
+
+
+def raised_often(shown: Sequence[Shown], r: Decimal) -> Iterator[str]:
+    """Why a person should look: drives that others judge are raised far more often than r says."""
     alarms = false_alarms(shown)
     if alarms.low > GATE.most_false_alarms * float(r):
         yield (
-            f"drives judged by the others are raised in {alarms} of {sum(one.windows for one in shown)} windows, more "
-            f"than {GATE.most_false_alarms:g} times r = {r}"
+            f"recordings judged by the others are raised in {alarms} of {sum(one.windows for one in shown)} windows, "
+            f"more than {GATE.most_false_alarms:g} times r = {r}"
         )
-    if lost.value > GATE.most_lost:
-        yield f"{lost} of planted attacks that are found now would be lost"
+
+
+def allowed(most: float, drives: int) -> float:
+    """What may change after so many drives: after few the error of a threshold is larger, and so are honest changes."""
+    prior = HIERARCHY.prior_drives
+    return most * sqrt((INFLUENCE.most_drives + prior) / (min(drives, INFLUENCE.most_drives) + prior))
 
 
 def false_alarms(shown: Sequence[Shown]) -> Share:

@@ -2,9 +2,13 @@
 
 from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence, Set
+from decimal import Decimal
 
-from auditor.identification.refresh_parameters import INFLUENCE
-from auditor.identification.refreshing.drives import Source
+from auditor.identification.cross_validation import thresholds_of
+from auditor.identification.refresh_parameters import GATE, INFLUENCE
+from auditor.identification.refreshing.drives import Drive, Source
+from auditor.identification.refreshing.gate import Step, allowed, steps
+from auditor.identification.systems import System
 
 Cell = tuple[int, int]
 
@@ -47,6 +51,32 @@ def crowded(visited: Sequence[Set[Cell]]) -> Iterator[tuple[int, str]]:
             yield place, f"{same} others drove the same road"
         else:
             taken.append(cells)
+
+
+def influential(drives: Sequence[Drive], new: Sequence[int], system: System, r: Decimal) -> dict[int, str]:
+    """The new drives, places in `drives`, that alone, or with those of their vehicle or day, raise a threshold far.
+
+    That is further than a refresh may: what one drive, vehicle or day shows and no other is for a person to look at.
+    """
+    with_all = thresholds_of([one.clean for one in drives], system, r)
+    for what in ("recording_id", "vehicle", "day"):
+        found: dict[int, str] = {}
+        of = [getattr(one.source, what) for one in drives]
+        for who in dict.fromkeys(of[place] for place in new if of[place] is not None):
+            others = [one.clean for one, other in zip(drives, of, strict=True) if other != who]
+            without = thresholds_of(others, system, r)
+            step = steps(without, with_all, system)[0]
+            if others and step.rise > allowed(GATE.most_step, len(others)):
+                reason = f"{'it' if what == 'recording_id' else f'its {what}'} alone would raise {_threshold(step)}"
+                found |= {place: reason for place in new if of[place] == who}
+        if found:  # without these drives the others of their vehicle and day may have none
+            return found
+    return {}
+
+
+def _threshold(step: Step) -> str:
+    name = step.check.check.value.replace("_", " ")
+    return f"the threshold of {name} of S_{step.check.sensor} by {step.rise:.1f} deviations"
 
 
 def _beyond_share(order: Sequence[int], of: Sequence[Hashable], what: str, share: float) -> Iterator[tuple[int, str]]:

@@ -1,15 +1,16 @@
 """Whether a drive's statistics are those of the other drives: two-sample tests by drive, check by check.
 
 Two tests of each check that counts. Of the level: the mean of the drive against the means of the others, whose median
-and scatter are robust against a few bad ones. Of the shape: the frames of the drive about their own median against
-those of the others about theirs, by Kolmogorov and Smirnov. Frames of a drive depend on each other, so they count as
-many as they are worth (`effective_size`); drives differ in shape too, so the shape's statistic is divided by what is
-usual between the others (genomic control; Devlin and Roeder 1999). All tests of a night are corrected together by Holm.
+and scatter are robust against a few bad ones. Of the shape: the frames of the drive about their median against those
+of all drives about theirs: the largest distance of the two (Kolmogorov and Smirnov) against the distances of the
+others, since clean drives differ in shape far more than frames of one population would. Frames of a drive depend on
+each other: a drive's mean counts as that of the frames that it is worth (`effective_size`), and its distance as one
+value. All tests of a night are corrected together by Holm.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import exp, log, sqrt
+from math import log, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -21,9 +22,6 @@ from auditor.identification.refreshing.drives import Drive, Folds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.checks import SensorCheck
-
-_KOLMOGOROV_MEDIAN = 0.8276
-"""Of the distribution of the scaled statistic where both samples are of one population."""
 
 _MAD = 1.4826
 """Standard deviations of a normal distribution in a median absolute deviation."""
@@ -51,11 +49,14 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """The log odds of one check in one drive: mean, deviations from the median, and how many frames they are worth."""
+    """The log odds of one check in one drive: their mean, how many frames they are worth, and the distance in shape.
+
+    `distance` is the logarithm of Kolmogorov's and Smirnov's against all drives, each about its own median.
+    """
 
     mean: float
-    centred: Floats
     worth: float
+    distance: float
 
 
 def differing(drives: Sequence[Drive], tested: Sequence[int], system: System) -> dict[int, Difference]:
@@ -67,12 +68,11 @@ def differing(drives: Sequence[Drive], tested: Sequence[int], system: System) ->
     found: list[tuple[float, int, Difference]] = []
     for column in system.counting(frozenset()).tolist():
         check = system.sensor_checks[column]
-        samples = {place: one for place, drive in enumerate(drives) if (one := _sample(drive, check)) is not None}
-        usual = _usual_shape(list(samples.values()))
+        samples = _samples(drives, check)
         for place in tested:
             others = [samples[one] for one in folds.others(place, samples.keys())]
             if place in samples and len(others) >= TWO_SAMPLES.fewest_drives:
-                found += [(one.p, place, one) for one in _differences(check, samples[place], others, usual)]
+                found += [(one.p, place, one) for one in _differences(check, samples[place], others)]
     return dict(_rejected(sorted(found, key=lambda one: one[:2])))
 
 
@@ -86,67 +86,61 @@ def _rejected(tests: Sequence[tuple[float, int, Difference]]) -> Iterator[tuple[
     return reversed(clear)
 
 
-def _differences(check: SensorCheck, one: _Sample, others: Sequence[_Sample], usual: float) -> Iterator[Difference]:
-    deviations, freedom = _of_level(check, one, others)
-    yield Difference(check, deviations, _two_sided(deviations, freedom))
-    yield Difference(check, None, _kolmogorov_tail(_kolmogorov(one, _pooled(others)) / usual))
+def _differences(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> Iterator[Difference]:
+    freedom = HIERARCHY.prior_drives + len(others) - 1
+    deviations = _of_level(check, one, others)
+    yield Difference(check, deviations, 2 * _beyond(abs(deviations), freedom))
+    usual, scatter = _middle([other.distance for other in others])
+    yield Difference(
+        check, None, _beyond((one.distance - usual) / _weighed(TWO_SAMPLES.shape, scatter, others), freedom)
+    )
 
 
-def _sample(drive: Drive, check: SensorCheck) -> _Sample | None:
-    values = drive.clean.statistics.get(check)
-    odds = log_odds(values[~np.isnan(values)]) if values is not None else np.zeros(0)
-    if odds.size < TWO_SAMPLES.fewest_frames:
-        return None
-    return _Sample(float(odds.mean()), np.sort(odds - np.median(odds)), effective_size(odds))
+def _samples(drives: Sequence[Drive], check: SensorCheck) -> dict[int, _Sample]:
+    """The samples of a check by the places of their drives; drives with too few measured frames have none."""
+    measured = {
+        place: log_odds(values[~np.isnan(values)])
+        for place, drive in enumerate(drives)
+        if (values := drive.clean.statistics.get(check)) is not None
+    }
+    known = {place: odds for place, odds in measured.items() if odds.size >= TWO_SAMPLES.fewest_frames}
+    if not known:
+        return {}
+    centred = {place: odds - np.median(odds) for place, odds in known.items()}
+    pool = np.sort(np.concatenate(list(centred.values())))
+    return {place: _sample(odds, centred[place], pool) for place, odds in known.items()}
 
 
-def _of_level(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> tuple[float, float]:
-    """How many deviations a drive's mean lies above the median of the others', and their degrees of freedom.
-
-    The deviation between drives is that of the others, weighed with the prior's as in a calibration.
-    """
-    prior, D = prior_of_check(check), len(others)
-    means = np.array([other.mean for other in others])
-    middle = float(np.median(means))
-    scatter = (_MAD * float(np.median(np.abs(means - middle)))) ** 2
-    freedom = HIERARCHY.prior_drives + D - 1
-    between = (HIERARCHY.prior_drives * prior.between**2 + (D - 1) * scatter) / freedom
-    variance = between * (1 + 1 / D) + prior.within**2 / one.worth
-    return (one.mean - middle) / (prior.tail * sqrt(variance)), freedom
+def _sample(odds: Floats, centred: Floats, pool: Floats) -> _Sample:
+    worth, at = effective_size(odds), np.sort(centred)
+    of_pool = np.searchsorted(pool, at, side="right") / pool.size
+    own = np.arange(1, at.size + 1) / at.size
+    distance = max(float(np.max(np.abs(own - of_pool))), float(np.max(np.abs(own - 1 / at.size - of_pool))))
+    return _Sample(float(odds.mean()), worth, log(distance))
 
 
-def _usual_shape(samples: Sequence[_Sample]) -> float:
-    """By how much drives differ in shape more than samples of one population would, 1 at least."""
-    if not samples:
-        return 1.0
-    pool = _pooled(samples)
-    return max(float(np.median([_kolmogorov(one, pool) for one in samples])) / _KOLMOGOROV_MEDIAN, 1.0)
+def _of_level(check: SensorCheck, one: _Sample, others: Sequence[_Sample]) -> float:
+    """How many deviations a drive's mean lies above the median of the others'."""
+    prior = prior_of_check(check)
+    usual, scatter = _middle([other.mean for other in others])
+    between = _weighed(prior.between, scatter, others) ** 2
+    variance = between * (1 + 1 / len(others)) + prior.within**2 / one.worth
+    return (one.mean - usual) / (prior.tail * sqrt(variance))
 
 
-def _pooled(samples: Sequence[_Sample]) -> tuple[Floats, float]:
-    """The frames of several drives about their medians, ascending, and how many they are worth."""
-    return np.sort(np.concatenate([one.centred for one in samples])), sum(one.worth for one in samples)
+def _middle(values: Sequence[float]) -> tuple[float, float]:
+    """The median of values, and their standard deviation as the median distance from it says."""
+    middle = float(np.median(values))
+    return middle, _MAD * float(np.median(np.abs(np.array(values) - middle)))
 
 
-def _kolmogorov(one: _Sample, pool: tuple[Floats, float]) -> float:
-    """The scaled statistic of Kolmogorov and Smirnov, by the frames that both samples are worth."""
-    every, of_pool = pool
-    at = np.concatenate([one.centred, every])
-    shares = [np.searchsorted(values, at, side="right") / values.size for values in (one.centred, every)]
-    worth = sqrt(one.worth * of_pool / (one.worth + of_pool))
-    # The correction for small samples of Stephens (1970).
-    return (worth + 0.12 + 0.11 / worth) * float(np.max(np.abs(shares[0] - shares[1])))
+def _weighed(prior: float, scatter: float, others: Sequence[_Sample]) -> float:
+    """The deviation between drives: that of the others, weighed with the prior's as in a calibration."""
+    freedom = HIERARCHY.prior_drives + len(others) - 1
+    return sqrt((HIERARCHY.prior_drives * prior**2 + (len(others) - 1) * scatter**2) / freedom)
 
 
-def _kolmogorov_tail(statistic: float) -> float:
-    """The chance that the scaled statistic exceeds this value."""
-    if statistic < 0.3:  # the series converges slowly there, and the chance is 1
-        return 1.0
-    terms = [(-1.0) ** (k - 1) * exp(-2 * (k * statistic) ** 2) for k in range(1, 20)]
-    return min(max(2 * sum(terms), 0.0), 1.0)
-
-
-def _two_sided(t: float, freedom: float) -> float:
-    """The chance of a t as far from 0, by the normal approximation of Wallace (1959)."""
+def _beyond(t: float, freedom: float) -> float:
+    """The chance of a larger t, by the normal approximation of Wallace (1959)."""
     z = (8 * freedom + 1) / (8 * freedom + 3) * sqrt(freedom * log(1 + t * t / freedom))
-    return float(2 * NormalDist().cdf(-z))
+    return float(NormalDist().cdf(-z if t > 0 else z))

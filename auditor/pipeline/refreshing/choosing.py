@@ -6,7 +6,7 @@ from decimal import Decimal
 
 from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.refreshing.drives import Drive, Shown, Source, shown_by, shown_by_others
-from auditor.identification.refreshing.influence import crowded, limited
+from auditor.identification.refreshing.influence import crowded, influential, limited
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
@@ -16,8 +16,10 @@ from auditor.store.versions.quarantine import Quarantined
 from auditor.store.versions.records import UsedRecording
 
 NAMED = "named clean"
+LABELLED = "labelled clean"
+"""With a label of its own: somebody looked at this recording."""
 
-_BY_PERSON = (NAMED, GIVEN)
+_BY_PERSON = (NAMED, LABELLED, GIVEN)
 _WITHDRAWN = "it was new in a version that was rolled back; label it clean if it is"
 _BEFORE = "in the version of before"
 _NOT_NAMED = "the first version is made of what was named clean"
@@ -62,6 +64,11 @@ class Chosen:
         return self.used.reason in _BY_PERSON
 
     @property
+    def doubtful(self) -> bool:
+        """Whether it was named clean among others, and nobody says that this one was looked at."""
+        return self.named and self.used.reason != LABELLED
+
+    @property
     def new(self) -> bool:
         """Whether it was judged in this refresh for the first time."""
         return self.at_first is not None
@@ -88,6 +95,12 @@ class Choice:
     out: tuple[UsedRecording, ...]
     judged: int
     raised: int
+
+    @property
+    def judged_twice(self) -> tuple[list[Shown], list[Shown]]:
+        """What the new logs that are learnt from show by the version in force, and by the others."""
+        both = [(one.at_first, one.shown) for one in self.chosen if one.at_first is not None and one.shown is not None]
+        return [before for before, _ in both], [after for _, after in both]
 
     @property
     def waiting(self) -> int:
@@ -120,7 +133,7 @@ def choose(group: Group, known: Known, system: System, r: Decimal) -> Choice:
     base = thresholds_of(known.parent.clean if known.parent is not None else (), system, r)
     in_force = set(known.parent.recordings) if known.parent is not None else set()
     by = known.judges if known.parent is not None else f"{known.judges} and the others"
-    chosen = [_chosen(log, known, NAMED) for log in named] + _gone(known, group)
+    chosen = [_chosen(log, known, LABELLED if log.labelled else NAMED) for log in named] + _gone(known, group)
     raised = list[UsedRecording]()
     for log in others:
         if log.used.recording_id in in_force:
@@ -176,13 +189,15 @@ def _eligible(group: Group, known: Known) -> tuple[list[Log], list[Log], list[Us
 def _compared(choice: Choice, system: System, r: Decimal) -> Choice:
     """New logs compared with the others, then each judged by logs of other vehicles and days.
 
-    Those that nobody named, and that are not like the others or are raised, go out; then the rest is compared again.
+    Those that nobody named, and that are not like the others, move a threshold far or are raised, go out; then the rest
+    is compared again.
     """
     while True:
         drives = [one.drive for one in choice.chosen]
         new = [place for place, one in enumerate(choice.chosen) if one.new]
-        if unlike := differing(drives, new, system):
-            choice = choice.without({place: str(one) for place, one in unlike.items()})
+        odd = {place: str(one) for place, one in differing(drives, new, system).items()}
+        if odd := odd or influential(drives, new, system, r):
+            choice = choice.without(odd)
             continue
         every = shown_by_others(drives, system, r)
         chosen = tuple(replace(one, shown=shown) for one, shown in zip(choice.chosen, every, strict=True))

@@ -35,8 +35,8 @@ UNKNOWN = Circumstances()
 
 def circumstances_of(store: Store, measurement: str, recording: RecordingRecord) -> Circumstances:
     """The circumstances of a measurement, by the GPS fixes of its frames. Raises StoreError."""
-    path = store.path("poses", measurement)
-    rows = read_rows("poses", path) if path.is_file() else []
+    there = store.has("poses", measurement)
+    rows = read_rows("poses", store.source("poses", measurement)) if there else []
     fixes = [(row["stamp_ns"], row["latitude_deg"], row["longitude_deg"]) for row in rows]
     fixes = [fix for fix in fixes if fix[1] is not None and fix[2] is not None]
     if not fixes:

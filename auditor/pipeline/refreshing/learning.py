@@ -9,7 +9,15 @@ from auditor.identification.cross_validation import thresholds_of
 from auditor.identification.prior import statistic_at
 from auditor.identification.refresh_parameters import CLEAN_DRIVE, INFLUENCE
 from auditor.identification.refreshing.conditions import doubtful, rates_by_condition
-from auditor.identification.refreshing.gate import Step, doubts, false_alarms, planted_found, steps, worse
+from auditor.identification.refreshing.gate import (
+    Step,
+    compared,
+    doubts,
+    false_alarms,
+    planted_found,
+    raised_often,
+    worse,
+)
 from auditor.identification.sub_rigs import closeness
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration
@@ -87,32 +95,31 @@ def _decide(
     before = thresholds_of(known.parent.clean, system, r) if known.parent is not None else after
     confirmed = thresholds_of(known.confirmed.clean, system, r) if known.confirmed is not None else before
     found = planted_found(drives, system, after)
-    found_before = planted_found(drives, system, before)
-    lost = found.lost_since(found_before)
-    lost_in_all = found.lost_since(planted_found(drives, system, confirmed))
-    rises, creep = steps(before, after, system), steps(confirmed, after, system)
+    step, creep = (compared(drives, system, one, after, found) for one in (before, confirmed))
     rates = rates_by_condition([_conditions(one.used) for one in choice.chosen], shown)
-    refused = [*_raised_named(choice, r), *_too_many_raised(choice), *worse(shown, r, lost)]
+    at_first, again = choice.judged_twice if known.parent is not None else ((), ())
+    refused = [*_raised_named(choice, known, r), *_too_many_raised(choice), *worse(step, at_first, again)]
     held = [
-        *doubts(rises, creep, lost_in_all),
+        *doubts(step, creep),
+        *raised_often(shown, r),
         *doubtful(rates, r),
         *_for_a_person(group, known.parent, calibration, choice, in_force),
     ]
     decided = Decided.REFUSED if refused else Decided.HELD if held else Decided.PROMOTED
-    alarms, at_first = false_alarms(shown), [one.at_first for one in choice.chosen if one.at_first is not None]
     first = known.parent is None
     return replace(
         _decision(group, known.parent, choice, decided, [*refused, *held, *_raised_line(choice)]),
         calibration_id=calibration.calibration_id,
         in_force=calibration.calibration_id if decided is Decided.PROMOTED else group.history.in_force,
-        by_others=Interval(*alarms) if shown else None,
-        by_others_before=Interval(*false_alarms(at_first)) if at_first and not first else None,
-        found_before=None if first else found_before.share.value,
+        by_others=Interval(*false_alarms(shown)) if shown else None,
+        new_by_others=Interval(*false_alarms(again)) if at_first else None,
+        new_before=Interval(*false_alarms(at_first)) if at_first else None,
+        found_before=None if first else step.found.value,
         found_after=found.share.value,
-        lost=None if first else Interval(*lost),
-        lost_in_all=None if first else Interval(*lost_in_all),
-        creep=None if first else max((step.rise for step in creep), default=None),
-        rises=() if first else tuple(map(_rise, rises)),
+        lost=None if first else Interval(*step.lost),
+        lost_in_all=None if first else Interval(*creep.lost),
+        creep=None if first else creep.rise,
+        rises=() if first else tuple(map(_rise, step.steps)),
         conditions=tuple(UnderCondition(**asdict(rate)) for rate in rates),
     )
 
@@ -121,9 +128,12 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
     return {"vehicle": used.vehicle, "weather": used.weather, "time of day": used.time_of_day}
 
 
-def _raised_named(choice: Choice, r: Decimal) -> Iterator[str]:
+def _raised_named(choice: Choice, known: Known, r: Decimal) -> Iterator[str]:
+    """The recordings that are named clean now; those in force already make nothing worse, and are listed alone."""
+    in_force = set(known.parent.recordings) if known.parent is not None else set()
     for one in choice.chosen:
-        if one.named and one.shown is not None and (reason := one.shown.raised(r)):
+        new = one.used.recording_id not in in_force
+        if new and one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
             yield f"{one.used.name} was named clean, and others find {reason}"
 
 
@@ -186,7 +196,7 @@ def _decision(
     group: Group, parent: Calibration | None, choice: Choice, decided: Decided, reasons: Sequence[str]
 ) -> Decision:
     known = set(parent.recordings) if parent is not None else set()
-    doubted = {one.used.recording_id for one in choice.chosen if decided is Decided.REFUSED and _doubted(one)}
+    doubted = {one.used.recording_id for one in choice.chosen if _doubted(one)}
     used = [replace(one, look_at=one.look_at or one.recording_id in doubted) for one in considered(choice)]
     return Decision(
         kind=str(group.history.rig_kind),
@@ -204,7 +214,7 @@ def _decision(
 
 def _doubted(one: Chosen) -> bool:
     """Whether others find an incident in what a person named clean."""
-    return one.named and one.shown is not None and bool(one.shown.strong)
+    return one.doubtful and one.shown is not None and bool(one.shown.strong)
 
 
 def _rise(step: Step) -> Rise:

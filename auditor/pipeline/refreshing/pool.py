@@ -14,6 +14,7 @@ from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, 
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
 from auditor.pipeline.versions import looked_at
 from auditor.store import RecordingRecord, Store, StoredMeasurement
+from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for
 from auditor.store.versions.records import UsedRecording
 
@@ -24,16 +25,17 @@ def _unknown() -> Circumstances:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A measured recording. `named` says that a person called it clean; `barred` why it is not learnt from, if so.
+    """A measured recording. `named` says that a person called it clean, `labelled` that this was by a label of its own.
 
-    `doubt` is why it is not learnt from unless a person called it clean. `look_at` is of either of both. `frames` and
-    `circumstances` are read when they are needed.
+    `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
+    either of both. `frames` and `circumstances` are read when they are needed.
     """
 
     used: UsedRecording
     frames: Callable[[], CleanFrames]
     circumstances: Callable[[], Circumstances] = _unknown
     named: bool = False
+    labelled: bool = False
     barred: str = ""
     doubt: str = ""
     look_at: bool = False
@@ -56,18 +58,20 @@ class Group:
 def groups_of(stores: Sequence[Store], named: Collection[str]) -> list[Group]:
     """The logs of some stores by rig kind and procedure; the versions are those of the first.
 
-    `named` are the measurements that this call names clean. Measurements of an earlier way of counting are left out.
+    `named` are the measurements that this call names clean; those are too whose only incidents a person reviewed as
+    false alarms. Measurements of an earlier way of counting are left out.
     """
     known, groups = histories(stores[0]), list[Group]()
     seen: set[str] = set()
     for store in stores:
+        clean = {*named, *false_alarms(store)}
         for measurement in store.ids("measurements"):
             if measurement not in seen and not counted_earlier(store, measurement):
                 seen.add(measurement)
                 stored = store.measurement(measurement)
                 rig = store.rig(stored.rig_id)
                 _group(groups, known, rig, stored.procedure).logs.append(
-                    _log(store, stored, named=measurement in named)
+                    _log(store, stored, named=measurement in clean)
                 )
     return groups
 
@@ -84,13 +88,15 @@ def _group(groups: list[Group], known: Sequence[History], rig: Rig, procedure: P
 
 def _log(store: Store, stored: StoredMeasurement, *, named: bool) -> Log:
     known, recording = stored.measurement_id, store.recording(stored.recording_id)
+    labelled = any(one.attack is None for one in store.given_labels(stored.recording_id))
     barred, look_at = _barred(store, stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored)
     return Log(
         looked_at(stored, recording),
         partial(clean_frames_of, store, known),
         cache(partial(circumstances_of, store, known, recording)),
-        named or any(one.attack is None for one in store.given_labels(stored.recording_id)),
+        named or labelled,
+        labelled,
         barred,
         doubt,
         look_at,

@@ -79,7 +79,7 @@ def _without_calibration(audits: list[Audit], calibration_recordings: Calibratio
 
 def outline(store: Store, audit: Audit, calibration_recordings: CalibrationRecordings) -> RecordingPart:
     """What the tables at the top of the page need."""
-    ticks = read_table("frames", store.path("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
+    ticks = read_table("frames", store.source("frames", audit.measurement.measurement_id), ["stamp_ns", "skipped"])
     stamps_ns = [tick["stamp_ns"] for tick in ticks.to_pylist() if tick["skipped"] != EDGE]
     origin_ns, to_ns = (min(stamps_ns), max(stamps_ns)) if stamps_ns else (0, 0)
     counts = audit.judgement.counts if audit.judgement else {}
@@ -132,8 +132,8 @@ def _provenance(store: Store, audit: Audit, calibration_recordings: CalibrationR
     )
     if judgement is None:
         return measured
-    (row,) = read_rows("judgements", store.path("judgements", judgement.judgement_id))
-    (measured_row,) = read_rows("measurements", store.path("measurements", measurement.measurement_id))
+    (row,) = read_rows("judgements", store.source("judgements", judgement.judgement_id))
+    (measured_row,) = read_rows("measurements", store.source("measurements", measurement.measurement_id))
     return replace(
         measured,
         judgement_id=judgement.judgement_id,

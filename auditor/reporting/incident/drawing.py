@@ -79,7 +79,7 @@ def _measured(
 
 def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:
     recording_id = audit.recording.recording_id
-    carried = read_rows("labels", store.path("labels", recording_id)) if recording_id in store.ids("labels") else []
+    carried = read_rows("labels", store.source("labels", recording_id)) if recording_id in store.ids("labels") else []
     given = [vars(label) for label in store.given_labels(recording_id) if label.attack is not None]
     sensors = {audit.rig.topic(sensor): sensor for sensor in audit.rig.sensors}
     return tuple(
@@ -97,7 +97,7 @@ def _truths(store: Store, audit: Audit) -> tuple[Truth, ...]:
 
 def _coverage(store: Store, audit: Audit, errors: FrameErrors, sensors: Sequence[SensorLine]) -> tuple[SensorLine, ...]:
     """Count the states of each sensor and take the medians of its coverage."""
-    path = store.path("frames", audit.measurement.measurement_id)
+    path = store.source("frames", audit.measurement.measurement_id)
     table = read_table("frames", path, ["skipped", *COVERAGE])
     table = table.filter(table["skipped"].is_null())
     medians: dict[str, list[float | None]] = {}

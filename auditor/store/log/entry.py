@@ -33,6 +33,9 @@ class Kind(StrEnum):
     UPGRADED = "upgraded"
     """It replaces all files by those of a new schema version."""
 
+    PACKED = "packed"
+    """It puts the rows of many files into one, and removes them: files that it writes, and files that it removes."""
+
     IN_FORCE = "in_force"
     """A calibration came into force for a rig kind, in place of another."""
 

@@ -8,7 +8,7 @@ from auditor.store.log.entry import Entry, Kind, Outcome
 from auditor.store.log.outputs import Output
 from auditor.store.log.runs import pending
 
-_CHANGES = frozenset({Kind.WROTE, Kind.REMOVED, Kind.UPGRADED})
+_CHANGES = frozenset({Kind.WROTE, Kind.REMOVED, Kind.UPGRADED, Kind.PACKED})
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,17 @@ class Run:
         return self.writing([Output.of_written(written, self.folder)])
 
     @contextmanager
+    def packing(self, outputs: Sequence[Output], places: Sequence[str]) -> Iterator[None]:
+        """Say that files are put in their places of what lies in others, which go, and do so within the block.
+
+        Raises StoreError.
+        """
+        files = [*(output.fields for output in outputs), *({"path": place} for place in places)]
+        with log_lock(self.folder):
+            append(self.chain, Kind.PACKED, self.run_id, {"files": files})
+            yield
+
+    @contextmanager
     def removing(self, places: Sequence[str], why: str) -> Iterator[None]:
         """Say that files of the store are removed, and do so within the block. Raises StoreError."""
         with log_lock(self.folder):
@@ -140,7 +151,7 @@ def pending(entries: Sequence[Entry], run_id: str) -> list[Entry]:
     for entry in entries:
         if entry.run == run_id:
             last[entry.pid] = entry
-    return [entry for entry in last.values() if entry.kind in {Kind.WROTE, Kind.REMOVED, Kind.UPGRADED}]
+    return [entry for entry in last.values() if entry.kind in {Kind.WROTE, Kind.REMOVED, Kind.UPGRADED, Kind.PACKED}]
 
 
 def _close(ended: Run, outcome: Outcome, reason: str = "", signer: Signer | None = None) -> None:

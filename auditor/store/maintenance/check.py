@@ -11,28 +11,10 @@ from auditor.model.calibration import PRIOR
 from auditor.store.files import finished, is_part
 from auditor.store.log import LOG
 from auditor.store.marker import MARKER, UPGRADED
-from auditor.store.schema import TABLES
+from auditor.store.packs.index import FOLDER, INDEX
+from auditor.store.schema import ID_COLUMNS, TABLES
 from auditor.store.store import Store
 from auditor.store.tables import read_table
-
-_ID = {
-    "recordings": "recording_id",
-    "labels": "recording_id",
-    "given_labels": "recording_id",
-    "rigs": "rig_id",
-    "triples": "rig_id",
-    "sensor_checks": "rig_id",
-    **dict.fromkeys(
-        ("calibrations", "calibration_versions", "calibration_recordings", "calibration_conditions"), "calibration_id"
-    ),
-    **dict.fromkeys(("calibration_history", "quarantine"), "history_id"),
-    "reviews": "review_id",
-    "judgements": "judgement_id",
-    "verdicts": "judgement_id",
-    **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
-    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
-}
-"""By table: the column that has the id of the file."""
 
 _COUNTED = {
     "measurements": ("frames", ("frames",)),
@@ -53,7 +35,7 @@ _NAMED = {
 }
 """By table: the columns that name rows of other tables."""
 
-_BESIDE = ("pictures", "reports", LOG)
+_BESIDE = ("pictures", "reports", LOG, INDEX, FOLDER)
 """Folders that are no tables; what lies in `reports` is nobody's business here, and `auditor verify` checks the log."""
 
 _KILLED = "left by a run that was killed, and read by nobody: it can be deleted"
@@ -77,13 +59,13 @@ def check_file(store: Store, table: str, row_id: str) -> Iterator[str]:
 
 
 def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
-    path = store.path(table, row_id)
-    if not path.is_file():
+    source = store.source(table, row_id)
+    if not store.has(table, row_id):
         if table != "case_verdicts":
             yield "it is missing"
         return
-    name = _ID[table]
-    content = read_table(table, path)
+    name = ID_COLUMNS[table]
+    content = read_table(table, source)
     others = set(content[name].to_pylist()) - {row_id}
     if others:
         yield f"it has rows of {name} {', '.join(sorted(map(str, others)))[:80]}"
@@ -91,7 +73,7 @@ def _of_file(store: Store, table: str, row_id: str) -> Iterator[str]:
         yield from _of_rows(store, table, row_id, content)
     for column, other in _NAMED.get(table, ()):
         for named in sorted({value for value in content[column].to_pylist() if value not in {None, PRIOR}}):
-            if not store.path(other, named).is_file():
+            if not store.has(other, named):
                 yield f"there is no {column} {named} in {other}"
 
 
@@ -103,8 +85,8 @@ def _of_rows(store: Store, manifest: str, row_id: str, content: pa.Table) -> Ite
     row: dict[str, Any] = content.to_pylist()[0]
     table, columns = _COUNTED[manifest]
     declared = sum(row[column] or 0 for column in columns)
-    path = store.path(table, row_id)
-    there = len(read_table(table, path, [_ID[table]])) if path.is_file() else declared
+    source = store.source(table, row_id)
+    there = len(read_table(table, source, [ID_COLUMNS[table]])) if store.has(table, row_id) else declared
     if there != declared:
         yield f"it counts {declared} rows of {table}, and there are {there}"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from auditor.model.checks import Check
+from auditor.model.checks import SIGNED_CHECKS, Check
 from auditor.model.common_view import view_size_px
 from auditor.store.store import Store
 from auditor.store.tables import read_table, stream_rows
@@ -31,10 +31,10 @@ def implausible(store: Store, measurement_id: str) -> Iterator[tuple[str, str]]:
     rig = store.rig(store.measurement(measurement_id).rig_id)
     width, height = view_size_px(rig)
     names = [*{name for pair in _WITHIN for name in pair}, *_SHARES, "level", "returns", "frame"]
-    frames = read_table("frames", store.path("frames", measurement_id), names)
+    frames = read_table("frames", store.source("frames", measurement_id), names)
     yield from (("frames", what) for what in _of_frames(frames, width * height))
     yield from (("cells", what) for what in _of_cells(store, measurement_id))
-    regions = read_table("regions", store.path("regions", measurement_id), ["frame", *_EDGES, "share"])
+    regions = read_table("regions", store.source("regions", measurement_id), ["frame", *_EDGES, "share"])
     yield from (("regions", what) for what in _of_regions(regions, width, height))
 
 
@@ -54,13 +54,13 @@ def _of_frames(frames: pa.Table, area_px: int) -> Iterator[str]:
 
 
 def _of_cells(store: Store, measurement_id: str) -> Iterator[str]:
-    for row in stream_rows("cells", store.path("cells", measurement_id)):
+    for row in stream_rows("cells", store.source("cells", measurement_id)):
         valid, total = np.frombuffer(row["valid"], np.uint8), np.frombuffer(row["total"], np.int8)
         size = row["rows"] * row["columns"]
         if len(valid) != size or len(total) != size:
             yield f"frame {row['frame']}: a grid does not have its {row['rows']} x {row['columns']} cells"
             return
-        counted = row["check_name"] != Check.ADDED_LIGHT.value
+        counted = Check(row["check_name"]) not in SIGNED_CHECKS
         if (valid > _MOST_IN_CELL).any() or (counted and ((total < 0) | (total > valid)).any()):
             yield f"frame {row['frame']}: a cell counts more than it can hold"
             return

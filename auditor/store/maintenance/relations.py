@@ -192,7 +192,7 @@ class _Comparison:
         store = self._store
         rig = store.rig(store.measurement(measurement_id).rig_id)
         columns = ["stamp_ns", "skipped", "state", "skew_ns", "fingerprint"]
-        table = read_table("frames", store.path("frames", measurement_id), columns)
+        table = read_table("frames", store.source("frames", measurement_id), columns)
         table = table.filter(table["skipped"].is_null())
         if table["fingerprint"].null_count or not len(table):
             return None
@@ -202,7 +202,7 @@ class _Comparison:
             flat = table[name].combine_chunks().flatten().fill_null(otherwise)
             return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(shape)
 
-        [offsets] = read_table("measurements", store.path("measurements", measurement_id), ["offsets_ns"])[
+        [offsets] = read_table("measurements", store.source("measurements", measurement_id), ["offsets_ns"])[
             "offsets_ns"
         ].to_pylist()
         frame_ns = table["stamp_ns"].to_numpy()[:, None]

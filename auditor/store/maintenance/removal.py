@@ -13,12 +13,14 @@ from auditor.errors import StoreError
 from auditor.store.files import locked
 from auditor.store.log import logged
 from auditor.store.log.outputs import place_in
+from auditor.store.packs.files import rows_of_files
 from auditor.store.pictures import full_pictures
 from auditor.store.records import RecordingRecord
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.tables import read_table
 
 _EVALUATIONS = ("evaluations", "object_evaluations")
+_OF_RECORDINGS = ("labels", "given_labels", "recordings")
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,9 @@ def remove_recordings(store: Store, recording_ids: Collection[str]) -> Removed:
         parts = [(table, known) for table in _EVALUATIONS for known in _parts_of(store, table, gone)]
         for table, known in parts:
             _remove(store, table, known)
+        store.packs.hide(dict.fromkeys(_OF_RECORDINGS, gone), entry)
         for known in gone:
-            paths = [store.path(table, known) for table in ("labels", "given_labels", "recordings")]
+            paths = [store.path(table, known) for table in _OF_RECORDINGS]
             with entry.removing(_places(store, paths), f"recording {known} was removed"):
                 for path in paths:
                     _unlink(path)
@@ -77,14 +80,15 @@ def remove_measurement(store: Store, measurement_id: str) -> int:
 
 def _remove_measurements(store: Store, measurement_ids: Collection[str]) -> int:
     """Every judgement of the store is looked at once, however many measurements go."""
-    judgements = [one for one in store.ids("judgements") if _measurement_of(store, one) in measurement_ids]
+    known = rows_of_files("judgements", store.files("judgements"), ["judgement_id", "measurement_id"])
+    judgements = [row["judgement_id"] for row in known if row["measurement_id"] in measurement_ids]
     for judgement in judgements:
         _remove(store, "judgements", judgement)
-    for known in measurement_ids:
-        if store.has_measurement(known):
-            _remove(store, "measurements", known)
-        _remove_pictures(store, known)
-        store.forget(known)
+    for one in measurement_ids:
+        if store.has_measurement(one):
+            _remove(store, "measurements", one)
+        _remove_pictures(store, one)
+        store.forget(one)
     return len(judgements)
 
 
@@ -97,11 +101,6 @@ def _remove_pictures(store: Store, measurement_id: str) -> None:
             entry = stack.enter_context(logged(store.folder))
             stack.enter_context(entry.removing(of_incidents, f"measurements {measurement_id} was removed"))
         shutil.rmtree(folder / measurement_id, ignore_errors=True)
-
-
-def _measurement_of(store: Store, judgement_id: str) -> object:
-    [of] = read_table("judgements", store.path("judgements", judgement_id), ["measurement_id"])[0].to_pylist()
-    return of
 
 
 def _parts_of(store: Store, table: str, recording_ids: Collection[str]) -> list[str]:
@@ -119,9 +118,12 @@ def _remove(store: Store, manifest: str, row_id: str) -> None:
     if manifest == "evaluations":
         dependent.append("case_verdicts")
     logged_ones = [store.path(table, row_id) for table in (manifest, *dependent) if table not in MANIFESTS]
-    with logged(store.folder) as entry, entry.removing(_places(store, logged_ones), f"{manifest} {row_id} was removed"):
-        for table in (manifest, *dependent):
-            _unlink(store.path(table, row_id))
+    with logged(store.folder) as entry:
+        places = _places(store, logged_ones)
+        store.packs.hide({table: {row_id} for table in (manifest, *dependent)}, entry)
+        with entry.removing(places, f"{manifest} {row_id} was removed"):
+            for table in (manifest, *dependent):
+                _unlink(store.path(table, row_id))
 
 
 def _places(store: Store, paths: Iterable[Path]) -> list[str]:

@@ -3,7 +3,7 @@
 The log has the hashes of the files that no row names; rows of manifests, which are such files, have those of the rest.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,9 @@ from auditor.store.maintenance.check import check_file
 from auditor.store.maintenance.hashes import Hashes, read_checked, stamps
 from auditor.store.maintenance.plausibility import implausible
 from auditor.store.marker import MARKER, UPGRADED, marker_content
-from auditor.store.schema import TABLES
+from auditor.store.packs.files import Files, rows_of_files
+from auditor.store.packs.index import FOLDER, INDEX, Member, Packs
+from auditor.store.schema import ID_COLUMNS, TABLES
 from auditor.store.store import MANIFESTS, Store
 from auditor.store.tables import read_rows
 
@@ -105,7 +107,7 @@ class _Verification:
     """One look at a store; at all of it, or at the rows `touched` of manifests."""
 
     def __init__(self, store: Store, hashes: Hashes, touched: set[str] | None = None) -> None:
-        self._store = store
+        self._store = Store(store.folder)
         self._hashes = hashes
         self._touched = touched
         self._chains = read_chains(store.folder)
@@ -117,7 +119,7 @@ class _Verification:
     def verified(self, key: "Ed25519PublicKey | None" = None, *, deep: bool = False) -> Verified:
         """What is found; `deep` looks into the files, too."""
         problems = list(self._problems())
-        if deep and self._entries:
+        if deep and self._entries and not self._broken_packs:
             problems += self._inside()
         if key is not None:
             problems += (Problem(place, what) for place, what in unsigned(self._chains, key))
@@ -133,12 +135,9 @@ class _Verification:
             return
         for place in sorted(self._log.places):
             yield from self._noted(self._of_logged(place))
+        self._store.packs = Packs(self._store.folder, without=self._wrong)
         for manifest in sorted(_MANIFESTS):
-            for row_id in self._store.ids(manifest):
-                place = f"{manifest}/{row_id}.parquet"
-                wanted = self._touched is None or row_id in self._touched
-                if wanted and place in self._log.places and place not in self._wrong:
-                    yield from self._noted(self._of_row(manifest, row_id))
+            yield from self._noted(self._of_manifest(manifest))
         yield from self._noted(self._added())
 
     def _keep(self) -> None:
@@ -180,17 +179,55 @@ class _Verification:
         elif not known.accepts(self._hashes.of(place)):
             yield Problem(place, f"it is not as {self._log.told(place)} wrote it")
 
-    def _of_row(self, manifest: str, row_id: str) -> Iterator[Problem]:
-        """The files that a row finishes."""
-        place = f"{manifest}/{row_id}.parquet"
-        rows = read_rows(manifest, self._store.path(manifest, row_id))
+    def _of_manifest(self, manifest: str) -> Iterator[Problem]:
+        """The files that the rows of a manifest finish, by rows that are as they were written."""
+        files = self._store.files(manifest)
+        for path in files.alone:
+            place = f"{manifest}/{path.name}"
+            wanted = self._touched is None or path.stem in self._touched
+            if wanted and place in self._log.places and place not in self._wrong:
+                yield from self._of_rows(place, read_rows(manifest, path))
+        for path in files.packs:
+            place, column = path.relative_to(self._store.folder).as_posix(), ID_COLUMNS[manifest]
+            looked_at = self._wanted(manifest, self._store.packs.members(path))
+            if looked_at and place in self._log.places:
+                rows = rows_of_files(manifest, Files((), (path,), files.hidden), [column, "outputs"])
+                yield from self._of_rows(place, [row for row in rows if row[column] in looked_at])
+
+    def _wanted(self, manifest: str, members: Collection[str]) -> Collection[str]:
+        """The members of a pack that are to be looked at: all, or those of which something has changed."""
+        touched = self._touched
+        return members if touched is None or manifest in touched else touched.intersection(members)
+
+    def _of_rows(self, place: str, rows: list[dict[str, object]]) -> Iterator[Problem]:
+        """The files that rows finish, as they were, or packs that were made of them."""
         for output in outputs_of(rows):
             path = self._store.folder / output.path
             self._seen.add(output.path)
-            if not path.is_file():
-                yield Problem(output.path, f"it is missing: {place} names it")
-            elif self._hashes.of(output.path) != output:
+            packed = None if path.is_file() else self._packed(output.path)
+            if packed is None and not path.is_file():
+                if not self._is_in_broken_pack(output.path):
+                    yield Problem(output.path, f"it is missing: {place} names it")
+            elif packed is not None and (packed.size, packed.sha256) != (output.size, output.sha256):
+                yield Problem(output.path, f"what was packed is not what {place} finished")
+            elif packed is None and self._hashes.of(output.path) != output:
                 yield Problem(output.path, f"it is not as it was when {place} finished it")
+
+    def _is_in_broken_pack(self, place: str) -> bool:
+        """Whether it may be in a pack, or named by an index, that is not as it was written, which is said already."""
+        table = place.partition("/")[0]
+        return any(one == INDEX or one.startswith(f"{FOLDER}/{table}/") for one in self._broken_packs)
+
+    @property
+    def _broken_packs(self) -> set[str]:
+        """The packs, and the index, that are not as they were written: nothing is read of them."""
+        return {place for place in self._wrong if place == INDEX or place.startswith(f"{FOLDER}/")}
+
+    def _packed(self, place: str) -> Member | None:
+        """What a pack that is as it was written has of the file in a place; None where none has."""
+        table, _, name = place.partition("/")
+        found = self._store.packs.member(table, name.removesuffix(".parquet"))
+        return found and found[1]
 
     def _added(self) -> Iterator[Problem]:
         """Files that neither the log nor a row knows."""
@@ -220,7 +257,8 @@ class _Verification:
         table, _, rest = place.partition("/")
         manifest = "measurements" if table == _PICTURES else MANIFESTS.get(table, "")
         row_id = rest.partition("/")[0].removesuffix(".parquet")
-        return bool(manifest) and f"{manifest}/{row_id}.parquet" in self._seen
+        packed = bool(manifest) and self._store.packs.member(manifest, row_id) is not None
+        return packed or (bool(manifest) and f"{manifest}/{row_id}.parquet" in self._seen)
 
     def _implausible(self) -> Iterator[Problem]:
         tables = [table for table, manifest in MANIFESTS.items() if manifest == "measurements"]

@@ -1,5 +1,6 @@
 """Finished files of a store as DuckDB opens them: for reading, under names of their own, and no others."""
 
+import fcntl
 import os
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -33,6 +34,10 @@ class ReadOnlyFile:
         self._place = offset + (self._place if whence == os.SEEK_CUR else 0)
         return self._place
 
+    def fileno(self) -> int:
+        """Its descriptor."""
+        return self._descriptor
+
     def tell(self) -> int:
         """The place."""
         return self._place
@@ -54,14 +59,18 @@ class ReadOnlyFiles(AbstractFileSystem):  # type: ignore[misc]  # fsspec ships n
     """Files by the names `store://<table>/<id>.parquet`.
 
     It can open, list and describe the files that it was given. Whatever would write, move or remove one raises OSError
-    or NotImplementedError: there is no code here that could.
+    or NotImplementedError: there is no code here that could. While it is there, it holds a lock on a file of the store
+    together with all others that read it: none of the files that it was given is removed because it was packed.
     """
 
     protocol = PROTOCOL
     cachable = False
 
-    def __init__(self) -> None:
+    def __init__(self, shared: Path | None = None) -> None:
         super().__init__()
+        self._shared = ReadOnlyFile(shared) if shared is not None else None
+        if self._shared is not None:
+            fcntl.flock(self._shared.fileno(), fcntl.LOCK_SH)
         self._files: dict[str, tuple[Path, os.stat_result]] = {}
 
     def names(self, paths: Iterable[Path]) -> list[str]:

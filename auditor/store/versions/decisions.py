@@ -46,8 +46,9 @@ class Decision:
 
     `calibration_id` is the candidate; None where none was made. `in_force` is in force afterwards. `recordings` are all
     that were looked at; `new` of those that the candidate is made of are not in the version of before. The shares are
-    None where there is nothing to compare: `by_others` of windows with findings when others judge, `by_others_before`
-    of those of new recordings by the version in force, `found_before` and `found_after` of planted attacks. `lost` of
+    None where there is nothing to compare: `by_others` of windows with findings when others judge, `new_by_others` of
+    those of new recordings, `new_before` of these by the version in force, `found_before` and `found_after` of planted
+    attacks. `lost` of
     them are lost by this refresh, `lost_in_all` since the version that a person confirmed; so is `creep`, the largest
     rise of a threshold.
     """
@@ -63,7 +64,8 @@ class Decision:
     recordings: tuple[UsedRecording, ...]
     new: int = 0
     by_others: Interval | None = None
-    by_others_before: Interval | None = None
+    new_by_others: Interval | None = None
+    new_before: Interval | None = None
     found_before: float | None = None
     found_after: float | None = None
     lost: Interval | None = None

@@ -11,7 +11,8 @@ from pathlib import Path
 from auditor import __version__
 from auditor.store.connection import LARGE, all_macros, connected, in_order
 from auditor.store.marker import MARKER
-from auditor.store.schema import SCHEMA_VERSION, TABLES, TableSchema, table_schema
+from auditor.store.packs.index import FOLDER, INDEX, PACKED
+from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import views
 from auditor.store.views.comments import comments, literal
 
@@ -31,7 +32,7 @@ _IDS = "[0-9a-f]{8,64}"
 
 def views_script(folder: Path) -> str:
     """The SQL text for a store in a folder. The store is not read."""
-    parts = [_HEAD, _store(folder), *map(_stored, map(table_schema, TABLES)), _PICTURES, *_macros(), *_views()]
+    parts = [_HEAD, _store(folder), _INDEX, *map(_stored, map(table_schema, TABLES)), _PICTURES, *_macros(), *_views()]
     return "\n".join(parts)
 
 
@@ -57,16 +58,19 @@ def _stored(schema: TableSchema) -> str:
     manifest, files = LARGE.get(schema.name), f"auditor_{schema.name}"
     mixed = f"{files}_mixed" if manifest else None
     nothing = f"SELECT {', '.join(f'NULL::{one.type} AS {one.name}' for one in schema.columns)} WHERE false"
-    read = f"FROM read_parquet(getvariable('{files}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
-    source = (
-        f"CASE WHEN len({_variable(files)}) > 0 THEN {literal(f'{read} UNION ALL BY NAME ')} ELSE '' END"
-        f" || {literal(nothing)}"
-    )
+    of_files = (files, *([f"{files}_packs"] if schema.name in PACKED else []))
+    reads = []
+    for one in of_files:
+        read = f"FROM read_parquet(getvariable('{one}'), union_by_name = {_variable(mixed) if mixed else 'true'})"
+        read += "" if one == files else f" WHERE {_counts(schema, manifest)}"
+        reads.append(f"CASE WHEN len({_variable(one)}) > 0 THEN {literal(f'({read}) UNION ALL BY NAME ')} ELSE '' END")
+    source = " || ".join([*reads, literal(nothing)])
     columns = ", ".join(f"{one.name}::{one.type} AS {one.name}" for one in schema.columns)
     what = "VIEW" if schema.name in LARGE else "TABLE"
     query = f"SELECT {columns} FROM query({source})"  # noqa: S608 - our own names
     lines = [
         f"-- {schema.sentence}",
+        *([f"SET VARIABLE {files}_packs = ({_packs(schema)});"] if schema.name in PACKED else []),
         f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
         *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
         f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
@@ -74,9 +78,29 @@ def _stored(schema: TableSchema) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _packs(schema: TableSchema) -> str:
+    """The packs of a table."""
+    path = f"{_variable('auditor_pattern')} || '/{FOLDER}/{schema.name}/' || id || '.parquet'"
+    return f"SELECT list({path}) FROM auditor_index WHERE what = 'pack' AND of = '{schema.name}'"  # noqa: S608
+
+
+def _counts(schema: TableSchema, manifest: str | None) -> str:
+    """The condition that rows of packs count: they were not removed, and have no file of their own by now."""
+    row_id, alone = ID_COLUMNS[schema.name], _variable(f"auditor_{schema.name}")
+    removed = f"(SELECT id FROM auditor_index WHERE what = 'removed' AND of = '{schema.name}')"  # noqa: S608
+    finished = f" AND {row_id} IN (SELECT {row_id} FROM stored_{manifest})" if manifest else ""  # noqa: S608
+    return (
+        f"{row_id} NOT IN {removed}{finished}"
+        f" AND NOT list_contains([parse_filename(one, true) FOR one IN coalesce({alone}, [])], {row_id})"
+    )
+
+
 def _of_manifest(schema: TableSchema, manifest: str) -> str:
-    """The files of a table that the rows of a manifest name."""
-    [row_id] = re.findall(r"<(\w+)>", schema.file)
+    """The files of a table that the rows of a manifest name; of packed tables those that are not in packs."""
+    row_id = ID_COLUMNS[schema.name]
+    if schema.name in PACKED:
+        ids = f"(SELECT {row_id} FROM stored_{manifest})"  # noqa: S608 - our own names
+        return f"{_in_folder(schema)} AND parse_filename(file, true) IN {ids}"
     path = f"{_variable('auditor_pattern')} || '/{schema.name}/' || {row_id} || '.parquet'"
     return f"SELECT list({path} ORDER BY {row_id}) FROM stored_{manifest}"  # noqa: S608 - our own names
 
@@ -97,6 +121,18 @@ def _differ(manifest: str) -> str:
     return f"SELECT count(*) > 1 FROM (SELECT DISTINCT {versions} FROM stored_{manifest})"  # noqa: S608 - our own names
 
 
+_INDEX = f"""\
+-- Packs, which hold the rows of many ids, and the ids whose rows in packs count no longer.
+SET VARIABLE auditor_index = (
+    SELECT CASE
+        WHEN count(*) > 0 THEN
+            'SELECT what, "table" AS of, id FROM read_csv(getvariable(''auditor_pattern'') || ''/{INDEX}'','
+            || ' header = true, all_varchar = true)'
+        ELSE 'SELECT NULL::VARCHAR AS what, NULL::VARCHAR AS of, NULL::VARCHAR AS id WHERE false'
+    END FROM glob(getvariable('auditor_pattern') || '/{INDEX}')
+);
+CREATE OR REPLACE TEMP TABLE auditor_index AS FROM query(getvariable('auditor_index'));
+"""  # noqa: S608 - our own names
 _PICTURES = """\
 CREATE OR REPLACE TEMP TABLE stored_pictures AS
 SELECT regexp_extract(file, 'pictures/[^/]+/[^/]+$') AS file

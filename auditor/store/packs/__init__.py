@@ -1,0 +1,1 @@
+"""Packs: files that hold the rows of many ids, in place of thousands of small ones."""
