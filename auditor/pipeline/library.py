@@ -21,7 +21,6 @@ from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.calibration_names import listing_calibrations, named_calibration
-from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import (
     Batch,
@@ -38,6 +37,7 @@ from auditor.pipeline.many import (
 )
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
+from auditor.pipeline.pictures.incident_pictures import picture_incidents
 from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording

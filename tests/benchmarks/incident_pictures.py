@@ -24,9 +24,9 @@ from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR, Drawing
 from auditor.model.frames import Frame
 from auditor.model.pictures import Content
 from auditor.model.rig import LIDAR, Rig
-from auditor.pipeline.at_hand import location_of
-from auditor.pipeline.incident_pictures import PictureTask, picture_frames
 from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.pipeline.pictures.at_hand import location_of
+from auditor.pipeline.pictures.incident_pictures import PictureTask, picture_frames
 from auditor.recordings import write_mcap
 from auditor.store import Store, rows_of, run_sql
 from tests.making.scenes import plane_rig
