@@ -82,7 +82,7 @@ content_option = click.option(
 pictures_option = click.option(
     "--pictures",
     type=click.Choice([one.value for one in Pictures]),
-    default=Pictures.ALL,
+    default=Pictures.ALL.value,
     show_default=True,
     help="Frames whose pictures the store keeps: none, those that may belong to an incident (a statistic is unusually "
     "large), or all; of these the strongest of each second, at most 60 a recording, small and grey. But for none, each "

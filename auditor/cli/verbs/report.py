@@ -33,7 +33,7 @@ _PAGE = ".html"
 @click.option(
     "--pictures",
     type=click.Choice([one.value for one in Pictures]),
-    default=Pictures.INCIDENTS,
+    default=Pictures.INCIDENTS.value,
     show_default=True,
     help="Pictures of an incident: none, the strongest one kept of it, or all kept of it.",
 )
