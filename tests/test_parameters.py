@@ -54,6 +54,7 @@ PARAMETER_FILES = (
 ELSEWHERE = {
     "measurement/disparity/matchers/psmnet/": "the architecture of PSMNet, and how it is run",
     "measurement/thumbnails.py": "thumbnails for the report",
+    "measurement/drawing/": "pictures of frames that were measured before",
 }
 """Folders and files whose numbers change neither a count nor a verdict."""
 

@@ -24,7 +24,7 @@ from auditor.recordings.recording import load_json
 from auditor.store.log.signatures import signs
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from auditor.store.log.signatures import PublicKey
 
 _MOST_MANIFEST_BYTES = 16 * 2**20
 _BESIDE = frozenset({MANIFEST, ENVELOPE, SUMS})
@@ -53,7 +53,7 @@ def is_case(path: Path) -> bool:
     return (path / MANIFEST).is_file() or (path.suffix.lower() == ".zip" and path.is_file())
 
 
-def check_case(path: Path, key: "Ed25519PublicKey | None" = None) -> CheckedCase:
+def check_case(path: Path, key: "PublicKey | None" = None) -> CheckedCase:
     """Hash every file of a case and compare it with its manifest; with a key, check that its holder signed it.
 
     Raises SettingError where it is no case that can be read.
@@ -67,7 +67,7 @@ def check_case(path: Path, key: "Ed25519PublicKey | None" = None) -> CheckedCase
         raise SettingError(f"it is no case that can be read ({error})", where=path) from error
 
 
-def _checked(path: Path, files: _Files, key: "Ed25519PublicKey | None") -> CheckedCase:
+def _checked(path: Path, files: _Files, key: "PublicKey | None") -> CheckedCase:
     names = set(files.names())
     if MANIFEST not in names:
         raise SettingError(f"it is no case: it has no {MANIFEST}", where=path)
@@ -117,7 +117,7 @@ def _of_sums(files: _Files, names: set[str], subjects: Mapping[str, str], conten
 
 
 def _signature(
-    files: _Files, names: set[str], content: bytes, key: "Ed25519PublicKey | None"
+    files: _Files, names: set[str], content: bytes, key: "PublicKey | None"
 ) -> tuple[str | None, tuple[str, ...]]:
     """Who signed, by the id of the key, and what is wrong with the signature."""
     if ENVELOPE not in names:

@@ -15,7 +15,7 @@ from auditor.measurement import use_one_thread
 from auditor.measurement.drawing import blur_around, damaged_cloud, draw_frame, draw_overlays
 from auditor.model.frames import Frame
 from auditor.model.pictures import FramePicture
-from auditor.pipeline.at_hand import recording_at_hand, stream_of
+from auditor.pipeline.pictures.at_hand import recording_at_hand, stream_of
 from auditor.recordings import FrameStream, Recording, survey
 from auditor.recordings.writers.clip import write_clip
 from auditor.store import Store

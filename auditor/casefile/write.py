@@ -17,8 +17,8 @@ from auditor.casefile.redaction import Redaction
 from auditor.casefile.rows import ticket, write_rows, write_ticket, write_timeline
 from auditor.errors import AuditorError
 from auditor.model.pictures import Content, Pictures
-from auditor.pipeline.at_hand import location_of
 from auditor.pipeline.many import LimitsOf, limits_by_size
+from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.workers import run_within
 from auditor.reporting.case_page import CasePage, PictureLine, render_case
 from auditor.reporting.incident.one import Incidents

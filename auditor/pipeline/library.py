@@ -22,7 +22,6 @@ from auditor.model.rig import Rig
 from auditor.model.verdict import Method
 from auditor.pipeline.calibrations.names import listing_calibrations, named_calibration
 from auditor.pipeline.calibrations.versions import keep_calibrated
-from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import (
     Batch,
@@ -39,6 +38,7 @@ from auditor.pipeline.many import (
 )
 from auditor.pipeline.measure import in_force, rigs_through
 from auditor.pipeline.measured import Measured
+from auditor.pipeline.pictures.incident_pictures import picture_incidents
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, run_query, run_sandboxed

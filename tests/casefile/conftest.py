@@ -30,7 +30,7 @@ def private_key(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def lidar_case(attacked: AttackedStore, private_key: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The case of the attack on the LiDAR, signed."""
     folder = tmp_path_factory.mktemp("cases") / "lidar"
-    settings = CaseSettings(seconds=0.3, key=signing_key(private_key))
+    settings = CaseSettings(seconds=0.2, key=signing_key(private_key))
     case = write_case(attacked.store, attacked.incident(0)[:10], folder, settings)
     assert not case.remarks
     return folder

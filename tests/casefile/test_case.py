@@ -23,7 +23,7 @@ def test_the_rows_are_those_of_the_store_as_parquet_and_csv(attacked: AttackedSt
     verdicts = pq.read_table(lidar_case / "rows" / "verdicts.parquet")
     wanted = attacked.row(0)
     assert verdicts["frame"].to_pylist() == list(
-        range(wanted["first_frame"] - 3, min(wanted["last_frame"] + 3, FRAMES - 1) + 1)
+        range(wanted["first_frame"] - 2, min(wanted["last_frame"] + 2, FRAMES - 1) + 1)
     )
     for path in (lidar_case / "rows").glob("*.parquet"):
         with path.with_suffix(".csv").open(newline="") as file:

@@ -41,7 +41,7 @@ def test_the_clip_has_all_messages_of_its_seconds_to_the_last_bit(attacked: Atta
     clip, source = messages(lidar_case / "clip.mcap"), messages(attacked.recordings[0])
     times = [log_time for topic, _, log_time, _ in clip if topic != "/tf_static"]
     row = attacked.row(0)
-    margin = 3 * PERIOD_NS
+    margin = 2 * PERIOD_NS
     assert (min(times), max(times)) == (row["from_ns"] - margin, row["to_ns"] + margin)
     within = [one for one in source if min(times) <= one[2] <= max(times)]
     assert [one for one in clip if one[2] >= min(times)] == within

@@ -1,4 +1,7 @@
-"""An attacked recording with its store, for the tests of pictures and cases: measured and judged once."""
+"""Attacked recordings with their store, for the tests of pictures and cases.
+
+They are really measured; their verdicts are written by hand, so that no change of the judge changes these incidents.
+"""
 
 import shutil
 from collections.abc import Mapping
@@ -6,19 +9,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from auditor.cli import run
+from auditor.model.checks import Check
 from auditor.model.frames import Frame
+from auditor.model.pictures import Pictures
 from auditor.model.poses import Pose
+from auditor.model.verdict import Evidence, Finding, Verdict, VerdictKind
+from auditor.pipeline.many import limits_by_size
+from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.pipeline.pictures.incident_pictures import picture_incidents
 from auditor.recordings import open_recording, survey, synchronise, write_mcap
 from auditor.recordings.rigs.discovery import find_rigs
-from auditor.store import Store, rows_of, run_sql
+from auditor.store import JudgementRecord, Store, rows_of, run_sql
+from tests.making.report_stores import RULES, WHEN, robust_judging
 from tests.making.scenes import plane_rig
 from tests.making.small_drives import DAY_NS, FOUR_CAMERAS, START_NS, drive_frames
 
 NAMES = {0: "Nachtfahrt Zebra.mcap", 2: "Tagfahrt Gnu.mcap"}
 VEHICLE = "Prototyp Quitte"
-FRAMES, CLEAN_FRAMES = 14, 20
-ATTACKED = range(5, 10)
+FRAMES = 12
+ATTACKED = range(5, 9)
+_EVIDENCE = {0: Check.LIDAR_CONFLICT, 2: Check.ADDED_LIGHT}
 
 
 def place(stamp_ns: int) -> Pose:
@@ -63,16 +73,35 @@ def attacked_store(folder: Path) -> AttackedStore:
     """In one drive S_0 sees a wall, in another S_2 is blinded; with GPS fixes, and with names that are easily found."""
     rig, recordings = plane_rig(FOUR_CAMERAS, lidar=True), {}
     (folder / "Ordner Quagga").mkdir()
-    clean, store = folder / "Ordner Quagga" / "Probefahrt Emu.mcap", str(folder / "audit")
-    write_mcap(clean, rig, drive_frames(rig, CLEAN_FRAMES, seed=3, start_ns=START_NS - DAY_NS))
-    run(["calibrate", str(clean), "--store", store, "--jobs", "1"])
+    store = Store.open(folder / "audit", create=True)
     for day, (sensor, name) in enumerate(NAMES.items()):
         start_ns, path = START_NS + day * DAY_NS, folder / "Ordner Quagga" / name
         frames = drive_frames(rig, FRAMES, seed=3, start_ns=start_ns, attacked={sensor: ATTACKED})
         write_mcap(path, rig, frames, vehicle=VEHICLE, place=place)
+        [known] = measure_recording(MeasureTask(path, store.folder), lambda *_: None).measurement_ids
+        judge_by_hand(store, known, sensor)
         recordings[sensor] = path
-    assert run(["scan", *map(str, recordings.values()), "--store", store, "--jobs", "1"]) == 1
+    measured = [one.measurement_id for one in store.measurements()]
+    assert [one.remark for one in picture_incidents(store, measured, Pictures.ALL, limits_by_size())] == ["", ""]
     return AttackedStore(recordings, folder / "audit")
+
+
+def judge_by_hand(store: Store, measurement_id: str, sensor: int) -> None:
+    """Every frame in which the sensor is attacked is found, the last but one as the strongest."""
+    _, thresholds = robust_judging(store.rig(store.measurement(measurement_id).rig_id), "0.01", 2)  # type: ignore[no-untyped-call]
+    evidence = (Evidence(_EVIDENCE[sensor].value, sensor, None, None, 5.0),)
+    finding = Finding(VerdictKind.ATTACKED, (sensor,))
+    rows = []
+    stored = store.load_statistics(measurement_id)
+    for frame, stamp_ns in zip(stored.frames.tolist(), stored.stamps_ns.tolist(), strict=True):
+        verdict = Verdict(VerdictKind.CLEAN, "", gap=3.0)
+        if frame in ATTACKED:
+            gap = 2.0 + (frame == ATTACKED[-2])
+            verdict = Verdict(
+                VerdictKind.ATTACKED, "", (sensor,), gap=gap, evidence=evidence, finding=finding, posterior=0.9
+            )
+        rows.append((frame, stamp_ns, verdict))
+    store.write_judgement(JudgementRecord(measurement_id, "robust", thresholds, RULES, WHEN), rows)
 
 
 def recorded_frames(path: Path) -> dict[int, Frame]:

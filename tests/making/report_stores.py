@@ -183,7 +183,8 @@ def _judge(store, rig, measurement_id, r):
     store.write_judgement(JudgementRecord(measurement_id, "algorithm2", thresholds, RULES, WHEN), rows)
 
 
-def _judge_robust(store, rig, measurement_id, r, drives):
+def robust_judging(rig, r, drives):
+    """The system of a whole rig, and the thresholds that so many synthetic drives teach."""
     clean = tuple(
         CleanFrames(
             f"{drive:064x}",
@@ -195,7 +196,11 @@ def _judge_robust(store, rig, measurement_id, r, drives):
         for drive in range(drives)
     )
     system = System(rig_sensor_checks(rig), rig.triples, rig.sensors, rig.fallback)
-    thresholds = robust_thresholds(Calibration("c" * 64, rig.kind, PROCEDURE, clean), system, Decimal(r))
+    return system, robust_thresholds(Calibration("c" * 64, rig.kind, PROCEDURE, clean), system, Decimal(r))
+
+
+def _judge_robust(store, rig, measurement_id, r, drives):
+    system, thresholds = robust_judging(rig, r, drives)
     stored = store.load_statistics(measurement_id)
     present = stored.states == SensorState.PRESENT
     series = FrameSeries.of_recording(stored.stamps_ns, stored.statistics, present, stored.fingerprints, {})

@@ -50,9 +50,9 @@ def command(
     from auditor.cli.exit_codes import NotAudited, Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import policy_of, show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.text import storable  # noqa: PLC0415
-    from auditor.pipeline.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.pipeline.library import judge_settings  # noqa: PLC0415
     from auditor.pipeline.many import Judged, find_batch, judge_all  # noqa: PLC0415
+    from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
 

@@ -11,8 +11,7 @@ from auditor.cli.logged import logged
 from auditor.cli.output import say, shown
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
+    from auditor.store.log.signatures import PublicKey
     from auditor.store.maintenance.verify import Verified
 
 _key = click.Path(path_type=Path, exists=True, dir_okay=False)
@@ -70,7 +69,7 @@ def command(store: Path, public_key: Path | None, private_key: Path | None) -> E
     return Exit.INCOMPLETE if found.problems else Exit.CLEAN
 
 
-def _verify_case(path: Path, key: "Ed25519PublicKey | None") -> Exit:
+def _verify_case(path: Path, key: "PublicKey | None") -> Exit:
     """Check a case, which needs no store."""
     from auditor.casefile.checking import check_case  # noqa: PLC0415 - keeps --help quick
 

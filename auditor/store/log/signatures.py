@@ -19,6 +19,8 @@ from auditor.store.log.entry import Entry, Kind
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
+    PublicKey = Ed25519PublicKey
+
 KEY_VARIABLE = "AUDITOR_SIGNING_KEY"
 """The environment variable that may name the file of a private key: then every run signs at its end."""
 

@@ -9,8 +9,8 @@ from auditor.errors import AuditorError
 from auditor.measurement import use_one_thread
 from auditor.measurement.drawing import draw_frame
 from auditor.model.pictures import Pictures
-from auditor.pipeline.at_hand import frames_at_hand, location_of
 from auditor.pipeline.many import LimitsOf
+from auditor.pipeline.pictures.at_hand import frames_at_hand, location_of
 from auditor.pipeline.workers import run_all
 from auditor.recordings import Location
 from auditor.store import Store, rows_of, run_sql

@@ -1,0 +1,1 @@
+"""Pictures of a measured recording: it is opened again, and frames of it are drawn."""
