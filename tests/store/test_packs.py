@@ -12,6 +12,7 @@ from auditor.cli import run
 from auditor.store import Store, run_query, run_sql, views_script
 from auditor.store.connection import connected
 from auditor.store.log import Kind, entries, logged
+from auditor.store.maintenance import upgrade
 from auditor.store.maintenance.check import check
 from auditor.store.maintenance.removal import remove_measurement, remove_recordings
 from auditor.store.maintenance.verify import verify
@@ -232,3 +233,24 @@ def test_the_views_for_others_read_packs_and_what_was_written_since(folder):
         for table in tables:
             rows = [sorted(map(repr, one.sql(f"FROM {table}").fetchall())) for one in (plain, own)]
             assert rows[0] == rows[1], table
+
+
+def test_a_scan_packs_where_many_files_have_gathered(folder, monkeypatch):
+    store = Store.open(folder)
+    assert packing.pack_where_many(store) == packing.Packed()
+    monkeypatch.setattr(packing, "MANY_FILES", 24)
+    assert packing.pack_where_many(store).files == 24
+
+
+def test_a_packed_store_is_upgraded_with_all_that_packs_have(kept, folder, monkeypatch):
+    pack(Store.open(folder))
+    monkeypatch.setattr(upgrade, "SCHEMA_VERSION", SCHEMA_VERSION + 1)  # what the next version will do
+    monkeypatch.setattr(upgrade, "UPGRADED_FROM", SCHEMA_VERSION)
+    assert upgrade.upgrade(folder) == upgrade.Upgraded(measurements=2, judgements=4, parts=5)
+    monkeypatch.undo()
+    found, before = told(folder), kept[1]
+    assert found.keys() == before.keys()
+    assert found["by id"] == before["by id"]
+    assert found["summary"] == before["summary"]
+    assert not (folder / "packs").exists()
+    assert [str(one) for one in verify(Store.open(folder)).grave] == []
