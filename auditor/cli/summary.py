@@ -14,8 +14,8 @@ from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
+    from auditor.pipeline.known.measured import Measured
     from auditor.pipeline.many import Batch, Judged
-    from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store

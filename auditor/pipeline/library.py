@@ -23,6 +23,7 @@ from auditor.model.verdict import Method
 from auditor.pipeline.calibration_names import listing_calibrations, named_calibration
 from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
+from auditor.pipeline.known.measured import Measured
 from auditor.pipeline.many import (
     Batch,
     Judge,
@@ -37,7 +38,6 @@ from auditor.pipeline.many import (
     measure_all,
 )
 from auditor.pipeline.measure import in_force, rigs_through
-from auditor.pipeline.measured import Measured
 from auditor.pipeline.versions import keep_calibrated
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording

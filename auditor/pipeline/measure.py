@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
@@ -26,9 +26,7 @@ from auditor.measurement import (
     use_one_thread,
 )
 from auditor.measurement.disparity.matchers import (
-    NO_NETWORK,
     Matcher,
-    MatcherOptions,
     find_matcher,
     libraries,
     preflight,
@@ -39,12 +37,11 @@ from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.known import sighted, stamp_of
-from auditor.pipeline.measured import Measured, damage_of, measured_of, procedure_by
+from auditor.pipeline.known.files import sighted, stamp_of
+from auditor.pipeline.known.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
     FrameStream,
     FrameTimes,
-    Location,
     Origin,
     Recording,
     RigInForce,
@@ -78,30 +75,6 @@ from auditor.store.records import content_id
 _PREFLIGHT_FRAMES = 3
 _CALIBRATION_FRAMES = (0, 11, 5)  # first, end and step
 _VERSIONED = ("mcap", "numpy", OPENCV, "pyarrow", "rosbags")
-_UNKNOWN = Origin()
-
-
-@dataclass(frozen=True)
-class MeasureTask:
-    """One recording to be measured into a store.
-
-    `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
-    says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
-    as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
-    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
-    """
-
-    recording: Path | Location
-    store: Path
-    matcher: str = "sgbm"
-    network: MatcherOptions = NO_NETWORK
-    rig: Path | None = None
-    origin: Origin = _UNKNOWN
-    again: bool = False
-    pictures: Pictures = Pictures.ALL
-
-    def __str__(self) -> str:
-        return str(self.recording)
 
 
 def measure_recording(task: MeasureTask, progress: Callable[[str, int], None]) -> Measured:

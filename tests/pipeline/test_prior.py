@@ -10,8 +10,9 @@ from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, calibrate
+from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
-from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.pipeline.measure import measure_recording
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
 from auditor.store.maintenance.check import check
 from auditor.store.versions.history import put_first_in_force

@@ -19,8 +19,8 @@ from auditor.errors import SettingError
 if TYPE_CHECKING:
     from auditor.identification.systems import System
     from auditor.model.calibration import Calibration
+    from auditor.pipeline.known.measured import Measured
     from auditor.pipeline.many import MeasureSettings
-    from auditor.pipeline.measured import Measured
     from auditor.pipeline.versions import Kept
     from auditor.store import Store
 

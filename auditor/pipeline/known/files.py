@@ -6,18 +6,14 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.measurement import Procedure
 from auditor.model.text import storable
-from auditor.pipeline.measured import Measured, measured_of, procedure_by
+from auditor.pipeline.known.measured import Measured, MeasureTask, measured_of, procedure_by
 from auditor.recordings import Location, Origin, located
 from auditor.store import RecordingRecord, Sighting, Store
 from auditor.store.records import content_id
-
-if TYPE_CHECKING:
-    from auditor.pipeline.measure import MeasureTask
 
 
 def stamp_of(where: Path | Location, procedure: Procedure, rig: Path | None) -> str | None:
@@ -40,7 +36,7 @@ def sighted(before: Sequence[Sighting], path: Path, stamp: str | None, measured:
 class KnownFiles:
     """The files of some tasks for one store, of which it knows some."""
 
-    def __init__(self, tasks: "Sequence[MeasureTask]", *, read_again: bool) -> None:
+    def __init__(self, tasks: Sequence[MeasureTask], *, read_again: bool) -> None:
         self._seen: dict[str, list[tuple[RecordingRecord, Sighting]]] = {}
         if not tasks or read_again:
             return
@@ -50,7 +46,7 @@ class KnownFiles:
             for one in record.sightings:
                 self._seen.setdefault(one.path, []).append((record, one))
 
-    def measured(self, task: "MeasureTask") -> Measured | None:
+    def measured(self, task: MeasureTask) -> Measured | None:
         """What the store has of a recording whose files are as they were when it read them; None where they are not."""
         path = located(task.recording).path
         seen = self._seen.get(storable(str(path.resolve())), ())

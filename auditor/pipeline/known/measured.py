@@ -4,11 +4,38 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from auditor.measurement.disparity.matchers import Matcher
+from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions
 from auditor.measurement.parameters import measuring_digest
 from auditor.model.measurement import Procedure, procedure_of
+from auditor.model.pictures import Pictures
+from auditor.recordings import Location, Origin
 from auditor.recordings.parameters import synchronising_digest
 from auditor.store import StoredMeasurement
+
+_UNKNOWN = Origin()
+
+
+@dataclass(frozen=True)
+class MeasureTask:
+    """One recording to be measured into a store.
+
+    `rig` is a rig.toml in place of the recording's own calibration. What `origin` knows goes before what the recording
+    says of its vehicle, day, drive and weather. `again` measures also what the store has, and replaces it,
+    as it does what was counted in an earlier way. `pictures` says of which frames a picture may be kept: those of
+    incidents are frames in which a statistic is unusually large, since measuring knows no verdicts.
+    """
+
+    recording: Path | Location
+    store: Path
+    matcher: str = "sgbm"
+    network: MatcherOptions = NO_NETWORK
+    rig: Path | None = None
+    origin: Origin = _UNKNOWN
+    again: bool = False
+    pictures: Pictures = Pictures.ALL
+
+    def __str__(self) -> str:
+        return str(self.recording)
 
 
 @dataclass(frozen=True)

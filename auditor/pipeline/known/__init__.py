@@ -1,0 +1,1 @@
+"""What a store knows already: files that it read, and verdicts that would be the same."""
