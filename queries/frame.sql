@@ -148,7 +148,11 @@ fact AS (
             measured: NULL,
             theta: NULL,
             score: NULL,
-            note: CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END
+            note: nullif(concat_ws(
+                '; ',
+                CASE WHEN finding = 'attacked' THEN sensors_in_words(finding_attacked, NULL) END,
+                CASE WHEN single_frame THEN 'a single frame, no incident' END
+            ), '')
         },
         {item: 'method', value: method, measured: NULL, theta: NULL, score: NULL, note: NULL}
     ])

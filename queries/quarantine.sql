@@ -8,7 +8,7 @@
 -- column reason: Why.
 -- column findings: Its frames that were not clean when it was judged by others.
 -- column kind: The rig kind in words.
-SELECT name, vehicle, day, since, reason, findings_by_others AS findings, frames, kind, matcher, recording_id
+SELECT name, vehicle, day, date_trunc('second', since) AS since, reason, findings_by_others AS findings, frames, kind, matcher, recording_id
 FROM quarantine
 WHERE labelled IS NULL AND ($recording IS NULL OR name = $recording OR starts_with(recording_id, $recording))
 ORDER BY since DESC, kind, matcher, name, recording_id

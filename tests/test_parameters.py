@@ -43,6 +43,7 @@ SCANNED = tuple(
 PARAMETER_FILES = (
     "model/parameters.py",
     "measurement/parameters.py",
+    "measurement/colour_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
     "identification/refresh_parameters.py",
@@ -84,6 +85,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "identification/sub_rigs.py": ((8,), "calibrations of parts that are kept in memory"),
     "identification/thresholds.py": ((20,), "digits of exact arithmetic"),
     "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
+    "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
@@ -135,15 +137,15 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     ),
     "measurement/localisation/regions.py": ((255,), "white"),
     "model/checks.py": ((64, 512), "rigs, and sets of absent sensors, whose checks are kept in memory"),
-    "model/common_view.py": ((3,), "dimensions"),
-    "model/geometry.py": (
+    "model/optics/common_view.py": ((3,), "dimensions"),
+    "model/optics/geometry.py": (
         (
             3,
             4,
         ),
         "dimensions",
     ),
-    "model/lenses.py": (
+    "model/optics/lenses.py": (
         (
             4,
             5,

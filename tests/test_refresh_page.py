@@ -6,7 +6,7 @@ import subprocess
 from configparser import ConfigParser
 from pathlib import Path
 
-from auditor.identification.refresh_parameters import CLEAN_DRIVE, GATE, INFLUENCE
+from auditor.identification.refresh_parameters import CLEAN_DRIVE, CONDITIONS, GATE, INFLUENCE, TWO_SAMPLES
 
 PAGE = (Path(__file__).parents[1] / "docs" / "refresh.md").read_text(encoding="utf-8")
 
@@ -32,4 +32,18 @@ def test_the_numbers_of_the_page_are_those_of_the_program() -> None:
     assert (GATE.most_step, "half a standard deviation" in text) == (0.5, True)
     assert (GATE.most_creep, "more than one standard deviation" in text) == (1.0, True)
     assert (GATE.most_lost, "more than 3 %" in text) == (0.03, True)
-    assert (GATE.most_false_alarms, "three times r" in text) == (3.0, True)
+    assert (GATE.most_lost_in_all, "more than 5 % of planted attacks" in text) == (0.05, True)
+    assert (GATE.most_false_alarms, "eight times r" in text) == (8.0, True)
+    assert (INFLUENCE.share_of_day, "of one vehicle or one day a third" in text) == (0.34, True)
+    assert (INFLUENCE.most_of_a_place, "of one road five" in text) == (5, True)
+    assert (INFLUENCE.cell_m, "cells of 100 m" in text) == (100.0, True)
+    assert f"with chance {TWO_SAMPLES.chance:g}" in text
+    assert (TWO_SAMPLES.fewest_drives, "Fewer than eight others" in text) == (8, True)
+    assert f"as if {CONDITIONS.windows_of_all:.0f} windows more" in text
+    assert (
+        CONDITIONS.fewest_drives,
+        f"fewer than three recordings or {CONDITIONS.fewest_windows} windows" in text,
+    ) == (
+        3,
+        True,
+    )

@@ -15,8 +15,8 @@ import numpy as np
 from auditor.casefile.foxglove import SCHEMAS
 from auditor.casefile.incident import CaseIncident
 from auditor.model.arrays import Points
-from auditor.model.geometry import quaternion_from_rotation
 from auditor.model.measurement import Region
+from auditor.model.optics.geometry import quaternion_from_rotation
 from auditor.model.pictures import FramePicture
 from auditor.model.rig import LIDAR
 from auditor.recordings.recording import Definition, Topic

@@ -14,8 +14,8 @@ from auditor.model.text import storable
 
 if TYPE_CHECKING:
     from auditor.errors import AuditorError
-    from auditor.pipeline.known.measured import Measured
     from auditor.pipeline.many import Batch, Judged
+    from auditor.pipeline.measured import Measured
     from auditor.recordings import Location
     from auditor.reporting.ci.policy import Decided, Policy
     from auditor.store import Store
@@ -129,6 +129,7 @@ def show_audit(
     if form == "table":
         if store is not None:
             _show_tables(rows, decided)
+            _tell_single_frames(asked, {row["measurement_id"] for row in rows})
         answer(closing_line(tally))
     elif form in FORMS_OF_CI:
         write_bytes(as_form_of_ci(form, store, rows, decided, tally))
@@ -213,6 +214,17 @@ def _decided(store: "Store", measurements: Collection[str], policy: "Policy") ->
         if any(part["measurement_id"] in measurements for part in row["parts"])
     ]
     return decide(incidents, policy, datetime.now(UTC).date())
+
+
+def _tell_single_frames(store: "Store", measurements: Collection[str]) -> None:
+    """How many frames are so strong that they are told by themselves, though they belong to no incident."""
+    from auditor.store import rows_of, run_sql  # noqa: PLC0415 - DuckDB is heavy
+
+    told = rows_of(run_sql(store, "SELECT name, measurement_id FROM single_frames"))
+    names = [row["name"] for row in told if row["measurement_id"] in measurements]
+    if names:
+        frames = f"{len(names)} very strong frame{'s' * (len(names) > 1)}"
+        answer(f"{frames} in no incident ({_first(sorted(set(names)))}): auditor query look_first")
 
 
 def _show_tables(rows: Sequence[Mapping[str, Any]], decided: "Sequence[Decided]") -> None:

@@ -9,6 +9,8 @@ import numpy as np
 
 from auditor.errors import DecodingError, SettingError
 from auditor.evaluation.attacks import Attack
+from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
+from auditor.lab.attacks.coloured_light import COLOURS, Veil
 from auditor.lab.attacks.faults import (
     DelayedCamera,
     DelayedLidar,
@@ -44,6 +46,11 @@ ROWS_PX = (1, 2, 4)
 DELAYS = (1, 3, 10)
 STRIPES_PX = 40.0
 STRIPE_LEVELS = (60.0, 120.0)
+
+LIGHTS = (*COLOURS, "spot", "projected", "shutter", "blur", "electromagnetic")
+"""Kinds of the catalogue on cameras, each at its own size."""
+
+VEILS_LEVELS = (30.0, 60.0)
 
 STRENGTH = "mild"
 """The strength of the faculas of intervals: the weakest of the combinations."""
@@ -195,6 +202,9 @@ def further_cases(rig: Rig, draws: SeededDraws, past: Sequence[Frame]) -> Iterat
         for level in STRIPE_LEVELS:
             yield Case({sensor: Stripes(level, STRIPES_PX, phase)}, "bright", level)
             yield Case({sensor: Stripes(-level, STRIPES_PX, phase)}, "dark", level)
+        for kind in LIGHTS:
+            drawing = Drawing(draws.of(sensor), STRENGTH, None)
+            yield Case({sensor: ON_CAMERA[kind](drawing, rig.camera(sensor))}, kind)
     if draws.draw == 0:
         yield from _certain(rig, past)
 
@@ -216,6 +226,8 @@ def _certain(rig: Rig, past: Sequence[Frame]) -> Iterator[Case]:
             if frame.cloud is not None:
                 yield Case({LIDAR: DelayedLidar(delay, frame.cloud)}, size=delay)
     for sensor in (1, rig.n):
+        for level in VEILS_LEVELS:
+            yield Case({sensor: Veil(level)}, size=level)
         for rows in ROWS_PX:
             yield Case({sensor: ShiftedCamera(rows)}, size=rows)
         for delay, frame in _earlier(past):

@@ -32,7 +32,7 @@ from auditor.measurement import use_one_thread
 from auditor.measurement.disparity.matchers import NO_NETWORK, Matcher, MatcherOptions, find_matcher, libraries
 from auditor.model.frames import Frame, Skipped
 from auditor.model.rig import Rig
-from auditor.pipeline.known.measured import procedure_by
+from auditor.pipeline.measured import procedure_by
 from auditor.resources import plug_ins
 from auditor.store import Store
 from auditor.store.evaluation_tables import Case as KeptCase

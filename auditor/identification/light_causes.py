@@ -7,7 +7,7 @@ from typing import NamedTuple
 from auditor.identification.parameters import FAULT_HYPOTHESES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
-from auditor.model.checks import CAMERA_CHECKS
+from auditor.model.checks import CAMERA_CHECKS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.verdict import Cause, FaultHypothesis, Verdict
 
@@ -16,7 +16,8 @@ class Seen(NamedTuple):
     """The scores z of a named camera's checks, by all cameras that are not named; NaN where not measured.
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
-    `saturated_px` are those of Coverage, NaN where they are not known.
+    `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
+    where no other colour camera voted.
     """
 
     added: float
@@ -25,6 +26,12 @@ class Seen(NamedTuple):
     darker: float
     lit_px: float = nan
     saturated_px: float = nan
+    coloured: float = nan
+
+    @property
+    def of_one_colour(self) -> bool:
+        """Whether light of one colour was added: no dirt, glare or exposure has one."""
+        return self.coloured >= LIGHT_OF_CAUSES.least_coloured
 
     @property
     def unchanged(self) -> bool:
@@ -55,10 +62,12 @@ def seen_of(
             one.check: column for column in columns.tolist() if (one := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
+        coloured = own.get(Check.COLOURED_LIGHT)
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
             lit, saturated = (brightness.get((name, sensor), nan) for name in ("lit_px", "saturated_px"))
-            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, lit, saturated)
+            colour = nan if coloured is None else z[coloured]
+            found[sensor] = Seen(z[added], z[removed], z[inconsistent], darker, lit, saturated, colour)
     return found
 
 
@@ -71,6 +80,8 @@ def of_lens(seen: Mapping[int, Seen]) -> tuple[FaultHypothesis, ...]:
     """
     found = []
     for sensor, one in seen.items():
+        if one.of_one_colour:
+            continue
         if one.removed >= LIGHT_OF_CAUSES.least_removed and one.darker >= LIGHT_OF_CAUSES.darker:
             found.append(FaultHypothesis(Cause.SOILED, sensor))
         elif one.added < LIGHT_OF_CAUSES.least_added and one.inconsistent < LIGHT_OF_CAUSES.blind:
@@ -85,7 +96,9 @@ def by_tone(seen: Seen, limit: float) -> bool:
     """Whether a camera's exposure may be all that changed: a facula adds light, and changes what is seen there.
 
     Where an exposure saturates a camera, it does not see what the others see; where a tone curve is steep, it is a
-    little brighter than predicted.
+    little brighter than predicted. It does not add light of one colour.
     """
+    if seen.of_one_colour:
+        return False
     unchanged = seen.unchanged and seen.added - limit <= LIGHT_OF_CAUSES.unchanged_gap
     return unchanged or seen.added < LIGHT_OF_CAUSES.exposure_added

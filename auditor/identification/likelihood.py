@@ -8,7 +8,7 @@ the clean frames carry that the curves were fitted to: what happens less often t
 """
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from itertools import combinations
 from math import comb
 from typing import NamedTuple
@@ -106,14 +106,14 @@ def _log_likelihood(seen: Explained) -> Floats:
     return np.asarray(found + LIKELIHOOD.of_several * max(len(seen.own) - 1, 0))
 
 
-@lru_cache(maxsize=1024)
+@cache
 def _rest(system: System, gone: frozenset[int]) -> tuple[Indices, float]:
     """The checks among the sensors that are left, and the limit that one of them exceeds in 1 % of clean frames."""
     columns = system.detecting(gone)
     return columns, joint_limit(LIKELIHOOD.usual_r, system.judged_without(gone))
 
 
-@lru_cache(maxsize=4096)
+@cache
 def _of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
     """The checks that name a sensor, by the votes of all that are left."""
     checks = system.sensor_checks

@@ -35,7 +35,6 @@ from auditor.model.rig import LIDAR
 from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
-_PER_DECADE = float(np.log(10))
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
     evidence = dict.fromkeys((*own, *alone, *others))
-    ratio = float(ratios[0][sets.index(attacked)]) / _PER_DECADE
+    ratio = float(ratios[0][sets.index(attacked)] * np.log10(np.e))
     return _Explained(
         attacked, tuple(likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
     )
@@ -166,7 +165,7 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
     chances = dict(found.likely)
     best = chances.get(found.attacked)
     others = [(one, chance) for one, chance in found.likely if one != found.attacked]
-    alternatives = [] if best is None else [Alternative(one, log10(best / max(p, 1e-12))) for one, p in others]
+    alternatives = [] if best is None else [Alternative(one, log10(best / p)) for one, p in others if p]
     verdict = replace(
         verdict,
         gap=_lead(z, system, absent, found.attacked, limit),
@@ -213,11 +212,15 @@ def _doubt(found: _Explained, N: int) -> str:
     if chance < NAMING.least_probability:
         others = [(one, p) for one, p in found.likely if one]
         whole = sum(p for _, p in others)
-        shares = " or ".join(f"{listed(one)} ({100 * p / whole:.0f} %)" for one, p in others[:2])
+        shares = " or ".join(f"{listed(one)} ({_percent(p / whole)})" for one, p in others[:2])
         beside = sorted({sensor for one in found.outside for sensor in one.nameable})
         more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
-        return f"{shares}: less than {100 * NAMING.least_probability:.0f} % for any set of sensors{more}"
+        return f"{shares}: less than {_percent(NAMING.least_probability)} for any set of sensors{more}"
     return ""
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%}".replace("%", " %")
 
 
 def _given_an_attack(found: _Explained) -> float:

@@ -27,6 +27,7 @@ _LEVELS = "three real drives, and streets of one vehicle: 0.03 within and 0.04 b
 _WARMTH = "three real drives: within drives 0.03, between them 0.065, between the two cameras of one 0.02"
 _LIT = "frames of three real drives and streets 2000 to 2011, under faculas, patterns, drops, glare"
 _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one has a tilt that its drives must teach"
+_ONE_COLOUR = "lasers of one colour on three real drives, against benchmark benign (docs/attacks.md)"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
 _TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/incidents.md)"
 _TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
@@ -69,6 +70,9 @@ class CheckPriors:
     inconsistency: tuple[float, ...] = parameter((-3.3, 0.52, 0.3, 1.7), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency_of_two: tuple[float, ...] = parameter((-3.3, 0.46, 0.31, 1.5), unit=_OF_PRIOR, source=_PRIOR)
     inconsistency_of_one: tuple[float, ...] = parameter((-2.5, 0.59, 0.4, 1.45), unit=_OF_PRIOR, source=_PRIOR)
+    coloured_light: tuple[float, ...] = parameter(
+        (-3.1, 0.36, 0.25, 1.6), unit=_OF_PRIOR, source=f"{_PRIOR}; a tail of 1.4, widened so that r need not count it"
+    )
     point_dropout: tuple[float, ...] = parameter((-0.35, 0.38, 0.22, 1.35), unit=_OF_PRIOR, source=_PRIOR)
     isolated_points: tuple[float, ...] = parameter((-2.0, 0.46, 0.33, 1.0), unit=_OF_PRIOR, source=_PRIOR)
 
@@ -140,6 +144,7 @@ class LocalisedFrom:
     lidar_conflict: float = parameter(0.4, unit="mean of a window", source=BY_HAND)
     light: float = parameter(0.1, unit="mean residual of a window", source=BY_HAND)
     inconsistency: float = parameter(0.1, unit="share of a window", source=BY_HAND)
+    coloured: float = parameter(0.2, unit="mean residual of a window", source=BY_HAND)
 
 
 @dataclass(frozen=True)
@@ -293,6 +298,9 @@ class LightOfCauses:
     least_removed: float = parameter(2.0, unit="z of removed light: dirt", source=_BENIGN)
     darker: float = parameter(1.35, unit="times added light, removed light: dirt", source=_BENIGN)
     least_added: float = parameter(1.5, unit="z of added light, below which none was added", source=_BENIGN)
+    least_coloured: float = parameter(
+        2.5, unit="z of light of one colour, from which on it was thrown in", source=_ONE_COLOUR
+    )
     blind: float = parameter(
         6.0, unit="z of inconsistency, from which on a camera sees nothing of what the others see", source=_BENIGN
     )

@@ -90,6 +90,8 @@ def prior_of_check(check: SensorCheck) -> Prior:
         return Prior(*CHECK_PRIORS.point_dropout)
     if check.check is Check.ISOLATED_POINTS:
         return Prior(*CHECK_PRIORS.isolated_points)
+    if check.check is Check.COLOURED_LIGHT:
+        return Prior(*CHECK_PRIORS.coloured_light)
     alone, two, more = _OF_CAMERAS[check.check]
     return Prior(*(alone if others < FEWEST_VOTERS else two if others == FEWEST_VOTERS else more))
 

@@ -35,6 +35,7 @@ _LOCALISED_FROM: Mapping[Check, float] = {
     Check.ADDED_LIGHT: LOCALISED_FROM.light,
     Check.REMOVED_LIGHT: LOCALISED_FROM.light,
     Check.PHOTOMETRIC_INCONSISTENCY: LOCALISED_FROM.inconsistency,
+    Check.COLOURED_LIGHT: LOCALISED_FROM.coloured,
 }
 
 _SUMMED_UP: WeakKeyDictionary[CleanFrames, dict[SensorCheck | CauseIn, DriveValues]] = WeakKeyDictionary()

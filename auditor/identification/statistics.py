@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auditor.identification.parameters import TEMPORAL_WINDOW, WINDOWED_MEAN
 from auditor.model.arrays import Floats, Floats32, Indices, Integers, Mask
-from auditor.model.checks import FEWEST_VOTERS, LIDAR_CHECKS, Check, CountedPair, SensorCheck
+from auditor.model.checks import FEWEST_VOTERS, LIDAR_CHECKS, SIGNED_CHECKS, Check, CountedPair, SensorCheck
 from auditor.model.measurement import LIGHT_STEPS, Cells
 
 Grid = NDArray[np.integer]
@@ -80,9 +80,10 @@ def sensor_statistics(
             return _mean_vote(of_conflicts.of(pairs)) if of_conflicts is not None and pairs else None
         counted = Check.ADDED_LIGHT if one.check is Check.REMOVED_LIGHT else one.check
         others, windows = of_cameras.get((counted, one.sensor), ([], None))
-        if windows is None or not set(one.others) <= set(others):
+        able = [other for other in one.others if other in others]
+        if windows is None or not able or (len(able) < len(one.others) and one.check is not Check.COLOURED_LIGHT):
             return None
-        voters = windows.of([others.index(other) for other in one.others])
+        voters = windows.of([others.index(other) for other in able])
         return vote(one.check, voters.opposite if one.check is Check.REMOVED_LIGHT else voters)
 
     return tuple(statistic(one) for one in sensor_checks)
@@ -105,7 +106,7 @@ def window_means_of(grids: Sequence[CountedPair], cells: Mapping[CountedPair, Ce
     [check] = {counted.check for counted in grids}
     valid, total = (np.stack([getattr(cells[counted], name) for counted in grids]) for name in ("valid", "total"))
     window = CONFLICT_WINDOW if check is Check.LIDAR_CONFLICT else IMAGE_WINDOW
-    steps = np.float32(LIGHT_STEPS if check is Check.ADDED_LIGHT else 1)
+    steps = np.float32(LIGHT_STEPS if check in SIGNED_CHECKS else 1)
     N, B = window_sums(valid, window), window_sums(total, window)
     windows = [fitted(window, one) for one in N] if check is Check.LIDAR_CONFLICT else [window] * len(N)
     pseudo_count, fewest = (
@@ -119,10 +120,10 @@ def vote(check: Check, voters: WindowMeans) -> float | None:
 
     Two at least must have compared the window, where there are two. Light only adds, and a voter that is attacked
     itself says the opposite or nothing: so added light is the mean of two voters, and of more the geometric mean of
-    their mean and of the smallest. For removed light and inconsistencies, which an attacked voter shows as well, it is
-    the smallest.
+    their mean and of the smallest; light of one colour is the mean of all. For removed light and inconsistencies, which
+    an attacked voter shows as well, it is the smallest.
     """
-    if check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS:
+    if check is Check.COLOURED_LIGHT or (check is Check.ADDED_LIGHT and len(voters.means) <= FEWEST_VOTERS):
         return _mean_vote(voters)
     smallest = np.minimum.reduce(np.where(voters.known, voters.means, _HIGHEST))
     if check is Check.ADDED_LIGHT:

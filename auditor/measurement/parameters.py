@@ -6,6 +6,7 @@ pixels of it, px those of the full image.
 
 from dataclasses import dataclass
 
+from auditor.measurement.colour_parameters import COLOURED_LIGHT
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import COMMON_VIEW, LENS_REACH, PAIR_DEPTH, REGION_MASK, RIG_GEOMETRY, STORED_RESIDUALS
 
@@ -368,6 +369,7 @@ MEASURING = (
     CHROMA,
     SATURATION,
     LIGHT,
+    COLOURED_LIGHT,
     LIDAR_CONFLICT,
     POINT_DROPOUT,
     ISOLATED_POINTS,

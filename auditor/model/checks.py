@@ -16,12 +16,12 @@ from auditor.model.rig import LIDAR, Rig
 
 
 class Check(StrEnum):
-    """One kind of statistic of a sensor; there are six.
+    """One kind of statistic of a sensor; there are seven.
 
     LIDAR_CONFLICT: pairs of cameras agree with each other and not with the LiDAR. ADDED_LIGHT, REMOVED_LIGHT: a camera
     is brighter, or darker, than the other cameras' images predict. PHOTOMETRIC_INCONSISTENCY: a camera does not see
     what the others see. POINT_DROPOUT: a strip of the LiDAR's view lacks points. ISOLATED_POINTS: LiDAR points have
-    next to no neighbours.
+    next to no neighbours. COLOURED_LIGHT: a camera has light of one colour that the other colour cameras do not have.
     """
 
     LIDAR_CONFLICT = "lidar_conflict"
@@ -30,6 +30,7 @@ class Check(StrEnum):
     PHOTOMETRIC_INCONSISTENCY = "photometric_inconsistency"
     POINT_DROPOUT = "point_dropout"
     ISOLATED_POINTS = "isolated_points"
+    COLOURED_LIGHT = "coloured_light"
 
 
 LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
@@ -37,6 +38,15 @@ LIDAR_CHECKS = frozenset({Check.POINT_DROPOUT, Check.ISOLATED_POINTS})
 
 CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)
 """The checks of a camera by the other cameras."""
+
+IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
+"""All checks that are counted in the images of camera pairs."""
+
+ADDED_LATER = frozenset({Check.COLOURED_LIGHT})
+"""Those at the end of every list of sensor checks that measurements of earlier versions lack."""
+
+SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})
+"""Those whose grids hold sums of residuals: light that is added to one camera of a pair, the other lacks."""
 
 FEWEST_VOTERS = 2
 """Cameras that must say the same of a camera before it can be named: one alone may be wrong itself."""
@@ -48,7 +58,8 @@ MOST_LEFT_OUT = 2
 class SensorCheck(NamedTuple):
     """One check of a sensor by `others`, ascending.
 
-    Of a camera these are the cameras that it is compared with; of LIDAR_CONFLICT all cameras of the pairs that are
+    Of a camera these are the cameras that it is compared with, of COLOURED_LIGHT those of them that have colours; of
+    LIDAR_CONFLICT all cameras of the pairs that are
     compared with the LiDAR; of LIDAR_CHECKS the one camera whose view the points are in.
     """
 
@@ -63,7 +74,10 @@ class SensorCheck(NamedTuple):
 
     @property
     def nameable(self) -> tuple[int, ...]:
-        """The sensors one of which must be attacked where the check fires: two cameras alone cannot tell which."""
+        """The sensors one of which must be attacked where the check fires: two cameras alone cannot tell which.
+
+        Of light of one colour they can: light only adds, and no dirt or exposure takes away one colour of a place.
+        """
         alone = self.check in CAMERA_CHECKS and len(self.others) < FEWEST_VOTERS
         return self.needed if alone else (self.sensor,)
 
@@ -119,6 +133,11 @@ def sensor_checks_of(
             for others in _voters(tuple(sorted(partners[camera])))
         ),
         *(SensorCheck(check, LIDAR, (k,)) for check in (Check.POINT_DROPOUT, Check.ISOLATED_POINTS) for k in views),
+        *(
+            SensorCheck(Check.COLOURED_LIGHT, camera, others)
+            for camera in sorted(partners)
+            for others in _voters(tuple(sorted(partners[camera])))
+        ),
     )
 
 

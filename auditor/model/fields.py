@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 Kind = TypeVar("Kind")
 

@@ -49,7 +49,7 @@ class Region:
     solid: Solid | None = None
 
 
-COUNTING_VERSION = 6
+COUNTING_VERSION = 7
 """Raised whenever the same frame would give other counts: thresholds and measurements are bound to it."""
 
 
@@ -57,7 +57,7 @@ NO_FINGERPRINT = -1
 """Of a sensor that is not there, or whose data cannot show whether it repeats them."""
 
 
-EXPERIMENTS_VERSION = 3
+EXPERIMENTS_VERSION = 4
 """Raised whenever an evaluation would try other cases from the same seed or keep more of them, or an attack changes.
 
 Parts of an evaluation are bound to it: what an earlier version finished is measured again, and never pooled with it.
@@ -132,8 +132,8 @@ class Cells:
     """Counts by cell of a grid: (rows, columns) each.
 
     `valid` (uint8) are the pixels or points that could be compared. `total` (int8) is how many of them are
-    inconsistent; of ADDED_LIGHT the sum of their residuals, -1 to 1 each, in LIGHT_STEPS a unit. Both stop at 127. They
-    are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
+    inconsistent; of SIGNED_CHECKS the sum of their residuals, -1 to 1 each, in LIGHT_STEPS a unit. Both stop at 127.
+    They are stored as the grids' bytes, row by row, which compress to a third of what sparse lists take.
     """
 
     valid: Image

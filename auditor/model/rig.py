@@ -11,8 +11,8 @@ import numpy as np
 
 from auditor.errors import RigError
 from auditor.model.fields import Fields
-from auditor.model.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
-from auditor.model.lenses import NO_LENS, PINHOLE, Lens
+from auditor.model.optics.geometry import Matrix, beside_line_m, camera_centre, intrinsics_and_rotation
+from auditor.model.optics.lenses import NO_LENS, PINHOLE, Lens
 from auditor.model.parameters import RIG_GEOMETRY
 from auditor.model.rig_kind import RigKind
 

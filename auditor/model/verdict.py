@@ -10,7 +10,7 @@ JUDGING_VERSION = 5
 
 
 class Method(StrEnum):
-    """How verdicts are reached: by six checks and joint identification, or as the paper does."""
+    """How verdicts are reached: by seven checks and joint identification, or as the paper does."""
 
     ROBUST = "robust"
     PAPER = "paper"

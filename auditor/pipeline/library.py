@@ -20,10 +20,10 @@ from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement, Statistic
 from auditor.model.rig import Rig
 from auditor.model.verdict import Method
-from auditor.pipeline.calibration_names import listing_calibrations, named_calibration
+from auditor.pipeline.calibrations.names import listing_calibrations, named_calibration
+from auditor.pipeline.calibrations.versions import keep_calibrated
 from auditor.pipeline.incident_pictures import picture_incidents
 from auditor.pipeline.judge import Criteria
-from auditor.pipeline.known.measured import Measured
 from auditor.pipeline.many import (
     Batch,
     Judge,
@@ -38,7 +38,7 @@ from auditor.pipeline.many import (
     measure_all,
 )
 from auditor.pipeline.measure import in_force, rigs_through
-from auditor.pipeline.versions import keep_calibrated
+from auditor.pipeline.measured import Measured
 from auditor.pipeline.workers import MEMORY_MB
 from auditor.recordings import FrameStream, Recording
 from auditor.store import Store, run_query, run_sandboxed
@@ -90,7 +90,7 @@ def synchronise(recording: Recording, rig: Rig, *, colour: bool = False) -> Fram
 
 
 def measure(frame: Frame, rig: Rig, matcher: Matcher | str = "sgbm") -> Measurement:
-    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the six checks on their grids.
+    """Count the inconsistent pixels of every triple (Eq. 2), and the counts of the seven checks on their grids.
 
     `counts` follow `rig.measured_triples`, None where a sensor was missing. Raises RigError where the cameras have no
     view in common, and SettingError for an unknown matcher.

@@ -19,12 +19,12 @@ from auditor.pipeline.judge import (
     prior_for,
     refuse_earlier_counting,
 )
-from auditor.pipeline.known.files import KnownFiles
-from auditor.pipeline.known.measured import Measured, MeasureTask
-from auditor.pipeline.known.verdicts import is_as_now
+from auditor.pipeline.known import KnownFiles
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.pipeline.reading import MIN_COVERAGE, FrameCount, Reading, judge_reading
 from auditor.pipeline.remarks import as_a_part, marked, unresolved
+from auditor.pipeline.stale import is_as_now
 from auditor.pipeline.vehicles import UsualRigs
 from auditor.pipeline.workers import MEMORY_MB, Limits, Outcome, limits_of, run_all
 from auditor.recordings import Location, Origin, check_rig_file, find_recordings, located

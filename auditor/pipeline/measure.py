@@ -31,14 +31,14 @@ from auditor.measurement.disparity.matchers import (
     libraries,
     preflight,
 )
-from auditor.model.checks import CAMERA_CHECKS, SensorCheck, rig_sensor_checks
+from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
 from auditor.model.frames import Frame, Skipped
 from auditor.model.measurement import Measurement, Procedure
 from auditor.model.pictures import Pictures
 from auditor.model.rig import Rig
 from auditor.model.text import storable
-from auditor.pipeline.known.files import sighted, stamp_of
-from auditor.pipeline.known.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
+from auditor.pipeline.known import sighted, stamp_of
+from auditor.pipeline.measured import Measured, MeasureTask, damage_of, measured_of, procedure_by
 from auditor.recordings import (
     FrameStream,
     FrameTimes,
@@ -259,7 +259,7 @@ def unmasked_statistics(
     others = [
         one
         for one in sensor_checks
-        if one.check in CAMERA_CHECKS and any((one.sensor, other) in changed for other in one.others)
+        if one.check in IMAGE_CHECKS and any((one.sensor, other) in changed for other in one.others)
     ]
     found = sensor_statistics(others, {**measurement.cells, **measurement.unmasked_cells}, {})
     of_check = dict(zip(others, found, strict=True))

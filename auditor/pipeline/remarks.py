@@ -22,7 +22,7 @@ def unresolved(judgement: StoredJudgement, calibration: Calibration, criteria: C
     if not judgement.resolvable:
         yield f"r = {judgement.r} is not resolvable with the clean samples there are: judged as at r = 0"
     if not resolves_incidents(calibration, criteria):
-        yield "too few clean frames for that incident rate: judged as at 0"
+        yield "too few clean frames for that incident rate: its limit is extrapolated"
 
 
 def marked(judgement: StoredJudgement, calibration: Calibration) -> Iterator[str]:

@@ -14,8 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from auditor.errors import StoreError
-from auditor.model.checks import COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
-from auditor.model.common_view import view_size_px
+from auditor.model.checks import ADDED_LATER, COLUMNS, Check, CountedPair, Pair, PairFaultFeatures, rig_sensor_checks
 from auditor.model.frames import Skipped
 from auditor.model.measurement import (
     BRIGHTNESS,
@@ -29,6 +28,7 @@ from auditor.model.measurement import (
     Solid,
     Statistic,
 )
+from auditor.model.optics.common_view import view_size_px
 from auditor.model.poses import FramePose
 from auditor.model.rig import LIDAR, Rig
 from auditor.store.files import Written
@@ -232,8 +232,11 @@ def read_statistics(path: Source, rig: Rig) -> FrameStatistics:
     """The statistics of a finished frames file, its skipped ticks left out. Raises StoreError."""
     kept = ["statistics", "unmasked_statistics", "fingerprint", "returns"]
     table = _measured(path, ["frame", "stamp_ns", "state", *kept])
-    F, M, S = len(table), len(rig_sensor_checks(rig)), len(rig.sensors)
-    statistics, unmasked = (_where_kept(table[name], M, path) for name in ("statistics", "unmasked_statistics"))
+    F, S, checks = len(table), len(rig.sensors), rig_sensor_checks(rig)
+    before = sum(one.check not in ADDED_LATER for one in checks)
+    statistics, unmasked = (
+        _where_kept(table[name], len(checks), path, before) for name in ("statistics", "unmasked_statistics")
+    )
     fingerprints = _list_values(table["fingerprint"], F * S, path).fill_null(NO_FINGERPRINT)
     returns = _floats(table["returns"], F * S, path).reshape(F, S)
     return FrameStatistics(
@@ -278,11 +281,13 @@ def _padded(column: pa.ChunkedArray, width: int, before: int, path: Source) -> N
     return np.pad(values, ((0, 0), (0, width - stored)), constant_values=np.nan)
 
 
-def _where_kept(column: pa.ChunkedArray, width: int, path: Source) -> NDArray[np.float64]:
-    """(F, width) values of the lists, NaN where NULL and where the whole list is."""
+def _where_kept(column: pa.ChunkedArray, width: int, path: Source, before: int = 0) -> NDArray[np.float64]:
+    """(F, width) values of the lists, NaN where NULL and where the whole list is; older lists end at `before`."""
     kept = column.is_valid().to_numpy()
+    rows, stored = int(kept.sum()), len(column.combine_chunks().flatten())
+    width_stored = before if before and stored == rows * before else width
     values = np.full((len(column), width), np.nan)
-    values[kept] = _floats(column, int(kept.sum()) * width, path).reshape(-1, width)
+    values[kept, :width_stored] = _floats(column, rows * width_stored, path).reshape(-1, width_stored)
     return values
 
 

@@ -6,7 +6,7 @@ is in the folder is not measured again:
 
     python -m tests.benchmarks.attack_kinds --into FOLDER [--streets 12 --first 6000] [--attacked 4] [--by-camera]
 
-Counted are frames: `found` are not clean; `named` name the attacked cameras and no other; `innocent` name another
+Counted are frames: `found` are not clean; `named` name the attacked cameras and no other; `others` name another
 sensor, or take a fault of another one for the likeliest cause; `suspect` have a cause that may explain them.
 """
 
@@ -109,7 +109,7 @@ def report(judged: Sequence[Judged], *, by_camera: bool) -> Iterator[str]:
     for (name, where), cases in sorted(groups.items(), key=lambda item: (order[item[0][0]], item[0][1])):
         counts = {
             what: sum(is_so(one.robust, one.case) for one in cases)
-            for what, is_so in (("found", _found), ("named", _named), ("innocent", _innocent), ("suspect", _suspect))
+            for what, is_so in (("found", _found), ("named", _named), ("others", _others), ("suspect", _suspect))
         }
         yield f"{name:26} {where:10} {len(cases):4} frames: " + ", ".join(f"{k} {v:3}" for k, v in counts.items())
 
@@ -122,7 +122,7 @@ def _named(verdict: Verdict, case: Case) -> bool:
     return verdict.attacked == case.attacked
 
 
-def _innocent(verdict: Verdict, case: Case) -> bool:
+def _others(verdict: Verdict, case: Case) -> bool:
     if verdict.kind is VerdictKind.SUSPECT and verdict.causes:
         sensor = verdict.causes[0].sensor
         return sensor is not None and sensor not in case.attacked

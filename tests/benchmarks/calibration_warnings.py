@@ -14,8 +14,8 @@ from auditor.lab.simulation.vehicles import rotation
 from auditor.measurement import CalibrationCheck, FaultFeatures, measure, use_one_thread
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.model.frames import Frame
-from auditor.model.geometry import Matrix, motion
-from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.optics.geometry import Matrix, motion
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from tests.benchmarks.real_drives import frames
 

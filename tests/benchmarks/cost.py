@@ -20,8 +20,8 @@ import cv2
 import numpy as np
 
 from auditor.model.frames import Frame
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from tests.benchmarks.real_drives import frames
 

@@ -25,9 +25,9 @@ import numpy as np
 
 from auditor.errors import AuditorError
 from auditor.measurement.disparity.rectification import rectification
-from auditor.model.common_view import common_view
 from auditor.model.frames import CameraImage, Message
-from auditor.model.geometry import Matrix, motion, quaternion_from_rotation
+from auditor.model.optics.common_view import common_view
+from auditor.model.optics.geometry import Matrix, motion, quaternion_from_rotation
 from auditor.model.rig import Rig
 from auditor.recordings import check_rig, schemas, search_rigs, survey
 from auditor.recordings.recording import Definition, Topic

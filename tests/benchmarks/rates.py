@@ -69,7 +69,8 @@ def frames_of(scene: Scene, system: System, cases: Sequence[Case]) -> CleanFrame
     """Some cases of a scene, as a calibration has clean frames."""
     place = {check: column for column, check in enumerate(rig_sensor_checks(scene.rig))}
     stamps = np.array([case.stamp_ns for case in cases], dtype=np.int64)
-    statistics = np.stack([case.statistics for case in cases])
+    statistics = np.full((len(cases), len(place)), np.nan)  # checks that came later were not measured: they stand last
+    statistics[:, : len(cases[0].statistics)] = np.stack([case.statistics for case in cases])
     errors = np.stack([case.errors for case in cases])
     return CleanFrames(
         scene.name,

@@ -2,15 +2,20 @@
 
 import json
 import re
+from dataclasses import replace
+from decimal import Decimal
 from types import SimpleNamespace
 
 import pytest
 
 from auditor.cli import output, run, summary
 from auditor.cli.exit_codes import NotAudited, Tally
+from auditor.model.calibration import RobustThresholds
+from auditor.model.verdict import Finding, VerdictKind
 from auditor.store import Store
+from auditor.store.records import JudgementRecord
 from tests.making.report_stores import add_recording, make_rig
-from tests.making.stores import add_judgement, add_measurement, make_measurement, new_store
+from tests.making.stores import NOON, RULES, add_judgement, add_measurement, make_measurement, make_verdict, new_store
 from tests.making.stores import make_rig as rig_of
 
 
@@ -202,3 +207,14 @@ def test_a_table_wraps_and_leaves_out_before_it_breaks(monkeypatch, capfd):
     assert max(len(line) for line in narrow.splitlines()[1:]) <= 40
     assert table(narrow)[1] == ["name", "number", "words"]
     assert table(printed(30))[1] == ["name", "words"]
+
+
+def test_very_strong_frames_in_no_incident_are_counted_by_their_recordings(store, capfd):
+    rig = rig_of(3)
+    known = add_measurement(store, rig, [make_measurement(rig, number) for number in range(3)], name="a.mcap")
+    single = replace(make_verdict(rig, "1"), finding=Finding(VerdictKind.ATTACKED, (1,), single=True))
+    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), 4.0, {}, {}, drives=0)
+    rows = [(frame, frame, single if frame == 1 else make_verdict(rig, "c")) for frame in range(3)]
+    store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
+    summary.show_audit(store, "table", Tally())
+    assert "1 very strong frame in no incident (a.mcap): auditor query look_first" in capfd.readouterr().out

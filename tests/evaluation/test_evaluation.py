@@ -15,7 +15,7 @@ from auditor.errors import RecordingError, RigError, SettingError
 from auditor.evaluation import EvaluateTask, Recorded, Street, chunks, evaluate_source, experiments_of, runner, sources
 from auditor.evaluation.attacked_frame import AttackedFrame
 from auditor.evaluation.chunks import CHUNK_FRAMES
-from auditor.evaluation.experiments import EXPERIMENTS, SeededDraws, attacked_sets, disc_share
+from auditor.evaluation.experiments import EXPERIMENTS, LIGHTS, SeededDraws, attacked_sets, disc_share
 from auditor.evaluation.features import FeaturesOfCases
 from auditor.identification.statistics import sensor_statistics
 from auditor.lab.attacks.paper import BogusWall, Facula
@@ -388,10 +388,16 @@ def test_a_delayed_sensor_shows_earlier_frames_across_chunks_and_after_a_kill(ev
 def test_cases_that_are_not_random_come_with_the_first_draw_only():
     experiment = next(e for e in experiments_of(()) if e.name == "further")
     first, second = (list(experiment.cases(RIG, SeededDraws(0, 1, 2, draw), ())) for draw in (0, 1))
-    certain = {"turned LiDAR", "shifted camera"}
+    certain = {"turned LiDAR", "shifted camera", "veil"}
     assert {case.attack for case in first} - {case.attack for case in second} == certain
     assert len(second) == len([case for case in first if case.attack not in certain])
     assert not {tuple(case.attacks.items()) for case in first} & {tuple(case.attacks.items()) for case in second}
+
+
+def test_kinds_of_light_are_tried_on_the_outermost_cameras():
+    experiment = next(e for e in experiments_of(()) if e.name == "further")
+    found = {(case.strength, case.attacked) for case in experiment.cases(RIG, SeededDraws(0, 1, 2, 0), ())}
+    assert {(kind, (sensor,)) for kind in (*LIGHTS, None) for sensor in (1, 4)} <= found
 
 
 def test_an_attack_that_lasts_holds_still_or_moves_and_never_ends_inside_a_chunk():

@@ -382,6 +382,16 @@ def test_a_fault_that_is_a_finding_is_named_before_dirt_and_dirt_before_what_is_
     assert weighed.causes == (late, (Cause.SOILED, 1, 1.0), glare)
 
 
+def test_light_of_one_colour_is_no_dirt_and_no_exposure():
+    assert of_lens({2: DIRT._replace(coloured=2.4)}) == ((Cause.SOILED, 2, 1.0),)
+    assert of_lens({2: DIRT._replace(coloured=2.5), 3: DIRT}) == ((Cause.SOILED, 3, 1.0),)
+    toned = (FaultHypothesis(Cause.WHITE_BALANCE, 1, 0.9),)
+    seen = Seen(added=1.0, removed=0.0, inconsistent=0.5, darker=0.5)
+    assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: seen}).kind is VerdictKind.SUSPECT
+    lit = seen._replace(coloured=6.0)
+    assert weigh(verdict(check="coloured_light"), toned, LIMIT, {1: lit}).kind is VerdictKind.ATTACKED
+
+
 SATURATED = Seen(added=1.99, removed=0.0, inconsistent=9.0, darker=0.5)
 BRIGHTER = Seen(added=LIMIT + 2.0, removed=0.0, inconsistent=0.99, darker=0.1)
 
@@ -427,9 +437,9 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
             [("removed_light", 1), ("added_light", 2), ("lidar_conflict", 0)],
         )
     )
-    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12)}
-    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12)
-    assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4:]).all(), "it was measured before light was kept"
+    assert seen_of(alone, z, statistics, SYSTEM, LIGHT) == {1: (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 640, 12, 0)}
+    assert seen_of(both, z, statistics, SYSTEM, LIGHT)[1] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 640, 12, 0)
+    assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4:6]).all(), "it was measured before light was kept"
     without_3 = replace(alone, out_of_system=(3,))
     assert seen_of(without_3, z, statistics, SYSTEM, {})[1][:3] == (0.0, 0.0, 0.0), "S_2 alone is left"
     unclear = replace(CLEAN, evidence=(Evidence("added_light", 1, None, 2, 5.0),))
@@ -441,7 +451,7 @@ def test_darkness_is_listed_where_no_check_fired_and_explains_no_light():
     hypotheses = weigh(CLEAN, dark, LIMIT)
     assert (hypotheses.kind, hypotheses.causes) == (VerdictKind.CLEAN, dark)
     assert weigh(verdict(), dark, LIMIT).kind is VerdictKind.SUSPECT
-    for check in ("added_light", "removed_light"):
+    for check in ("added_light", "removed_light", "coloured_light"):
         assert weigh(verdict(check=check), dark, LIMIT).kind is VerdictKind.ATTACKED
 
 

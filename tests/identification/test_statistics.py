@@ -192,6 +192,27 @@ def test_each_camera_is_judged_by_the_counts_in_its_own_image():
     assert found == (pytest.approx(mean(6)), 0, 0, pytest.approx(mean(2)))
 
 
+def coloured(others, *totals):
+    """Of S_1 by these cameras; S_2, S_3 ... have colours as far as there are totals."""
+    counted = {
+        of(Check.COLOURED_LIGHT, 1, other, 1): cells(FULL, patch(total * LIGHT_STEPS // 2))
+        for other, total in enumerate(totals, start=2)
+    }
+    return sensor_statistics([SensorCheck(Check.COLOURED_LIGHT, 1, others)], counted, {})[0]
+
+
+def test_light_of_one_colour_is_the_mean_of_the_voters_that_have_colours():
+    assert coloured((2, 3, 4), 12) == pytest.approx(mean(6))
+    assert coloured((2, 3, 4), 12, 4) == pytest.approx(mean(4))
+    assert coloured((2, 3, 4), 12, 4, -4) == pytest.approx(mean(2))
+    assert coloured((3, 4), 12) is None, "neither of them has colours"
+    assert coloured((2, 3, 4), -12) == 0, "S_2 has it"
+
+
+def test_light_of_one_colour_names_its_camera_by_one_voter():
+    assert SensorCheck(Check.COLOURED_LIGHT, 1, (2,)).nameable == (1,)
+
+
 def conflict(others, **of_pairs):
     """The LiDAR's statistic by these cameras; pairs are called as p13."""
     counted = {of(Check.LIDAR_CONFLICT, int(name[1]), int(name[2]), 0): one for name, one in of_pairs.items()}

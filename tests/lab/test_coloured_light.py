@@ -1,4 +1,4 @@
-"""Light of one wavelength falls into one channel; a veil lifts all levels; sound and radio waves add no light at all."""
+"""Light of one wavelength falls into one channel; a veil lifts all levels; sound and radio waves add no light."""
 
 import numpy as np
 import pytest

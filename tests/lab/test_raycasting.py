@@ -8,7 +8,7 @@ from auditor.lab.simulation.raycasting import Hits, Rays, cast, placed
 from auditor.lab.simulation.sensors import camera_rays
 from auditor.lab.simulation.surfaces import Piece, gather
 from auditor.lab.simulation.textures import SIZE, Atlas, Tile, level_of, make_atlas
-from auditor.model.geometry import motion
+from auditor.model.optics.geometry import motion
 from auditor.model.rig import Camera
 
 FOCAL = 100.0

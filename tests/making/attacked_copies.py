@@ -12,8 +12,8 @@ from auditor.evaluation.experiments import DELAYS, Experiment, SeededDraws
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_sql
 

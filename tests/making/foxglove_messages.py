@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
 from auditor.model.frames import Frame
-from auditor.model.geometry import Matrix, invert, motion, quaternion_from_rotation
+from auditor.model.optics.geometry import Matrix, invert, motion, quaternion_from_rotation
 from auditor.model.rig import Rig
 from auditor.recordings.decoding.pictures import encode_picture
 

@@ -12,7 +12,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState, Skipped
-from auditor.model.geometry import motion, rotation_from_quaternion
+from auditor.model.optics.geometry import motion, rotation_from_quaternion
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings import FrameStream, Recording, find_rigs, survey, synchronise
 

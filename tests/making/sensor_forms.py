@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.frames import Frame
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
 from auditor.recordings import schemas
 from auditor.recordings.decoding.interface import Region

@@ -15,10 +15,10 @@ from auditor.measurement import FaultFeatures, draw, localise, measure, measure_
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.checks import rig_sensor_checks
-from auditor.model.common_view import common_view
 from auditor.model.frames import Frame, Presence, SensorState
-from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.measurement import Statistic
+from auditor.model.optics.common_view import common_view
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import LIDAR, Rig
 from auditor.training.samples import lidar_sample
 from tests.making.perturbed_rigs import perturbed

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.common_view import common_view, largest_rectangle
+from auditor.model.optics.common_view import common_view, largest_rectangle
 from auditor.model.rig import Camera, Rig
 
 

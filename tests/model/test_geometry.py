@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auditor.model.geometry import (
+from auditor.model.optics.geometry import (
     camera_centre,
     compose,
     invert,

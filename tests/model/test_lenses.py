@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.geometry import angle_between, intrinsics_and_rotation, rotation_from_quaternion
-from auditor.model.lenses import FISHEYE, PINHOLE, Lens
+from auditor.model.optics.geometry import angle_between, intrinsics_and_rotation, rotation_from_quaternion
+from auditor.model.optics.lenses import FISHEYE, PINHOLE, Lens
 
 COEFFICIENTS = {
     "plumb_bob": (-0.31, 0.09, 0.0012, -0.0007, -0.01),

@@ -9,8 +9,8 @@ from auditor.identification.cross_validation import INCIDENT_GAP_S, leave_one_ou
 from auditor.model.frames import Presence, SensorState
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, system_of
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_query
 from auditor.store.describing import describe

@@ -6,8 +6,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.model.poses import Pose
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, run_sql
 from auditor.store.maintenance.check import check

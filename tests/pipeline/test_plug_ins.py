@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from auditor.cli import run
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store
 from tests.making.small_drives import write_drive
 

@@ -10,9 +10,9 @@ from auditor.identification.marks import OPENCV, OPENCV_CPU
 from auditor.model.calibration import PRIOR, Marks
 from auditor.model.verdict import Method
 from auditor.pipeline.judge import Criteria, calibrate
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.many import Judge, Judged, JudgeSettings
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, make_calibration, read_calibration, run_query, run_sql, write_calibration
 from auditor.store.maintenance.check import check
 from auditor.store.versions.history import put_first_in_force
@@ -90,7 +90,10 @@ def test_the_prior_gives_no_incident_rate_and_is_not_strict(recordings, tmp_path
     clean = measured(tmp_path / "audit", recordings["clean"])
     store = Store.open(tmp_path / "audit")
     criteria = Criteria(R, incidents_per_hour=1.0)
-    assert "too few clean frames for that incident rate: judged as at 0" in judged(store, clean, criteria).warnings
+    assert (
+        "too few clean frames for that incident rate: its limit is extrapolated"
+        in judged(store, clean, criteria).warnings
+    )
     error = judged(store, clean, replace(criteria, strict=True)).error
     assert error.what == "its thresholds are the prior alone: no clean drive of this rig kind was seen"
 

@@ -9,8 +9,8 @@ from auditor.cli import run
 from auditor.identification import statistics
 from auditor.model.checks import LIDAR_CHECKS, Check, rig_sensor_checks
 from auditor.pipeline.judge import Criteria, calibrate, judge_measurement, statistics_from_cells
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store, run_sql
 from tests.making.small_drives import write_drive
 

@@ -8,8 +8,8 @@ import pytest
 
 from auditor.cli import run
 from auditor.model.frames import Message
-from auditor.pipeline.known.measured import Measured, MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import Measured, MeasureTask
 from auditor.recordings import Location, find_recordings, schemas
 from auditor.store import Store
 from tests.making.scenes import plane_rig

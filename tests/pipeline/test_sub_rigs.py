@@ -13,10 +13,10 @@ from auditor.model.frames import PointCloud
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import FINDINGS, Cause, Method
 from auditor.pipeline.judge import Criteria, calibrate, fitting_calibration, judge_measurement
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.labels import label_attack
 from auditor.pipeline.many import Judge, JudgeSettings
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.recordings import write_mcap
 from auditor.store import Store, read_calibration, run_query, run_sql, write_calibration
 from tests.making.removed_topics import without_sensors

@@ -11,8 +11,8 @@ from auditor.cli import run
 from auditor.cli.exit_codes import Exit
 from auditor.errors import RecordingError
 from auditor.pipeline import measure
-from auditor.pipeline.known.measured import MeasureTask
 from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.store import Store
 from tests.making.audits import Audit
 from tests.making.logs_of_strangers import NO_ATTACK, record, write

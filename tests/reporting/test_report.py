@@ -301,7 +301,7 @@ def test_frames_in_incidents_and_those_raised_alone_are_told_apart(store):
     page = replace(page, recordings=(replace(recording, in_incidents=4),))
     words = Page(render(page)).words
     assert "1 4 frames in incidents, 1 raised alone" in words
-    assert "1 frame raised alone is not confirmed by the temporal window (half a second) around it" in words
+    assert "1 frame raised alone belongs to no incident: too little before and after it says the same" in words
 
 
 def test_vehicles_have_a_column_where_some_are_known(store, tmp_path):

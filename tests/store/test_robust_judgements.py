@@ -89,7 +89,7 @@ def test_an_incident_says_in_words_what_carried_it_and_what_else_it_could_be(jud
     store, *_ = judged
     (row,) = [row for row in run_query(store, "incidents").to_pylist() if row["attacked"] == [1]]
     assert "S_1 sees light that others do not in 10 frames (+12.00)" in row["evidence"]
-    assert "worse by" in row["alternatives"]
+    assert "no attack (under 1 %)" in row["alternatives"]
     assert row["causes"] is None
     facts = {(row["part"], row["item"]): row for row in run_query(store, "frame", {"frame": 15}).to_pylist()}
     assert (facts["verdict", "finding"]["value"], facts["verdict", "finding"]["note"]) == ("attacked", "S_1")

@@ -19,9 +19,9 @@ from auditor.errors import SettingError
 if TYPE_CHECKING:
     from auditor.identification.systems import System
     from auditor.model.calibration import Calibration
-    from auditor.pipeline.known.measured import Measured
+    from auditor.pipeline.calibrations.versions import Kept
     from auditor.pipeline.many import MeasureSettings
-    from auditor.pipeline.versions import Kept
+    from auditor.pipeline.measured import Measured
     from auditor.store import Store
 
 
@@ -86,9 +86,9 @@ def command(
     from auditor.cli.calibration_tables import show_left_out, show_paper, show_robust  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.output_files import check_thresholds  # noqa: PLC0415
     from auditor.cli.summary import show_measuring  # noqa: PLC0415
+    from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.judge import system_of  # noqa: PLC0415
     from auditor.pipeline.many import calibrate_on, choose_clean, find_batch  # noqa: PLC0415
-    from auditor.pipeline.versions import keep_calibrated  # noqa: PLC0415
     from auditor.store import Store, write_calibration  # noqa: PLC0415
 
     if out:

@@ -123,7 +123,7 @@ def diff(first: str, second: str, store: Path, r: "Decimal", form: str) -> None:
     A rise is how many standard deviations of A the threshold of B lies higher: attacks of that size more are missed.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.identification.prior import statistic_at  # noqa: PLC0415 - keeps --help quick
-    from auditor.pipeline.comparing import steps_between  # noqa: PLC0415
+    from auditor.pipeline.calibrations.comparing import steps_between  # noqa: PLC0415
     from auditor.store import Store, table_of  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -167,7 +167,7 @@ def promote(calibration: str, store: Path, reason: str) -> None:
 
     Judgements keep the calibration that they were reached by; auditor judge reaches new ones.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.versions import promote as promote_version  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.versions import promote as promote_version  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -196,7 +196,7 @@ def rollback(calibration: str | None, store: Path, reason: str) -> Exit:
     back byte for byte. A refresh does not promote a version that was rolled back, nor use the recordings that were new
     in it, until somebody labels them clean.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.versions import history_called, roll_back  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.versions import history_called, roll_back  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -249,7 +249,7 @@ def verify(calibration: str | None, store: Path) -> Exit:
 
     Without an ID all are checked. One line for each problem, and exit code 3 where there are any.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.pipeline.versions import problems_of, remade  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.versions import problems_of, remade  # noqa: PLC0415 - keeps --help quick
     from auditor.store import Store  # noqa: PLC0415
 
     kept = Store.open(store)
@@ -283,7 +283,7 @@ def export(calibration: str, out: Path, store: Path) -> None:
 
 def _named(store: "Store", beginning: str) -> str:
     """The id of the one calibration that begins so."""
-    from auditor.pipeline.calibration_names import calibration_called  # noqa: PLC0415 - keeps --help quick
+    from auditor.pipeline.calibrations.names import calibration_called  # noqa: PLC0415 - keeps --help quick
 
     return calibration_called(store, beginning)
 

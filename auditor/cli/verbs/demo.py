@@ -52,6 +52,7 @@ def command(folder: Path, method: str, jobs: int) -> int:
     from auditor.cli.exit_codes import Tally  # noqa: PLC0415 - keeps --help quick
     from auditor.cli.summary import show_audit, show_judging, show_measuring  # noqa: PLC0415
     from auditor.model.verdict import Method  # noqa: PLC0415
+    from auditor.pipeline.calibrations.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.demo import fleet  # noqa: PLC0415
     from auditor.pipeline.judge import Criteria, calibrate  # noqa: PLC0415
     from auditor.pipeline.many import (  # noqa: PLC0415
@@ -61,7 +62,6 @@ def command(folder: Path, method: str, jobs: int) -> int:
         find_batch,
         judge_all,
     )
-    from auditor.pipeline.versions import keep_calibrated  # noqa: PLC0415
     from auditor.pipeline.workers import Limits  # noqa: PLC0415
     from auditor.reporting import render_fleet_report  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415

@@ -182,7 +182,7 @@ def _state(sensor: str | None, covered: "TopicCoverage | None") -> str | None:
 
 def _rig(rig: "Rig", health: "Health") -> dict[str, Any]:
     from auditor.cli.capabilities import capabilities, short_pairs  # noqa: PLC0415
-    from auditor.model.common_view import common_view  # noqa: PLC0415
+    from auditor.model.optics.common_view import common_view  # noqa: PLC0415
 
     leftmost = rig.cameras[-1]
     view = None if rig.is_rectified else common_view(rig)

@@ -39,12 +39,15 @@ def share_of(hits: Sequence[int], cases: Sequence[int]) -> Share:
 
 
 def difference_of(differences: Sequence[int], cases: Sequence[int]) -> Share:
-    """sum(differences) / sum(cases), which may be negative, by the normal distribution over drives."""
+    """sum(differences) / sum(cases), which may be negative, by the normal distribution over drives.
+
+    Its error is never smaller than that of independent cases: a few drives may agree by chance.
+    """
     n = sum(cases)
     if n == 0:
         return Share(0.0, 0.0, 0.0)
     p = sum(differences) / n
-    error = _Z * _error(differences, cases, p)
+    error = _Z * max(_error(differences, cases, p), sqrt(abs(p) * (1 - abs(p)) / n))
     return Share(p, p - error, p + error)
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +28,15 @@ class AcousticBlur(Described):
     def apply(self, image: CameraImage) -> CameraImage:
         """The blurred image."""
         half = (max(self.length_px, 1.0) - 1) / 2
-        steps = np.linspace(-half, half, 4 * int(np.ceil(half)) + 1)
-        size = 2 * int(np.ceil(half)) + 1
-        kernel = np.zeros((size, size), dtype=np.float32)
-        angle = np.deg2rad(self.angle_deg)
-        row, column = (np.rint(way * steps).astype(int) + size // 2 for way in (-np.sin(angle), np.cos(angle)))
-        kernel[row, column] = 1
-        blurred = cv2.filter2D(image.pixels, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE)
-        return CameraImage(image.sensor, image.stamp_ns, np.asarray(blurred, dtype=np.uint8))
+        along, angle = np.linspace(-half, half, 4 * int(np.ceil(half)) + 1), np.deg2rad(self.angle_deg)
+        moves = {(round(-np.sin(angle) * step), round(np.cos(angle) * step)) for step in along.tolist()}
+        height, width = image.pixels.shape[:2]
+        total = np.zeros(image.pixels.shape, dtype=np.float32)
+        for down, right in moves:
+            row = np.clip(np.arange(height) + down, 0, height - 1)
+            total += image.pixels[row[:, None], np.clip(np.arange(width) + right, 0, width - 1)]
+        blurred = np.rint(total / len(moves)).astype(np.uint8)
+        return CameraImage(image.sensor, image.stamp_ns, blurred)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from auditor.lab.simulation.surfaces import Piece, Surfaces, gather
 from auditor.lab.simulation.textures import Atlas, make_atlas
 from auditor.lab.simulation.vehicles import Vehicle, make_rig, make_vehicle, rotation
 from auditor.model.frames import CameraImage, Frame, PointCloud, Presence, SensorState
-from auditor.model.geometry import Matrix, compose, invert, motion
+from auditor.model.optics.geometry import Matrix, compose, invert, motion
 from auditor.model.poses import Pose
 from auditor.model.rig import Camera, Rig
 

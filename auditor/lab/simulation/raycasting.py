@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, level_of
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 _NEAR_M = 0.2
 _FAR_M = 180.0

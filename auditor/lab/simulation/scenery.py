@@ -15,7 +15,7 @@ from auditor.lab.simulation.stray_light import SunSeen
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas
 from auditor.lab.simulation.vehicles import CameraFlaws
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera
 
 _PREVIEW = 6  # every so many pixels decide about the exposure

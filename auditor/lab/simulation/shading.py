@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.lab.simulation.raycasting import Hits, Rays
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import Atlas, Tile, level_of
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 _PART = 1 << 15  # rays at a time: their data fit into the processor's cache
 _STAIN_SHARE = np.float32(0.137)  # of a tile's frequency, so that repeated tiles differ

@@ -15,7 +15,7 @@ from auditor.lab.simulation.raycasting import Hits, Rays
 from auditor.lab.simulation.shading import Lit, Scene, parts, sky
 from auditor.lab.simulation.surfaces import Surfaces
 from auditor.lab.simulation.textures import LAYERS, Atlas
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 _MIRRORS_SKY = np.float32(0.85)  # of the surroundings' values; below are houses
 _SURROUNDINGS_SKY = 1.2  # the value of their sky

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auditor.errors import SettingError
-from auditor.model.geometry import Matrix, motion
+from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import Camera, Lidar, Rig
 
 _FOCAL_SHARE = 721.5377 / 1242  # of the width, KITTI's

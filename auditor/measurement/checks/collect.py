@@ -28,10 +28,14 @@ from auditor.model.rig import LIDAR, Rig
 
 @dataclass(frozen=True, eq=False)
 class PairCounts:
-    """What one pair of cameras counts: the pixels where it does not see the same, and sums of light differences."""
+    """What one pair of cameras counts: the pixels where it does not see the same, and sums of light differences.
+
+    `coloured` are those of light of one colour, of two colour cameras.
+    """
 
     inconsistencies: PairCells
     light: PairCells
+    coloured: PairCells | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +85,11 @@ def _by_camera(of_pairs: Mapping[Pair, PairCounts]) -> dict[CountedPair, Cells]:
         for check, cells in (
             (Check.ADDED_LIGHT, counts.light),
             (Check.PHOTOMETRIC_INCONSISTENCY, counts.inconsistencies),
+            (Check.COLOURED_LIGHT, counts.coloured),
         ):
-            found[CountedPair(check, i, k, i)] = cells.source
-            found[CountedPair(check, i, k, k)] = cells.reference
+            if cells is not None:
+                found[CountedPair(check, i, k, i)] = cells.source
+                found[CountedPair(check, i, k, k)] = cells.reference
     return found
 
 
@@ -148,13 +154,15 @@ def _counts(seen: PairConsistency, light: LightDifference, places: PairPlaces, n
     There something is nearer than the matcher's range, or occludes what the reference sees (`lidar.out_of_range`).
     """
     comparable, lit, residual = seen.comparable, light.comparable, light.residual
-    inconsistent = seen.inconsistent
+    inconsistent, coloured = seen.inconsistent, light.coloured
     if near is not None and near.any():
         comparable, lit = comparable & ~near, lit & ~near
         inconsistent, residual = inconsistent & ~near, np.where(near, np.float32(0), residual)
+        coloured = None if coloured is None else np.where(near, np.float32(0), coloured)
     return PairCounts(
         cells_of_pair(places, comparable, inconsistent),
         opposite(cells_of_pair(places, lit, residual, LIGHT_STEPS)),
+        None if coloured is None else opposite(cells_of_pair(places, lit, coloured, LIGHT_STEPS)),
     )
 
 

@@ -6,13 +6,14 @@ multiply, and so do most errors. Light only adds, so its sign says which of the 
 is wrong about the scene only further cameras can say (`identification.statistics`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
+from auditor.measurement.checks.coloured_light import coloured_light
 from auditor.measurement.checks.tone_curve import Classes, Prediction, chroma_classes, predict, saturation_level
 from auditor.measurement.disparity.half_resolution import row_grid
 from auditor.measurement.parameters import LIGHT
@@ -65,19 +66,23 @@ class View:
 class LightDifference:
     """`residual` (h, w), -1 to 1 in the reference's view: + where it is brighter than the source predicts.
 
-    `comparable` (h, w): both cameras see the point, and not both are saturated there.
+    `comparable` (h, w): both cameras see the point, and not both are saturated there. `coloured` (h, w), of two colour
+    cameras: the same of light of one colour.
     """
 
     residual: Floats32
     comparable: Mask
+    coloured: Floats32 | None = None
 
 
 def light_difference(reference: View, source: View, column: Floats32, seen: Mask) -> LightDifference:
     """Compare two cameras; `column` (h, w) is where each of the reference's pixels lies in the source, where `seen`."""
     warp = _Warp(np.where(seen, column, np.float32(-1)))
     levels = warp.of(source.levels)
+    coloured = None
     if reference.channels and source.channels:
-        residual = _of_colours(reference, source, warp, seen)
+        channels = _channels(reference, source, warp)
+        residual, coloured = _of_colours(channels, seen), coloured_light(channels, seen)
     elif reference.channels:
         residual = -_of_mixture(
             levels, source.saturation, reference.levels, reference, seen, reference.classes, reference.brightest
@@ -90,7 +95,9 @@ def light_difference(reference: View, source: View, column: Floats32, seen: Mask
     comparable = seen & ((reference.levels < reference.saturation) | (levels < source.saturation))
     residual = np.clip(residual, -1, 1)
     residual[~comparable] = 0
-    return LightDifference(residual, comparable)
+    if coloured is not None:
+        coloured[~comparable] = 0
+    return LightDifference(residual, comparable, coloured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +109,42 @@ class _Warp:
         return np.asarray(cv2.remap(image, self.column, row, how, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
-def _of_colours(reference: View, source: View, warp: _Warp, seen: Mask) -> Floats32:
-    """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One channel of two colour cameras, (h, w) in the reference's view, and from which level on each saturates."""
+
+    value: Image
+    other: Image
+    saturation: int
+    other_saturation: int
+
+    def samples(self, seen: Mask) -> tuple[Image, Image]:
+        """(M,) levels of the source and of the reference, where both see and neither saturates."""
+        s, t = (one[::_EVERY, ::_EVERY].ravel() for one in (self.other, self.value))
+        usable = seen[::_EVERY, ::_EVERY].ravel() & (s < self.other_saturation) & (t < self.saturation)
+        return s[usable], t[usable]
+
+    @property
+    def saturated(self) -> tuple[Mask, Mask]:
+        """Where it saturates in the reference, and in the source."""
+        return np.asarray(self.value >= self.saturation), np.asarray(self.other >= self.other_saturation)
+
+    def residual(self, predicted: Image) -> Floats32:
+        """By what share it lies above or below what is predicted."""
+        return _relative(self.value, predicted, *self.saturated)
+
+
+def _channels(reference: View, source: View, warp: _Warp) -> list[Channel]:
     channels = zip(
         reference.channels, source.channels, reference.channel_saturations, source.channel_saturations, strict=True
     )
+    return [Channel(value, warp.of(other), highest, others) for value, other, highest, others in channels]
+
+
+def _of_colours(channels: Sequence[Channel], seen: Mask) -> Floats32:
+    """The mean of the channels' residuals: light of one colour shows in one of them, and errors seldom in all."""
     residuals = [
-        np.clip(_alike(value, warp.of(other), seen, highest, others), -1, 1)
-        for value, other, highest, others in channels
+        np.clip(_alike(one.value, one.other, seen, one.saturation, one.other_saturation), -1, 1) for one in channels
     ]
     return np.asarray(np.mean(residuals, axis=0, dtype=np.float32))
 

@@ -43,7 +43,7 @@ def predict(source: Image, target: Image, usable: Mask, classes: Classes | None 
     A class of few samples has the curve of all of them.
     """
     source, target = source[usable], target[usable]
-    common = _curve(source, target)
+    common = tone_curve(source, target)
     if classes is None:
         return Prediction(common[None])
     classes = classes[usable]
@@ -51,7 +51,7 @@ def predict(source: Image, target: Image, usable: Mask, classes: Classes | None 
     counts = np.bincount(classes, minlength=len(tables))
     for number in np.flatnonzero(counts >= CHROMA.fewest).tolist():
         own = classes == number
-        tables[number] = _curve(source[own], target[own])
+        tables[number] = tone_curve(source[own], target[own])
     return Prediction(tables)
 
 
@@ -75,7 +75,7 @@ def saturation_level(image: Image) -> int:
     return min(SATURATION.level, top - SATURATION.below_top) if crowded else SATURATION.level
 
 
-def _curve(source: Image, target: Image) -> Image:
+def tone_curve(source: Image, target: Image) -> Image:
     """(256,) levels of the target by level of the source: monotone medians by bin, a gain beyond both ends."""
     middle, level = _medians(source, target)
     levels = np.arange(_LEVELS, dtype=np.float64)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION, MATCHER_RANGE
 from auditor.model.arrays import Floats32, Mask, Points
 from auditor.model.frames import PointCloud
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera, Rig
 
 

@@ -19,8 +19,8 @@ from auditor.measurement.disparity.warping import PairToSharedView
 from auditor.measurement.parameters import RECTIFICATION
 from auditor.model.arrays import Mask
 from auditor.model.checks import Pair
-from auditor.model.common_view import CommonView, common_view, recorded_pixels, sees
 from auditor.model.frames import CameraImage, Frame, Skipped
+from auditor.model.optics.common_view import CommonView, common_view, recorded_pixels, sees
 from auditor.model.rig import LIDAR, Camera, Rig, Triple
 
 _BORDER = np.ones(RECTIFICATION.border_px, dtype=np.uint8)

@@ -17,7 +17,7 @@ from auditor.measurement.checks.disparity_error import Comparison
 from auditor.measurement.disparity.stereo import StereoMap
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Floats32, Indices, Mask
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.model.rig import Camera
 
 

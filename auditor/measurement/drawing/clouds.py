@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.arrays import Image, Mask, Points
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 _RED = (60, 60, 255)  # BGR
 _GROUND, _LINES, _WORDS = (28, 24, 22), (80, 72, 66), (190, 185, 180)

@@ -10,8 +10,8 @@ from auditor.identification.refreshing.influence import crowded, influential, li
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.systems import System
 from auditor.model.calibration import Calibration, CleanFrames
+from auditor.pipeline.calibrations.versions import GIVEN, taken
 from auditor.pipeline.refreshing.pool import Group, Log
-from auditor.pipeline.versions import GIVEN, taken
 from auditor.store.versions.quarantine import Quarantined
 from auditor.store.versions.records import UsedRecording
 

@@ -98,7 +98,7 @@ def _decide(
     step, creep = (compared(drives, system, one, after, found) for one in (before, confirmed))
     rates = rates_by_condition([_conditions(one.used) for one in choice.chosen], shown)
     at_first, again = choice.judged_twice if known.parent is not None else ((), ())
-    refused = [*_raised_named(choice, r), *_too_many_raised(choice), *worse(step, at_first, again)]
+    refused = [*_raised_named(choice, known, r), *_too_many_raised(choice), *worse(step, at_first, again)]
     held = [
         *doubts(step, creep),
         *raised_often(shown, r),
@@ -128,9 +128,12 @@ def _conditions(used: UsedRecording) -> dict[str, str | None]:
     return {"vehicle": used.vehicle, "weather": used.weather, "time of day": used.time_of_day}
 
 
-def _raised_named(choice: Choice, r: Decimal) -> Iterator[str]:
+def _raised_named(choice: Choice, known: Known, r: Decimal) -> Iterator[str]:
+    """The recordings that are named clean now; those in force already make nothing worse, and are listed alone."""
+    in_force = set(known.parent.recordings) if known.parent is not None else set()
     for one in choice.chosen:
-        if one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
+        new = one.used.recording_id not in in_force
+        if new and one.doubtful and one.shown is not None and (reason := one.shown.raised(r)):
             yield f"{one.used.name} was named clean, and others find {reason}"
 
 
@@ -193,7 +196,7 @@ def _decision(
     group: Group, parent: Calibration | None, choice: Choice, decided: Decided, reasons: Sequence[str]
 ) -> Decision:
     known = set(parent.recordings) if parent is not None else set()
-    doubted = {one.used.recording_id for one in choice.chosen if decided is Decided.REFUSED and _doubted(one)}
+    doubted = {one.used.recording_id for one in choice.chosen if _doubted(one)}
     used = [replace(one, look_at=one.look_at or one.recording_id in doubted) for one in considered(choice)]
     return Decision(
         kind=str(group.history.rig_kind),

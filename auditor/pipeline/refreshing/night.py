@@ -7,12 +7,12 @@ from decimal import Decimal
 from pathlib import Path
 
 from auditor.errors import AuditorError
+from auditor.pipeline.calibrations.versions import version_of
 from auditor.pipeline.judge import Criteria
 from auditor.pipeline.many import Judged, JudgeSettings, judge_all
 from auditor.pipeline.reading import MIN_COVERAGE
 from auditor.pipeline.refreshing.learning import Learnt, known_of, learn
 from auditor.pipeline.refreshing.pool import groups_of
-from auditor.pipeline.versions import version_of
 from auditor.store import Store
 from auditor.store.versions.decisions import Decided, Decision, Failure, Refresh
 from auditor.store.versions.history import How, calibrations_in_force, put_in_force

@@ -9,10 +9,10 @@ from auditor.identification.refreshing.drives import Source
 from auditor.model.calibration import CleanFrames
 from auditor.model.measurement import Procedure
 from auditor.model.rig import Rig
+from auditor.pipeline.calibrations.versions import looked_at
 from auditor.pipeline.judge import clean_frames_of, counted_earlier
 from auditor.pipeline.many import attacked_by_labels, conflicts_of, reading_of, superseded_by
 from auditor.pipeline.refreshing.circumstances import UNKNOWN, Circumstances, circumstances_of
-from auditor.pipeline.versions import looked_at
 from auditor.store import RecordingRecord, Store, StoredMeasurement
 from auditor.store.reviews import false_alarms
 from auditor.store.versions.history import History, histories, history_for

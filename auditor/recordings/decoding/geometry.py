@@ -7,7 +7,7 @@ import numpy as np
 
 from auditor.errors import DecodingError
 from auditor.model.frames import Message
-from auditor.model.geometry import Matrix, motion, rotation_from_quaternion
+from auditor.model.optics.geometry import Matrix, motion, rotation_from_quaternion
 from auditor.recordings.decoding.interface import CameraInfo, Header, Region, Transform
 from auditor.recordings.decoding.ros import RosTypes, read_header
 from auditor.recordings.parameters import CAMERA_LIMITS

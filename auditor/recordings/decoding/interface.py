@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.frames import Message
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 SizePx = tuple[int, int]
 """Width and height."""

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.model.parameters import COMMON_VIEW, RIG_GEOMETRY
 from auditor.model.rig import Camera
 from auditor.recordings.parameters import RIG_LIMITS

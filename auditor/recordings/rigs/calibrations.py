@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.decoding.interface import Region, SizePx
 from auditor.recordings.parameters import CAMERA_LIMITS

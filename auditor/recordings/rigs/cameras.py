@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.geometry import Matrix, camera_centre
-from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.optics.geometry import Matrix, camera_centre
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.recordings.decoding import CameraInfo
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones

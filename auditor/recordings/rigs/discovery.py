@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.common_view import common_view
-from auditor.model.geometry import Matrix, motion
+from auditor.model.optics.common_view import common_view
+from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.bounding import first_ones, names_of, overlapping_most

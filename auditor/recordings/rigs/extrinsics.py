@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from auditor.errors import RigError
-from auditor.model.common_view import common_view, upright
-from auditor.model.geometry import Matrix, motion
+from auditor.model.optics.common_view import common_view, upright
+from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.parameters import COMMON_VIEW
 from auditor.model.rig import Camera, Rig
 from auditor.recordings.parameters import RIG_LIMITS

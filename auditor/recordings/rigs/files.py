@@ -15,8 +15,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from auditor.errors import RigError
-from auditor.model.geometry import Matrix
-from auditor.model.lenses import NO_LENS, PINHOLE, Lens
+from auditor.model.optics.geometry import Matrix
+from auditor.model.optics.lenses import NO_LENS, PINHOLE, Lens
 from auditor.model.rig import Camera, Lidar, Rig
 from auditor.recordings.rigs.cameras import sensor_name
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from auditor.model.geometry import Matrix, invert
+from auditor.model.optics.geometry import Matrix, invert
 from auditor.recordings.decoding import Transform
 
 _MOST_CHAINS = 64

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.model.geometry import Matrix, angle_between, motion
+from auditor.model.optics.geometry import Matrix, angle_between, motion
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.cameras import View
 from auditor.recordings.rigs.frame_tree import FrameTree

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from auditor.model.geometry import Matrix, quaternion_from_rotation
-from auditor.model.lenses import NO_LENS, POLYNOMIAL, Lens
+from auditor.model.optics.geometry import Matrix, quaternion_from_rotation
+from auditor.model.optics.lenses import NO_LENS, POLYNOMIAL, Lens
 from auditor.model.poses import Pose
 from auditor.recordings import schemas
 from auditor.recordings.decoding.pictures import encode_picture

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from auditor.model.checks import Check
-from auditor.model.common_view import view_size_px
+from auditor.model.checks import SIGNED_CHECKS, Check
+from auditor.model.optics.common_view import view_size_px
 from auditor.store.store import Store
 from auditor.store.tables import read_table, stream_rows
 
@@ -60,7 +60,7 @@ def _of_cells(store: Store, measurement_id: str) -> Iterator[str]:
         if len(valid) != size or len(total) != size:
             yield f"frame {row['frame']}: a grid does not have its {row['rows']} x {row['columns']} cells"
             return
-        counted = row["check_name"] != Check.ADDED_LIGHT.value
+        counted = Check(row["check_name"]) not in SIGNED_CHECKS
         if (valid > _MOST_IN_CELL).any() or (counted and ((total < 0) | (total > valid)).any()):
             yield f"frame {row['frame']}: a cell counts more than it can hold"
             return

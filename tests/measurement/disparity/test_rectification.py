@@ -12,9 +12,9 @@ from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers.sgbm import SgbmMatcher
 from auditor.measurement.disparity.rectification import rectification
 from auditor.model.frames import CameraImage, Frame, PointCloud, Skipped
-from auditor.model.geometry import invert, motion
-from auditor.model.lenses import NO_LENS, Lens
 from auditor.model.measurement import Statistic
+from auditor.model.optics.geometry import invert, motion
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Camera, Rig
 from tests.making.perturbed_rigs import perturbed
 from tests.making.scenes import plane_frame, plane_rig

@@ -10,7 +10,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from auditor.errors import DecodingError, RigError
 from auditor.model.frames import Message
-from auditor.model.geometry import motion, rotation_from_quaternion
+from auditor.model.optics.geometry import motion, rotation_from_quaternion
 from auditor.recordings import convert, find_rigs, open_recording, survey
 from auditor.recordings.decoding import Decoders
 from auditor.recordings.decoding.foxglove_layouts import LAYOUTS, LOCATION_FIX, TIMESTAMP

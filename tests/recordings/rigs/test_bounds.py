@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.geometry import motion
+from auditor.model.optics.geometry import motion
 from auditor.model.rig import Camera, Rig
 from auditor.recordings import check_rig, find_rigs, rig_of_camchain, search_rigs
 from auditor.recordings.decoding import Transform

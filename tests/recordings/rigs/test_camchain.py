@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from auditor.errors import RigError
-from auditor.model.geometry import invert, motion
-from auditor.model.lenses import NO_LENS, Lens
+from auditor.model.optics.geometry import invert, motion
+from auditor.model.optics.lenses import NO_LENS, Lens
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rig_of_camchain, survey, write_mcap
 from tests.making.perturbed_rigs import perturbed

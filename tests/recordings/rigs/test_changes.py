@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from auditor.model.frames import CameraImage, Frame, Message, Skipped
-from auditor.model.geometry import motion
+from auditor.model.optics.geometry import motion
 from auditor.model.rig import Rig
 from auditor.recordings import open_recording, rigs_in_force, schemas, survey, synchronise
 from auditor.recordings.parameters import CALIBRATION_CHANGES

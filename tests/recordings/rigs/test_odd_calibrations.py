@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auditor.errors import DecodingError
-from auditor.model.geometry import motion
+from auditor.model.optics.geometry import motion
 from auditor.recordings import check_rig, search_rigs
 from auditor.recordings.decoding import CameraInfo, Transform
 from auditor.recordings.decoding.geometry import checked_transforms, transform_of

@@ -9,7 +9,7 @@ from auditor.evaluation.object_baseline.detectors.described import CloudInput, C
 from auditor.evaluation.object_baseline.detectors.interface import SolidBox, SolidDetection
 from auditor.evaluation.object_baseline.detectors.networks import Network
 from auditor.evaluation.object_baseline.detectors.overlap import overlaps_on_ground
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 Points = NDArray[np.float32]
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 
 
 @dataclass(frozen=True)

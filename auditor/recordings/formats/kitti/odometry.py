@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from auditor.errors import DecodingError, RecordingError
-from auditor.model.geometry import Matrix
+from auditor.model.optics.geometry import Matrix
 from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.pictures import inspect_picture
 from auditor.recordings.formats.kitti.raw import (

@@ -17,7 +17,7 @@ import numpy as np
 
 from auditor.errors import RecordingError
 from auditor.model.frames import Message
-from auditor.model.geometry import Matrix, camera_centre, motion
+from auditor.model.optics.geometry import Matrix, camera_centre, motion
 from auditor.model.verdict import AttackLabel
 from auditor.recordings.content import Contents, FileContent
 from auditor.recordings.decoding.kitti import CALIBRATION, LIDAR_FRAME, OXTS, PICTURE, SCAN, TRANSFORMS, camera_frame

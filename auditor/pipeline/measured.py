@@ -1,4 +1,4 @@
-"""What becomes of a recording that is measured, and how this auditor measures."""
+"""A recording to be measured, what becomes of it, and how this auditor measures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

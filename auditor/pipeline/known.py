@@ -10,7 +10,7 @@ from pathlib import Path
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.measurement import Procedure
 from auditor.model.text import storable
-from auditor.pipeline.known.measured import Measured, MeasureTask, measured_of, procedure_by
+from auditor.pipeline.measured import Measured, MeasureTask, measured_of, procedure_by
 from auditor.recordings import Location, Origin, located
 from auditor.store import RecordingRecord, Sighting, Store
 from auditor.store.records import content_id

@@ -1,0 +1,94 @@
+"""Light of one colour that one of two colour cameras alone sees.
+
+All channels of a camera have one tone curve but for their gains, the white balance. So the curve is fitted to all of
+them together, and a gain to each: light of one colour is in a third of the samples, and hardly moves it however large
+it is. A curve for each channel would follow light that covers half of the image, and the other camera would seem to be
+lit outside.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from auditor.measurement.checks.tone_curve import tone_curve
+from auditor.measurement.colour_parameters import COLOURED_LIGHT
+from auditor.model.arrays import Floats32, Image, Mask
+
+_WHITE = 255
+_OFFSET = np.float32(COLOURED_LIGHT.offset)
+_EDGES = np.linspace(-COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.largest_gain, COLOURED_LIGHT.gain_bins + 1)
+_SMOOTH = np.ones(COLOURED_LIGHT.smoothed_bins)
+_ZERO = np.float32(0)
+_PURITY = np.float32(COLOURED_LIGHT.purity)
+
+
+class Channel(Protocol):
+    """One channel of two colour cameras, in the view of the reference."""
+
+    @property
+    def other(self) -> Image:
+        """(h, w) its levels in the source."""
+        ...
+
+    @property
+    def saturated(self) -> tuple[Mask, Mask]:
+        """(h, w) where it saturates in the reference, and in the source."""
+        ...
+
+    def samples(self, seen: Mask) -> tuple[Image, Image]:
+        """(M,) levels of the source and of the reference."""
+        ...
+
+    def residual(self, predicted: Image) -> Floats32:
+        """(h, w) by what share the reference lies above or below what is predicted."""
+        ...
+
+
+def coloured_light(channels: Sequence[Channel], seen: Mask) -> Floats32:
+    """(h, w) -1 to 1, + where the reference has light of one colour that the source does not have, - the reverse.
+
+    `channels` are blue, green and red, `seen` (h, w) is where both cameras see.
+    """
+    samples = [one.samples(seen) for one in channels]
+    curve = tone_curve(*(np.concatenate(levels) for levels in zip(*samples, strict=True)))
+    residuals = [
+        one.residual(np.asarray(cv2.LUT(one.other, _with_gain(curve, source, target)), dtype=np.uint8))
+        for one, (source, target) in zip(channels, samples, strict=True)
+    ]
+    return of_one_channel(*residuals) * ~_white([one.saturated for one in channels])
+
+
+def _white(saturated: Sequence[tuple[Mask, Mask]]) -> Mask:
+    """(h, w) where two channels of a camera saturate: what more light of one colour there is does not show."""
+    reference, source = zip(*saturated, strict=True)
+    return np.asarray(_two_of(*reference) | _two_of(*source))
+
+
+def _two_of(a: Mask, b: Mask, c: Mask) -> Mask:
+    return np.asarray((a & b) | ((a | b) & c))
+
+
+def of_one_channel(blue: Floats32, green: Floats32, red: Floats32) -> Floats32:
+    """What one of three residuals has beyond the two others, -1 to 1 of any shape.
+
+    Light of one colour leaves the others as they are, or brightens them a little. White light brightens all three, and
+    a match that shows another surface brightens one and darkens another: neither is light of one colour.
+    """
+    lower, upper = cv2.min(blue, green), cv2.max(blue, green)
+    highest, lowest, middle = cv2.max(upper, red), cv2.min(lower, red), cv2.max(lower, cv2.min(upper, red))
+    added, lacking = np.maximum(highest, _ZERO), np.maximum(-lowest, _ZERO)
+    own = added - _PURITY * (np.maximum(middle, _ZERO) + lacking)
+    others = lacking - _PURITY * (np.maximum(-middle, _ZERO) + added)
+    return np.asarray(np.clip(np.maximum(own, _ZERO) - np.maximum(others, _ZERO), -1, 1), dtype=np.float32)
+
+
+def _with_gain(curve: Image, source: Image, target: Image) -> Image:
+    """(256,) the curve with the gain of a channel: the most frequent one, of which light is no part."""
+    gains = np.log((target + _OFFSET) / (curve[source] + _OFFSET))
+    counts = np.convolve(np.histogram(gains, _EDGES)[0], _SMOOTH, mode="same")
+    usual = (_EDGES[:-1] + _EDGES[1:])[int(np.argmax(counts))] / 2
+    near = gains[np.abs(gains - usual) < COLOURED_LIGHT.near]
+    gain = np.exp(np.median(near)) if near.size else 1.0
+    return np.asarray(np.clip(np.rint((curve + _OFFSET) * gain - _OFFSET), 0, _WHITE), dtype=np.uint8)

@@ -1,0 +1,1 @@
+"""Geometry of cameras: lenses, poses, and the view that several cameras share."""

@@ -1,1 +1,0 @@
-"""What a store knows already: files that it read, and verdicts that would be the same."""
