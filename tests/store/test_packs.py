@@ -126,7 +126,7 @@ def test_a_recording_is_removed_of_a_packed_store_as_of_any_other(kept, folder, 
 
 def test_recordings_are_judged_again_and_measured_again_in_a_packed_store(folder):
     pack(Store.open(folder))
-    assert run(["judge", str(folder), "-r", "0.02"]) in {1, 3, 4}
+    assert run(["judge", str(folder), "-r", "0.02"]) in {0, 1, 3, 4}
     store = whole(folder)
     assert len(store.ids("judgements")) == 6
     assert {str(one.r) for one in store.current_judgements().values()} == {"0.02"}
@@ -181,7 +181,7 @@ def test_a_reader_that_found_a_file_reads_the_pack_where_it_went_meanwhile(folde
     pack(Store.open(folder))
     late = type(source)(source.path, lambda: found.append(1) or (path if len(found) == 1 else source.find()))
     monkeypatch.setattr(store, "source", lambda *_: late)
-    assert store.load_statistics(known).statistics.tolist() == before.statistics.tolist()
+    assert repr(store.load_statistics(known)) == repr(before)
     assert len(found) == 2
 
 
