@@ -46,6 +46,7 @@ PARAMETER_FILES = (
     "measurement/colour_parameters.py",
     "measurement/warning_parameters.py",
     "identification/parameters.py",
+    "identification/evidence_parameters.py",
     "identification/refresh_parameters.py",
     "identification/drift/parameters.py",
 )

@@ -7,9 +7,9 @@ from math import inf, sqrt
 
 import numpy as np
 
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Without, ascending
-from auditor.identification.parameters import INCIDENTS
 from auditor.identification.robust import FrameSeries, clean_peaks, judge_frames
 from auditor.identification.scores import CleanDrives, for_drive, thresholds_from
 from auditor.identification.statistics import NANOSECONDS

@@ -16,7 +16,8 @@ from math import ceil, log
 
 import numpy as np
 
-from auditor.identification.parameters import INCIDENTS, SCORE_LIMITS
+from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import NANOSECONDS
 from auditor.model.arrays import Flags, Floats, Integers

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.algorithm2 import FEWEST_COMPARED
-from auditor.identification.parameters import LIKELIHOOD, SCORE_LIMITS
+from auditor.identification.evidence_parameters import LIKELIHOOD
+from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices

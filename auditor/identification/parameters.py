@@ -6,6 +6,7 @@ above its threshold theta.
 
 from dataclasses import dataclass
 
+from auditor.identification.evidence_parameters import CURVES, INCIDENTS, LIKELIHOOD
 from auditor.model.parameter import BY_HAND, canonical_json, digest, parameter
 from auditor.model.parameters import (
     ADDED_LIGHT,
@@ -29,11 +30,6 @@ _LIT = "frames of three real drives and streets 2000 to 2011, under faculas, pat
 _TILTED = "benchmark prior; 0.5 between drives, not 0.37: of twelve vehicles one has a tilt that its drives must teach"
 _ONE_COLOUR = "lasers of one colour on three real drives, against benchmark benign (docs/attacks.md)"
 _BENIGN = "benchmarks benign and causes on real drives and streets (docs/causes.md)"
-_TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/incidents.md)"
-_TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
-_CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
-_AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
-_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053 and 5000 to 5041 (docs/incidents.md)"
 _RAIN = "chosen on drives 0009 and 0001 and streets 0 and 3 of each style (docs/causes.md)"
 _FEWER_BEAMS = "docs/decisions.md, a frame's own grid says how many points a window needs: 64, 32 and 16 beams tried"
 
@@ -170,84 +166,15 @@ class TemporalWindow:
     gap_periods: float = parameter(2.5, unit="median periods from which on a step is a gap", source=BY_HAND)
 
 
-_CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
-_OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
-
-
-@dataclass(frozen=True)
-class Incidents:
-    """The sequential test of attacked frames against clean ones."""
-
-    tail_rate: float = parameter(
-        0.01, unit="rate at which clean frames exceed the joint limit where their tail begins", source=_TAIL
-    )
-    tail_slope: float = parameter(2.5, unit="powers of e a z, by which clean frames are rarer beyond", source=_TAIL)
-    duty: float = parameter(
-        0.2,
-        unit="share of the frames that an attack changes",
-        source="a strobe of one frame in five",
-    )
-    most_of_a_frame: float = parameter(5.0, unit="log-likelihood ratio that a frame counts with at most", source=_TRIED)
-    correlation: float = parameter(0.33, unit="autocorrelation of clean evidence at once", source=_CORRELATED)
-    correlation_s: float = parameter(0.4, unit="s in which it falls by e", source=_CORRELATED)
-    quiet_s: float = parameter(1.0, unit="s without a rise, after which an incident has ended", source=BY_HAND)
-    quiet_frames: int = parameter(
-        5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
-    )
-    fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
-    per_hour: float = parameter(2.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
-    fewest_per_hour: float = parameter(
-        0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
-    )
-    peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
-    prior_peaks: float = parameter(4.0, unit="clean peaks beyond it, of the prior", source=_PEAKS)
-    prior_hours: float = parameter(0.05, unit="hours of clean driving, of the prior", source=_PEAKS)
-    prior_scale: float = parameter(0.55, unit="mean of what such peaks exceed it by", source=_PEAKS)
-    gap_s: float = parameter(
-        0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
-    )
-
-
 @dataclass(frozen=True)
 class Naming:
     """How sensors are named."""
 
     least_probability: float = parameter(
-        0.7, unit="posterior probability of a set, below which no sensor is named", source=_CURVES
+        0.7, unit="posterior probability of a set, below which no sensor is named", source=CURVES
     )
     most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
-
-
-@dataclass(frozen=True)
-class Likelihood:
-    """How likely an attack set makes what a frame shows, and how likely it was before."""
-
-    own_at: tuple[float, ...] = parameter(
-        (-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0), unit="z of an attacked sensor", source=BY_HAND
-    )
-    of_camera: tuple[float, ...] = parameter(
-        (-9.79, -5.78, -4.43, -2.96, -1.29, 0.29, 1.64, 2.23, 2.23, 2.23, 2.3), unit=_OF_CURVE, source=_CURVES
-    )
-    of_lidar: tuple[float, ...] = parameter(
-        (-5.78, -3.34, -2.56, -1.86, -1.18, -0.54, 0.87, 2.51, 5.03, 7.56, 14.3), unit=_OF_CURVE, source=_CURVES
-    )
-    rest_at: tuple[float, ...] = parameter(
-        (-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0),
-        unit="largest z of the others, less their limit",
-        source=BY_HAND,
-    )
-    of_rest: tuple[float, ...] = parameter(
-        (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=_CURVES
-    )
-    of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=_CURVES)
-    usual_r: float = parameter(0.01, unit="rate of the limit that the largest z is measured from", source=BY_HAND)
-    clean_worth: float = parameter(
-        460.0, unit="independent clean frames: the largest ratio that is said", source=_CURVES
-    )
-    attacked: float = parameter(0.5, unit="prior probability that a frame is attacked", source="stated; even odds")
-    further_sensor: float = parameter(0.2, unit="times the prior, for each sensor after the first", source="stated")
-    suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
 
 
 @dataclass(frozen=True)
@@ -358,9 +285,7 @@ SCORE_LIMITS = ScoreLimits()
 LOCALISED_FROM = LocalisedFrom()
 FAULT_SCALE = FaultScale()
 TEMPORAL_WINDOW = TemporalWindow()
-INCIDENTS = Incidents()
 NAMING = Naming()
-LIKELIHOOD = Likelihood()
 FAULT_SCORES = FaultScores()
 FAULT_HYPOTHESES = FaultHypotheses()
 LIGHT_OF_CAUSES = LightOfCauses()

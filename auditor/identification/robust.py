@@ -14,11 +14,11 @@ from itertools import chain
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, excursions
 from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
-from auditor.identification.parameters import INCIDENTS
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import runs_of

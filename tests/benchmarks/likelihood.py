@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from auditor.identification import likelihood, parameters
+from auditor.identification import evidence_parameters, likelihood, parameters
 from auditor.identification.algorithm2 import FEWEST_COMPARED
 from auditor.identification.likelihood import AttackSet, attack_sets, explained, log_likelihood_ratios, posteriors
 from auditor.identification.naming import attack_scores
@@ -167,7 +167,7 @@ def _shares(sets: Sequence[AttackSet], answers: Integers, weights: Floats) -> Fl
     return np.array([whole[kind] / kinds.count(kind) for kind in kinds])
 
 
-def fit(designs: Sequence[Design]) -> parameters.Likelihood:
+def fit(designs: Sequence[Design]) -> evidence_parameters.Likelihood:
     """The parameters with the curves that make these frames' sets likeliest."""
     curves = Curves()
     optimiser = torch.optim.LBFGS(curves.parameters(), max_iter=300, line_search_fn="strong_wolfe")
@@ -188,7 +188,7 @@ def fit(designs: Sequence[Design]) -> parameters.Likelihood:
     optimiser.step(loss)  # type: ignore[no-untyped-call]
     camera, lidar, rest = (tuple(round(v, 2) for v in one.tolist()) for one in curves.values())
     return replace(
-        parameters.LIKELIHOOD,
+        evidence_parameters.LIKELIHOOD,
         own_at=tuple(OWN_AT.tolist()),
         of_camera=camera,
         of_lidar=lidar,

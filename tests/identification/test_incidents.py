@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import (
     Event,
     Evidence,
@@ -14,7 +15,7 @@ from auditor.identification.incidents import (
     incident_limit,
     log_ratios,
 )
-from auditor.identification.parameters import INCIDENTS, SCORE_LIMITS
+from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.statistics import runs_of
 

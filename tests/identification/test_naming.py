@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auditor.identification.evidence_parameters import LIKELIHOOD
 from auditor.identification.naming import attack_scores, name_attacked
-from auditor.identification.parameters import LIKELIHOOD
 from auditor.identification.systems import System
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, sensor_checks_of
 from auditor.model.rig import Triple, triples_of

@@ -1,0 +1,82 @@
+"""How likely attack sets make what frames show, and the sequential test of incidents: what was fitted, and stated."""
+
+from dataclasses import dataclass
+
+from auditor.model.parameter import BY_HAND, parameter
+
+_TAIL = "the largest z of 540 clean frames of streets 2000 to 2053 (docs/incidents.md)"
+_TRIED = "streets 2000 to 2053 and attacked frames of three real drives: 4 to 6 tried (docs/incidents.md)"
+_CORRELATED = "clean frames of a real drive and of 21 streets at 10 Hz (docs/incidents.md)"
+_AIMED = "one in half an hour; one an hour loses five of 17 narrow walls of half a second (docs/incidents.md)"
+_PEAKS = "benchmark incident_series --fit: streets 2000 to 2053 and 5000 to 5041 (docs/incidents.md)"
+CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
+_OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
+
+
+@dataclass(frozen=True)
+class Incidents:
+    """The sequential test of attacked frames against clean ones."""
+
+    tail_rate: float = parameter(
+        0.01, unit="rate at which clean frames exceed the joint limit where their tail begins", source=_TAIL
+    )
+    tail_slope: float = parameter(2.5, unit="powers of e a z, by which clean frames are rarer beyond", source=_TAIL)
+    duty: float = parameter(
+        0.2,
+        unit="share of the frames that an attack changes",
+        source="a strobe of one frame in five",
+    )
+    most_of_a_frame: float = parameter(5.0, unit="log-likelihood ratio that a frame counts with at most", source=_TRIED)
+    correlation: float = parameter(0.33, unit="autocorrelation of clean evidence at once", source=_CORRELATED)
+    correlation_s: float = parameter(0.4, unit="s in which it falls by e", source=_CORRELATED)
+    quiet_s: float = parameter(1.0, unit="s without a rise, after which an incident has ended", source=BY_HAND)
+    quiet_frames: int = parameter(
+        5, unit="frames without a rise that it lasts at least", source="a strobe of one frame in five"
+    )
+    fewest_frames: int = parameter(2, unit="findings in an incident", source="one frame is no incident: definition")
+    per_hour: float = parameter(2.0, unit="false incidents an hour, where nothing else is asked for", source=_AIMED)
+    fewest_per_hour: float = parameter(
+        0.01, unit="false incidents an hour: fewer are taken for so many", source="no clean drives reach further"
+    )
+    peaks_from: float = parameter(0.3, unit="sum from which on the tail of clean peaks is fitted", source=_PEAKS)
+    prior_peaks: float = parameter(4.0, unit="clean peaks beyond it, of the prior", source=_PEAKS)
+    prior_hours: float = parameter(0.05, unit="hours of clean driving, of the prior", source=_PEAKS)
+    prior_scale: float = parameter(0.55, unit="mean of what such peaks exceed it by", source=_PEAKS)
+    gap_s: float = parameter(
+        0.5, unit="s that two events of one finding are apart at most, where they are one incident", source=BY_HAND
+    )
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How likely an attack set makes what a frame shows, and how likely it was before."""
+
+    own_at: tuple[float, ...] = parameter(
+        (-4.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 12.0), unit="z of an attacked sensor", source=BY_HAND
+    )
+    of_camera: tuple[float, ...] = parameter(
+        (-9.79, -5.78, -4.43, -2.96, -1.29, 0.29, 1.64, 2.23, 2.23, 2.23, 2.3), unit=_OF_CURVE, source=CURVES
+    )
+    of_lidar: tuple[float, ...] = parameter(
+        (-5.78, -3.34, -2.56, -1.86, -1.18, -0.54, 0.87, 2.51, 5.03, 7.56, 14.3), unit=_OF_CURVE, source=CURVES
+    )
+    rest_at: tuple[float, ...] = parameter(
+        (-8.0, -4.5, -3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 3.0, 4.5, 8.0),
+        unit="largest z of the others, less their limit",
+        source=BY_HAND,
+    )
+    of_rest: tuple[float, ...] = parameter(
+        (0.0, -0.11, -0.12, -0.12, -0.55, -2.0, -5.15, -8.63, -13.87, -19.1, -31.33), unit=_OF_CURVE, source=CURVES
+    )
+    of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=CURVES)
+    usual_r: float = parameter(0.01, unit="rate of the limit that the largest z is measured from", source=BY_HAND)
+    clean_worth: float = parameter(
+        460.0, unit="independent clean frames: the largest ratio that is said", source=CURVES
+    )
+    attacked: float = parameter(0.5, unit="prior probability that a frame is attacked", source="stated; even odds")
+    further_sensor: float = parameter(0.2, unit="times the prior, for each sensor after the first", source="stated")
+    suspects: int = parameter(6, unit="sensors that sets of several are made of", source="bounds the work")
+
+
+LIKELIHOOD = Likelihood()
+INCIDENTS = Incidents()
