@@ -8,6 +8,7 @@ from pathlib import Path
 
 from auditor.errors import StoreError
 from auditor.store.files import is_part, locked, write_whole
+from auditor.store.packs.index import FOLDER, INDEX
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.tables import newer_version
 
@@ -90,6 +91,8 @@ def move_upgraded(folder: Path) -> None:
         return
     new = folder / UPGRADED
     try:
+        (folder / INDEX).unlink(missing_ok=True)  # what was packed is in files of its own again
+        shutil.rmtree(folder / FOLDER, ignore_errors=True)
         for name in (*TABLES, "pictures"):
             if (new / name).is_dir():
                 if (folder / name).is_dir():

@@ -40,6 +40,12 @@ ROW_GROUP_BATCHES = 32
 """Batches in a row group; of tables whose rows hold whole grids it is one."""
 
 
+LEVEL = 3
+LEVEL_OF_GRIDS = 9
+"""Levels of zstd. At 9 grids, nine tenths of a store, take 9 % less room, and writing them 6 ms of CPU a frame more; at
+19 a fifth less and 150 ms. Differences along rows, or from frame to frame, save nothing beyond that."""
+
+
 class TableWriter:
     """Rows leave in row groups of so many batches of BATCH_ROWS, so memory stays bounded however many come."""
 
@@ -54,7 +60,7 @@ class TableWriter:
                 part.file,
                 schema.arrow,
                 compression="zstd",
-                compression_level=3,
+                compression_level=LEVEL_OF_GRIDS if schema.holds_grids else LEVEL,
                 use_dictionary=schema.dictionary_columns,
                 column_encoding=schema.encodings,
             )

@@ -188,6 +188,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--tables", nargs="*", default=[*OF_FRAMES[1:], "verdicts"], help="those that have rows")
     parser.add_argument("--verbs", nargs="*", default=["summary", "incidents", "calibrate", "judge"])
+    parser.add_argument("--pack", action="store_true", help="measure the verbs again in the packed store")
     parser.add_argument("--into", type=Path, help="keep the store in this folder")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
@@ -195,15 +196,28 @@ def main() -> None:
         for recordings in options.recordings:
             fill(folder, recordings - before, options.frames, options.tables, before)
             before = recordings
-            for verb, words in verbs(folder):
-                if verb in options.verbs:
-                    seconds, memory, code = cost(words)
-                    each = 1000 * seconds / (recordings * options.frames)
-                    print(
-                        f"{recordings:6} recordings {verb:10} {seconds:7.2f} CPU s, {each:.4f} ms a frame, "
-                        f"{memory:5.0f} MB, exit {code}",
-                        flush=True,
-                    )
+            _report(folder, recordings, options)
+            if options.pack:
+                print(f"{_size(folder)}; packing took {cost(['store', 'compact', str(folder)])[0]:.2f} CPU s")
+                print(_size(folder))
+                _report(folder, recordings, options)
+
+
+def _report(folder: Path, recordings: int, options: argparse.Namespace) -> None:
+    for verb, words in verbs(folder):
+        if verb in options.verbs:
+            seconds, memory, code = cost(words)
+            each = 1000 * seconds / (recordings * options.frames)
+            print(
+                f"{recordings:6} recordings {verb:10} {seconds:7.2f} CPU s, {each:.4f} ms a frame, "
+                f"{memory:5.0f} MB, exit {code}",
+                flush=True,
+            )
+
+
+def _size(folder: Path) -> str:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return f"{len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB"
 
 
 if __name__ == "__main__":

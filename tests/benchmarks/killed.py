@@ -1,7 +1,7 @@
 """kill -9 at drawn moments of commands on a store: `python -m tests.benchmarks.killed --count 50 [--only refresh]`.
 
-Scan, judge, calibrate, refresh, report and verify run once undisturbed, to know how long each takes; then they are
-killed at moments drawn from that time, every other time with all workers at once. After each kill the chains are whole
+Scan, judge, calibrate, refresh, report, compact and verify run once undisturbed, to know how long each takes; then they
+are killed at moments drawn from that time, every other time with all workers at once. After each kill the chains are whole
 or end in one open entry, verify finds no file that is not as it was written, one calibration is in force and can be
 read, and the next run closes what was open. Each refresh finds one clean drive more than the one before, so that it has
 a version to put in force. Prints what was found of each command.
@@ -42,13 +42,14 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "calibrate": ["calibrate", clean, "--measure-again", "--jobs", "1"],
         "refresh": ["refresh"],
         "report": ["report"],
+        "compact": ["store", "compact", str(folder / "audit")],
         "verify": ["verify", str(folder / "audit")],
     }
 
 
 def started(words: list[str], store: Path) -> subprocess.Popen[bytes]:
     """A command on a store, in a session of its own."""
-    where = [] if words[0] == "verify" else ["--store", str(store)]
+    where = [] if words[0] in {"verify", "store"} else ["--store", str(store)]
     command = [sys.executable, "-m", "auditor", *words, *where]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
 
@@ -136,7 +137,7 @@ def main() -> None:
             print(f"{number + 1:3} {verb:10} after {after_s:5.2f} s", flush=True)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             for words in commands(folder).values():
-                run([*words, *([] if words[0] == "verify" else ["--store", str(store.folder)])])
+                run([*words, *([] if words[0] in {"verify", "store"} else ["--store", str(store.folder)])])
         last = verify(store)
         print(f"after all commands once more: {[*map(str, last.problems)] or 'everything is as it was written'}")
     for verb, found in table.items():

@@ -55,6 +55,7 @@ def command(
     from auditor.pipeline.pictures.incident_pictures import picture_incidents  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.maintenance.relations import relate  # noqa: PLC0415
+    from auditor.store.packs.packing import pack_where_many  # noqa: PLC0415
 
     allowed = policy_of(policy)
     settings = judge_settings(store, **judging)  # a wrong calibration is refused before hours of measuring
@@ -82,4 +83,6 @@ def command(
                 for one in measured
             ]
         show_audit(kept, form, tally, {one.recording_id for one in measured}, judged, allowed)
+        if kept is not None and (packed := pack_where_many(kept)).files:
+            say(f"{store}: {packed.files} small files are {packed.packs} now, as by auditor store compact")
     return tally.exit_code()

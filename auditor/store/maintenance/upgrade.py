@@ -18,6 +18,7 @@ from auditor.errors import StoreError
 from auditor.store.files import close_to_others, finished, locked, make_folder
 from auditor.store.log import Kind, Output, output_of, run, this_program
 from auditor.store.marker import UPGRADED, UPGRADED_FROM, move_upgraded, older_version, read_marker, write_marker
+from auditor.store.packs.index import Packs, Part
 from auditor.store.schema import SCHEMA_VERSION, TABLES
 from auditor.store.store import MANIFESTS
 from auditor.store.tables import BATCH_ROWS, newer_version, write_rows
@@ -70,18 +71,20 @@ def upgrade(folder: Path, command: Sequence[str] | None = None) -> Upgraded | No
 def _write(old: Path, new: Path) -> Upgraded:
     """Write all tables and pictures, each into a folder of its own even where it is empty."""
     make_folder(new / "pictures")
-    for measurement_id in finished(old / "measurements"):
+    packs = Packs(old)
+    for measurement_id in _ids(old, packs, "measurements"):
         if (old / "pictures" / measurement_id).is_dir():
             shutil.copytree(old / "pictures" / measurement_id, new / "pictures" / measurement_id)
     for table in sorted(TABLES, key=lambda table: table not in MANIFESTS):  # a row names the files that it finishes
         make_folder(new / table)
-        for row_id in _finished(old, table):
-            rows = _rows(old / table / f"{row_id}.parquet")
+        for row_id in _finished(old, packs, table):
+            path = old / table / f"{row_id}.parquet"
+            rows = _rows(path if path.is_file() else packs.part(table, row_id) or path)
             if table in MANIFESTS.values():
                 rows = ({**row, "outputs": _outputs(new, table, row_id)} for row in rows)
             write_rows(table, new / table / f"{row_id}.parquet", rows)
         if table in MANIFESTS and not (old / table).is_dir():  # what was not kept then is empty
-            for row_id in finished(old / MANIFESTS[table]):
+            for row_id in _ids(old, packs, MANIFESTS[table]):
                 write_rows(table, new / table / f"{row_id}.parquet", ())
     count = {table: len(finished(new / table)) for table in TABLES}
     parts = count["evaluations"] + count["object_evaluations"]
@@ -102,19 +105,30 @@ def _finished_outputs(new: Path) -> list[Output]:
     return [output_of(path, new) for table in tables for path in sorted((new / table).glob("*.parquet"))]
 
 
-def _finished(old: Path, table: str) -> list[str]:
-    """The ids of a table's finished files: those that its manifest names, too, where it has one."""
+def _ids(old: Path, packs: Packs, table: str) -> list[str]:
+    """The ids of a table that have a file of their own, or rows in a pack."""
+    return sorted(packs.ids(table).union(finished(old / table)))
+
+
+def _finished(old: Path, packs: Packs, table: str) -> list[str]:
+    """The ids of a table's finished rows: those that its manifest names, too, where it has one."""
     manifest = MANIFESTS.get(table)
-    known = set(finished(old / manifest)) if manifest else None
-    return [row_id for row_id in finished(old / table) if known is None or row_id in known]
+    known = set(_ids(old, packs, manifest)) if manifest else None
+    return [row_id for row_id in _ids(old, packs, table) if known is None or row_id in known]
 
 
-def _rows(path: Path) -> Iterator[_Row]:
-    """The rows of an old file, marked with this version where rows carry one. Raises StoreError."""
+def _rows(place: Path | Part) -> Iterator[_Row]:
+    """The rows of an old file, or of an id in a pack, marked with this version where rows carry one.
+
+    Raises StoreError.
+    """
+    path, groups = (place.path, [place.group]) if isinstance(place, Part) else (place, None)
     try:
         with pq.ParquetFile(path) as file:
-            for batch in file.iter_batches(batch_size=BATCH_ROWS):
+            for batch in file.iter_batches(batch_size=BATCH_ROWS, row_groups=groups) if groups != [None] else ():
                 for row in batch.to_pylist(maps_as_pydicts="strict"):
+                    if isinstance(place, Part) and row[place.column] != place.row_id:
+                        continue
                     yield {**row, "schema_version": SCHEMA_VERSION} if "schema_version" in row else row
     except (OSError, pa.ArrowException) as error:
         raise StoreError(f"it is no readable Parquet file ({error})", where=path) from error

@@ -33,6 +33,9 @@ SMALL_BYTES = 1 << 20
 PACK_BYTES = 64 << 20
 """The bytes of the files that a pack is made of, about; one of less than half of it is made anew with what is new."""
 
+MANY_FILES = 2000
+"""So many small files are packed after a scan: it takes some seconds, and questions take as much less each time."""
+
 GROUP_ROWS, GROUP_MEMBERS = 4096, 64
 """A row group is closed with so many rows, or ids: those of one id are read without those of many others."""
 
@@ -76,6 +79,11 @@ def pack(store: Store, least: int = 2) -> Packed:
             done = Packed(done.files + of_table.files, done.packs + of_table.packs, done.left + of_table.left)
         _remove_unread(store, entry)
     return done
+
+
+def pack_where_many(store: Store) -> Packed:
+    """Pack the small files of a store where many have gathered. Raises StoreError."""
+    return pack(store) if small_files(store) >= MANY_FILES else Packed()
 
 
 def small_files(store: Store) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 from auditor import __version__
 from auditor.store.connection import LARGE, all_macros, connected, in_order
 from auditor.store.marker import MARKER
-from auditor.store.packs.index import FOLDER, INDEX, PACKED
+from auditor.store.packs.index import FOLDER, INDEX, MEMBERS, PACKED
 from auditor.store.schema import ID_COLUMNS, SCHEMA_VERSION, TABLES, TableSchema, table_schema
 from auditor.store.sql_files import views
 from auditor.store.views.comments import comments, literal
@@ -70,7 +70,7 @@ def _stored(schema: TableSchema) -> str:
     query = f"SELECT {columns} FROM query({source})"  # noqa: S608 - our own names
     lines = [
         f"-- {schema.sentence}",
-        *([f"SET VARIABLE {files}_packs = ({_packs(schema)});"] if schema.name in PACKED else []),
+        *(_packs(schema) if schema.name in PACKED else ()),
         f"SET VARIABLE {files} = ({_of_manifest(schema, manifest) if manifest else _in_folder(schema)});",
         *([f"SET VARIABLE {mixed} = ({_differ(manifest)});"] if manifest else []),
         f"CREATE OR REPLACE TEMP {what} stored_{schema.name} AS {query};",
@@ -78,41 +78,53 @@ def _stored(schema: TableSchema) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _packs(schema: TableSchema) -> str:
-    """The packs of a table."""
+def _packs(schema: TableSchema) -> Iterator[str]:
+    """The packs of a table, the ids that they have rows of, and those that count no longer."""
+    packs = f"auditor_{schema.name}_packs"
     path = f"{_variable('auditor_pattern')} || '/{FOLDER}/{schema.name}/' || id || '.parquet'"
-    return f"SELECT list({path}) FROM auditor_index WHERE what = 'pack' AND of = '{schema.name}'"  # noqa: S608
+    of_table = f"FROM query({_variable('auditor_index')}) WHERE of = '{schema.name}'"
+    read = f"FROM parquet_kv_metadata(getvariable('{packs}')) WHERE decode(key) = '{MEMBERS.decode()}'"
+    ids = f"SELECT unnest(regexp_extract_all(decode(value), '\\[\"([0-9a-f]+)\"', 1)) AS id {read}"
+    nothing = "SELECT NULL::VARCHAR AS id WHERE false"
+    yield f"SET VARIABLE {packs} = (SELECT list({path}) {of_table} AND what = 'pack');"
+    yield f"SET VARIABLE {packs}_removed = (SELECT list(id) {of_table} AND what = 'removed');"
+    chosen = f"CASE WHEN len({_variable(packs)}) > 0 THEN {literal(ids)} ELSE {literal(nothing)} END"
+    yield f"SET VARIABLE {packs}_read = (SELECT {chosen});"
+    yield f"SET VARIABLE {packs}_ids = (SELECT list(id) FROM query({_variable(f'{packs}_read')}));"  # noqa: S608
 
 
 def _counts(schema: TableSchema, manifest: str | None) -> str:
     """The condition that rows of packs count: they were not removed, and have no file of their own by now."""
     row_id, alone = ID_COLUMNS[schema.name], _variable(f"auditor_{schema.name}")
-    removed = f"(SELECT id FROM auditor_index WHERE what = 'removed' AND of = '{schema.name}')"  # noqa: S608
+    removed = f"coalesce({_variable(f'auditor_{schema.name}_packs_removed')}, [])"
     finished = f" AND {row_id} IN (SELECT {row_id} FROM stored_{manifest})" if manifest else ""  # noqa: S608
     return (
-        f"{row_id} NOT IN {removed}{finished}"
+        f"NOT list_contains({removed}, {row_id}){finished}"
         f" AND NOT list_contains([parse_filename(one, true) FOR one IN coalesce({alone}, [])], {row_id})"
     )
 
 
 def _of_manifest(schema: TableSchema, manifest: str) -> str:
-    """The files of a table that the rows of a manifest name; of packed tables those that are not in packs."""
+    """The files of a table that the rows of a manifest name; of packed tables those that are not in packs alone."""
     row_id = ID_COLUMNS[schema.name]
-    if schema.name in PACKED:
-        ids = f"(SELECT {row_id} FROM stored_{manifest})"  # noqa: S608 - our own names
-        return f"{_in_folder(schema)} AND parse_filename(file, true) IN {ids}"
     path = f"{_variable('auditor_pattern')} || '/{schema.name}/' || {row_id} || '.parquet'"
-    return f"SELECT list({path} ORDER BY {row_id}) FROM stored_{manifest}"  # noqa: S608 - our own names
+    wanted = ""
+    if schema.name in PACKED:
+        packed = f"coalesce({_variable(f'auditor_{schema.name}_packs_ids')}, [])"
+        own = f"SELECT parse_filename(file, true) {_found_in_folder(schema)}"
+        wanted = f" WHERE NOT list_contains({packed}, {row_id}) OR {row_id} IN ({own})"
+    return f"SELECT list({path} ORDER BY {row_id}) FROM stored_{manifest}{wanted}"  # noqa: S608 - our own names
 
 
 def _in_folder(schema: TableSchema) -> str:
     """The files of a table that are whole where they are there."""
-    folder = f"{_variable('auditor_pattern')} || '/{schema.name}/"
-    path = f"{folder}' || parse_filename(file, true) || '.parquet'"
-    return (
-        f"SELECT list({path} ORDER BY file) FROM glob({folder}*.parquet')"  # noqa: S608 - our own names
-        f" WHERE regexp_full_match(parse_filename(file, true), '{_IDS}')"
-    )
+    path = f"{_variable('auditor_pattern')} || '/{schema.name}/' || parse_filename(file, true) || '.parquet'"
+    return f"SELECT list({path} ORDER BY file) {_found_in_folder(schema)}"
+
+
+def _found_in_folder(schema: TableSchema) -> str:
+    folder = f"{_variable('auditor_pattern')} || '/{schema.name}/*.parquet'"
+    return f"FROM glob({folder}) WHERE regexp_full_match(parse_filename(file, true), '{_IDS}')"
 
 
 def _differ(manifest: str) -> str:
@@ -131,7 +143,6 @@ SET VARIABLE auditor_index = (
         ELSE 'SELECT NULL::VARCHAR AS what, NULL::VARCHAR AS of, NULL::VARCHAR AS id WHERE false'
     END FROM glob(getvariable('auditor_pattern') || '/{INDEX}')
 );
-CREATE OR REPLACE TEMP TABLE auditor_index AS FROM query(getvariable('auditor_index'));
 """  # noqa: S608 - our own names
 _PICTURES = """\
 CREATE OR REPLACE TEMP TABLE stored_pictures AS
