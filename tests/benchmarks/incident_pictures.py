@@ -24,7 +24,8 @@ from auditor.lab.attacks.catalogue import ON_CAMERA, ON_LIDAR, Drawing
 from auditor.model.frames import Frame
 from auditor.model.pictures import Content
 from auditor.model.rig import LIDAR, Rig
-from auditor.pipeline.measure import MeasureTask, measure_recording
+from auditor.pipeline.measure import measure_recording
+from auditor.pipeline.measured import MeasureTask
 from auditor.pipeline.pictures.at_hand import location_of
 from auditor.pipeline.pictures.incident_pictures import PictureTask, picture_frames
 from auditor.recordings import write_mcap

@@ -18,9 +18,9 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
-from auditor.identification.evidence_parameters import INCIDENTS
 
 from auditor.identification.cross_validation import count_incidents, hours_of
+from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.incidents import evidence_of, excursions, frame_worth
 from auditor.identification.naming import attack_scores
 from auditor.identification.prior import joint_limit
