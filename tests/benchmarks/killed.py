@@ -1,10 +1,10 @@
 """kill -9 at drawn moments of commands on a store: `python -m tests.benchmarks.killed --count 50 [--only refresh]`.
 
-Scan, judge, calibrate, refresh, report, compact and verify run once undisturbed, to know how long each takes; then they
-are killed at moments drawn from that time, every other time with all workers. After each kill the chains are whole
-or end in one open entry, verify finds no file that is not as it was written, one calibration is in force and can be
-read, and the next run closes what was open. Each refresh finds one clean drive more than the one before, so that it has
-a version to put in force. Prints what was found of each command.
+Scan, judge, calibrate, refresh, report, compact and verify run once undisturbed, to know how long each takes; then
+they are killed at moments drawn from that time, every other time with all workers at once. After each kill the chains
+are whole or end in one open entry, verify finds no file that is not as it was written, one calibration is in force
+and can be read, and the next run closes what was open. Each refresh finds one clean drive more than the one before,
+so that it has a version to put in force. Prints what was found of each command.
 """
 
 import argparse
