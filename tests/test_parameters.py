@@ -79,6 +79,11 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
         "the 95 % quantile and Wilson's formula; nanoseconds",
     ),
     "identification/paper.py": ((3,), "N - 3"),
+    "identification/prior.py": ((4,), "the four values of a drive"),
+    "identification/drift/series.py": (
+        (0.6744897501960817, 4),
+        "the median of |x| of a normal distribution; the bias of a correlation of few values",
+    ),
     "identification/refreshing/clustered.py": ((1.959963984540054, 100), "the 95 % quantile; percent"),
     "identification/refreshing/two_samples.py": (
         (1.4826, 3, 8),

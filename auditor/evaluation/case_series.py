@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from auditor.identification.causes.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.faults import LONGEST_WINDOW_S, MIN_FRAMES, ObservedFeatures, fault_scores, frozen
 from auditor.identification.robust import FrameSeries
 from auditor.identification.statistics import runs_of, window_bounds
 from auditor.identification.systems import System

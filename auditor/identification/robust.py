@@ -14,10 +14,10 @@ from itertools import chain
 import numpy as np
 
 from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.causes.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
+from auditor.identification.causes.light_causes import seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
-from auditor.identification.faults import fault_hypotheses, frozen, is_finding, weigh, z_of
 from auditor.identification.incidents import Event, Evidence, apart, events, evidence_of, excursions
-from auditor.identification.light_causes import seen_of
 from auditor.identification.naming import attack_scores, name_attacked
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores

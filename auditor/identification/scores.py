@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from auditor.identification.faults import TONES, faults_of
+from auditor.identification.causes.faults import TONES, faults_of
 from auditor.identification.incidents import incident_limit
 from auditor.identification.order_statistics import Without, ascending
 from auditor.identification.parameters import FAULT_SCALE, LOCALISED_FROM, SCORE_LIMITS

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores
+from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores
 from auditor.model.arrays import Floats
 from auditor.model.calibration import Calibration, CleanFrames
 from auditor.model.checks import OF_LIDAR, Pair, SensorCheck, rig_sensor_checks

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from auditor import __version__
 from auditor.errors import SettingError, ThresholdsError
 from auditor.identification.algorithm2 import sensors_where
+from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, frozen
 from auditor.identification.cross_validation import clean_hours, robust_thresholds
-from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, frozen
 from auditor.identification.marks import MACHINE, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.parameters import SCORE_LIMITS, judging_digest, judging_settings

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.scores import thresholds_from
 from auditor.identification.statistics import sensor_statistics

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auditor.identification.faults import ObservedFeatures, fault_scores
+from auditor.identification.causes.faults import ObservedFeatures, fault_scores
 from auditor.identification.paper import judge_frames as judge_by_paper
 from auditor.identification.robust import FrameSeries, judge_frames
 from auditor.identification.scores import for_drive, thresholds_from

@@ -6,7 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from auditor.identification.faults import SCORED, ObservedFeatures, fault_scores, faults_of
+from auditor.identification.causes.faults import SCORED, ObservedFeatures, fault_scores, faults_of
 from auditor.identification.marks import OPENCV, OPENCV_CPU, for_sparser_lidar, halvings_of_points, marks_of
 from auditor.identification.scores import TONES, thresholds_from
 from auditor.model.calibration import PRIOR, Calibration, CleanFrames, Marks, prior_calibration

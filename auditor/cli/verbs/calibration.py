@@ -228,7 +228,7 @@ def quarantine(store: Path, form: str) -> None:
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store import Store, rows_of, run_query  # noqa: PLC0415 - keeps --help quick
 
-    found = run_query(Store.open(store), "quarantine", {})
+    found = run_query(Store.open(store), "quarantined", {})
     if form != "table":
         emit(found, form)
     elif rows := rows_of(found):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auditor.identification.light_causes import Seen, by_tone, of_lens
+from auditor.identification.causes.light_causes import Seen, by_tone, of_lens
 from auditor.identification.parameters import (
     FAULT_HYPOTHESES,
     FAULT_SCALE,

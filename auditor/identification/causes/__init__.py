@@ -1,0 +1,1 @@
+"""Causes that are not attacks: their scores, and when one explains a finding."""
