@@ -41,9 +41,9 @@ def test_the_notebook_shows_the_incidents_of_the_program(told):
     store, (summary, incidents, longest, _, pictures) = told
     assert all(name in texts(summary) for name in ("a.mcap", "b.mcap", "S_1 right"))
     found = run_query(store, "incidents").to_pylist()
-    assert [row["frames"] for row in found] == [8, 13]
+    assert [row["frames"] for row in found] == [10, 15]
     assert all(row["incident_id"] in texts(incidents) for row in found)
-    assert texts(longest) == "13 frames of b.mcap\n"
+    assert texts(longest) == "15 frames of b.mcap\n"
     assert "12_S" in texts(pictures)
 
 

@@ -182,7 +182,7 @@ def _show_usage(error: click.ClickException) -> None:
     """What click says of a command line; names of files may stand in it."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     if context is not None and not is_json():
-        click.echo(context.get_usage(), err=True)
+        say(context.get_usage())
         say(f"Try '{context.command_path} --help' for help.")
     write(f"Error: {error.format_message()}", Level.ERROR)
 

@@ -47,7 +47,7 @@ CAMERA_CHECKS = (Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.PHOTOMETRIC_INCON
 IMAGE_CHECKS = (*CAMERA_CHECKS, Check.COLOURED_LIGHT)
 """All checks that are counted in the images of camera pairs."""
 
-ADDED_LATER = frozenset({Check.COLOURED_LIGHT})
+ADDED_LATER = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS})
 """Those at the end of every list of sensor checks that measurements of earlier versions lack."""
 
 SIGNED_CHECKS = frozenset({Check.ADDED_LIGHT, Check.COLOURED_LIGHT})

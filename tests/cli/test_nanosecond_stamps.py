@@ -18,7 +18,7 @@ from tests.making.small_drives import PERIOD_NS, write_drive
 START_NS = 1_317_042_145_964_389_445
 ATTACKED = {2: range(5, 12)}
 FROM_UTC = "2011-09-26T13:02:26.464389445Z"
-PARAMETERS = {"frame": ["frame=7"], "vehicle": ["vehicle=car 7"]}
+PARAMETERS = {"frame": ["frame=7"], "vehicle": ["vehicle=car 7"], "before_after": ["day=2011-09-26"]}
 FORMATS = ("table", "json", "csv", "parquet")
 
 

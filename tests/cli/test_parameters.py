@@ -7,6 +7,7 @@ import json
 import pytest
 
 from auditor.cli import run
+from auditor.identification.drift.parameters import DRIFTING
 from auditor.identification.parameters import JUDGING
 from auditor.identification.refresh_parameters import REFRESHING
 from auditor.measurement.parameters import MEASURING
@@ -14,7 +15,7 @@ from auditor.measurement.warning_parameters import WARNING
 from auditor.model.parameter import list_parameters
 from auditor.recordings.parameters import FINDING_FILES, PLACING, RIG_FINDING, SYNCHRONISING
 
-GROUPS = (FINDING_FILES, RIG_FINDING, SYNCHRONISING, PLACING, MEASURING, WARNING, JUDGING, REFRESHING)
+GROUPS = (FINDING_FILES, RIG_FINDING, SYNCHRONISING, PLACING, MEASURING, WARNING, JUDGING, REFRESHING, DRIFTING)
 EVERY = list_parameters(*(one for group in GROUPS for one in group))
 
 
@@ -32,7 +33,7 @@ def test_json_has_every_parameter_once_for_what_it_changes(capfd: pytest.Capture
     assert (json.loads(error["value"]), error["unit"]) == (3.0, "px of disparity")
     assert "paper, Eq. 2" in error["source"]
     assert by_name["verdicts", "joint_tail", "smallest_r"]["value"] == "1e-05"
-    changed = {"recordings", "rigs", "frames", "places", "counts", "warnings", "verdicts", "refreshes"}
+    changed = {"recordings", "rigs", "frames", "places", "counts", "warnings", "verdicts", "refreshes", "drift"}
     assert changed == {row["changes"] for row in rows}
 
 

@@ -114,6 +114,7 @@ def test_without_the_leftmost_of_three_cameras_the_other_two_are_compared_with_t
     assert [counts is not None for counts in measurement.counts] == [False, False, False, True]
     assert set(measurement.cells) == {
         CountedPair(Check.LIDAR_CONFLICT, 1, 2, 0),
+        CountedPair(Check.LOST_RETURNS, 1, 2, 0),
         *(
             CountedPair(check, 1, 2, camera)
             for check in (Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY)

@@ -78,7 +78,7 @@ def test_judge_answers_in_every_format(method: str, form: str, verbs: Audit):
 
 @pytest.mark.parametrize(("name", "form"), list(zip((known.name for known in list_queries()), cycle(FORMATS))))
 def test_every_query_answers(name: str, form: str, verbs: Audit):
-    needed = {"frame": ["frame=7"], "vehicle": ["vehicle=van"]}
+    needed = {"frame": ["frame=7"], "vehicle": ["vehicle=van"], "before_after": ["day=2026-03-04"]}
     answer = verbs("query", name, *needed.get(name, []), "--format", form)
     assert answer.code == Exit.CLEAN
     assert answer.out
