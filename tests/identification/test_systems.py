@@ -33,7 +33,9 @@ def test_where_all_are_there_each_sensor_is_judged_once_by_all_the_others():
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),
     }
-    assert one.judged_together == 1 + 4 * 3 + 2 + 6, "and the six pairs; light of one colour does not count"
+    assert one.judged_together == 1 + 4 * 3 + 2 + 6, (
+        "and the six pairs; light of one colour and lost returns do not count"
+    )
 
 
 def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
