@@ -1,5 +1,6 @@
 """The paper's experiments on clean recordings: frames are attacked in memory, measured, judged and kept in a store."""
 
+from auditor.evaluation.missed import keep_missed
 from auditor.evaluation.runner import Evaluated, EvaluateTask, Task, evaluate_source, experiments_of
 from auditor.evaluation.sources import Recorded, Source, Street
 from auditor.evaluation.verdicts import judge_cases
@@ -14,4 +15,5 @@ __all__ = [
     "evaluate_source",
     "experiments_of",
     "judge_cases",
+    "keep_missed",
 ]

@@ -14,6 +14,7 @@ from typing import Any
 from auditor import __version__
 from auditor.errors import RigError
 from auditor.evaluation.attacked_frame import AttackedFrame, InTime
+from auditor.evaluation.attacks import parameters_of
 from auditor.evaluation.chunks import Chunks, all_finished
 from auditor.evaluation.experiments import (
     EXPERIMENTS,
@@ -68,10 +69,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """The work done for a task: the numbers of frames and cases that were measured in this run."""
+    """The work done for a task: the numbers of frames and cases that were measured in this run, and of what."""
 
     frames: int
     cases: int
+    recordings: frozenset[str] = frozenset()
 
     @property
     def fresh(self) -> bool:
@@ -111,7 +113,7 @@ class Run(ABC):
         """Evaluate the chunks that are not finished. Raises RecordingError, RigError and StoreError."""
         _check(self._drive.rig, self._task.source)
         if self._finished():
-            return Evaluated(0, 0)
+            return Evaluated(0, 0, frozenset([self._drive.recording_id]))
         with logged(self._store.folder) as entry:
             entry.used("recording", self._drive.recording_id, self._drive.name)
             self._store.write_rig(self._drive.rig)
@@ -119,7 +121,7 @@ class Run(ABC):
         for chunk, frames in chunks:
             if chunk % self._task.of == self._task.share:
                 self._evaluate_chunk(chunk, frames, chunks, progress)
-        return Evaluated(self._frames, self._cases)
+        return Evaluated(self._frames, self._cases, frozenset([self._drive.recording_id]))
 
     def shared_columns(self, experiment: Experiment, chunk: int) -> dict[str, Any]:
         """The columns that identify a part, whatever its kind."""
@@ -242,7 +244,8 @@ def evaluate_source(task: EvaluateTask, progress: Progress) -> Evaluated:
 def together(parts: Iterable[Evaluated]) -> Evaluated:
     """The work done for all rigs of a source."""
     done = list(parts)
-    return Evaluated(sum(one.frames for one in done), sum(one.cases for one in done))
+    of = frozenset(recording for one in done for recording in one.recordings)
+    return Evaluated(sum(one.frames for one in done), sum(one.cases for one in done), of)
 
 
 class _Run(Run):
@@ -269,7 +272,7 @@ class _Run(Run):
                 strength=case.strength,
                 size=case.size,
                 visible_share=case.visible_share,
-                parameters={f"S_{s}": {"attack": a.name, **a.parameters} for s, a in sorted(case.attacks.items())},
+                parameters=parameters_of(case.attacks),
                 counts=attacked_frame.counts(case.attacks, triples),
                 statistics=attacked_frame.statistics(case.attacks, triples),
                 features=self._features.of(now, experiment, draw, case),

@@ -64,7 +64,7 @@ def judged(cases: Cases) -> Iterator[tuple[str, CaseVerdict]]:
             for left_out, learnt in thresholds(block).items():
                 for place, verdict in zip(chosen, judge_frames(series, system, learnt, only=rows), strict=True):
                     known = cases.known[place]
-                    yield known.evaluation_id, _kept(known, verdict, sensors, left_out, learnt.drives)
+                    yield known.evaluation_id, _kept(known, verdict, sensors, left_out, learnt)
 
 
 def systems(rig: Rig) -> tuple[tuple[int, ...], ...]:
@@ -144,7 +144,9 @@ def _is_judged(case: Known, sensors: tuple[int, ...], rig: Rig) -> bool:
     return case.experiment != "combinations" or len(case.attacked) <= len(sensors) - 3
 
 
-def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str, drives: int) -> CaseVerdict:
+def _kept(
+    case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str, learnt: RobustThresholds
+) -> CaseVerdict:
     incident = verdict.finding if verdict.in_incident else None
     return CaseVerdict(
         frame=case.frame,
@@ -156,11 +158,19 @@ def _kept(case: Known, verdict: Verdict, sensors: tuple[int, ...], left_out: str
         size=case.size,
         system=sensors,
         left_out=left_out,
-        drives=drives,
+        drives=learnt.drives,
         verdict=verdict.kind,
         identified=verdict.attacked if verdict.kind is VerdictKind.ATTACKED else (),
         window_kind=incident and incident.kind,
         window_named=incident.attacked if incident else (),
         event=incident and incident.event,
         causes=verdict.causes,
+        largest_z=_largest_z(verdict, learnt.limit),
+        limit_z=learnt.limit,
     )
+
+
+def _largest_z(verdict: Verdict, limit: float) -> float | None:
+    """The largest z of a clean frame, which stays below the limit by the verdict's gap."""
+    below = verdict.gap if verdict.kind is VerdictKind.CLEAN else None
+    return None if below is None or not np.isfinite(below) else limit - below

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from dataclasses import KW_ONLY, asdict, dataclass
 from datetime import datetime
 from decimal import Decimal
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 from auditor.model.measurement import EXPERIMENTS_VERSION, Counts, Procedure
 from auditor.model.verdict import FaultHypothesis, VerdictKind
-from auditor.store.log import Output
+from auditor.store.log import Output, logged
 from auditor.store.records import content_id, to_utc
 from auditor.store.schema import SCHEMA_VERSION
 from auditor.store.store import Store
@@ -224,6 +224,8 @@ class CaseVerdict:
     window_named: tuple[int, ...] = ()
     event: int | None = None
     causes: tuple[FaultHypothesis, ...] = ()
+    largest_z: float | None = None
+    limit_z: float | None = None
 
 
 def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[CaseVerdict]) -> None:
@@ -244,6 +246,51 @@ def write_case_verdicts(store: Store, evaluation_id: str, verdicts: Iterable[Cas
         for one in verdicts
     )
     store.write("case_verdicts", evaluation_id, rows)
+
+
+CaseKey = tuple[str, int, int, tuple[int, ...], str | None, str | None, float | None]
+"""A case of an evaluation: its part's id, frame, draw, attacked sensors, attack, strength and size."""
+
+
+def case_key(row: Mapping[str, Any]) -> CaseKey:
+    """The case that a row tells of, which has the columns of a key."""
+    attacked = tuple(row["attacked"])
+    return row["evaluation_id"], row["frame"], row["draw"], attacked, row["attack"], row["strength"], row["size"]
+
+
+@dataclass(frozen=True)
+class MissedPicture:
+    """What was attacked in a missed case, as a JPEG; `reason` says why there is none."""
+
+    case: CaseKey
+    jpeg: bytes | None
+    reason: str | None = None
+
+    def row(self) -> Row:
+        """Its columns."""
+        names = ("evaluation_id", "frame", "draw", "attacked", "attack", "strength", "size")
+        case = dict(zip(names, self.case, strict=True))
+        return {**case, "attacked": list(self.case[3]), "jpeg": self.jpeg, "reason": self.reason}
+
+
+def write_missed_pictures(store: Store, pictures: Sequence[MissedPicture]) -> None:
+    """Keep the pictures of missed cases, in place of all earlier ones. Raises StoreError."""
+    by_part: dict[str, list[Row]] = {earlier: [] for earlier in store.ids("missed_pictures")}
+    for picture in pictures:
+        by_part.setdefault(picture.case[0], []).append(picture.row())
+    with logged(store.folder):
+        for evaluation_id, rows in by_part.items():
+            store.write("missed_pictures", evaluation_id, rows)
+
+
+def missed_pictures(store: Store) -> dict[CaseKey, MissedPicture]:
+    """The pictures of missed cases that are kept. Raises StoreError."""
+    rows = (
+        row
+        for evaluation_id in store.ids("missed_pictures")
+        for row in read_rows("missed_pictures", store.source("missed_pictures", evaluation_id))
+    )
+    return {case_key(row): MissedPicture(case_key(row), row["jpeg"], row["reason"]) for row in rows}
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ TABLES = (
     "evaluations",
     "cases",
     "case_verdicts",
+    "missed_pictures",
     "object_evaluations",
     "object_cases",
 )
@@ -59,7 +60,10 @@ ID_COLUMNS = {
     "judgements": "judgement_id",
     "verdicts": "judgement_id",
     **dict.fromkeys(("measurements", "frames", "cells", "fault_features", "regions", "poses"), "measurement_id"),
-    **dict.fromkeys(("evaluations", "cases", "case_verdicts", "object_evaluations", "object_cases"), "evaluation_id"),
+    **dict.fromkeys(
+        ("evaluations", "cases", "case_verdicts", "missed_pictures", "object_evaluations", "object_cases"),
+        "evaluation_id",
+    ),
 }
 """By table: the column that has the id of the file."""
 

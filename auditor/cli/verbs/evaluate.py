@@ -100,11 +100,21 @@ def command(
     auditor evaluate clean_logs/*.mcap --matcher psmnet --weights network/psmnet.safetensors
 
     Faculas (mild, strong, opaque) and bogus walls, on one sensor, two and three, then stripes, hidden sectors, delays
-    and displaced sensors; nothing is written but counts. What is finished is not measured again. auditor report
-    evaluation writes the page, the evaluation queries answer the rest; evaluation_objects says how often objects that
-    sensors see do not match. Evaluations with several matchers in one store are shown beside one another.
+    and displaced sensors; nothing is written but counts, and pictures of at most six attacks that were missed. What is
+    finished is not measured again. auditor report evaluation writes the page, the evaluation queries answer the rest;
+    evaluation_objects says how often objects that sensors see do not match. Evaluations with several matchers in one
+    store are shown beside one another.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
-    from auditor.evaluation import EvaluateTask, Recorded, Street, Task, evaluate_source, experiments_of, judge_cases  # noqa: PLC0415 - heavy
+    from auditor.evaluation import (  # noqa: PLC0415 - heavy
+        EvaluateTask,
+        Recorded,
+        Street,
+        Task,
+        evaluate_source,
+        experiments_of,
+        judge_cases,
+        keep_missed,
+    )
     from auditor.evaluation.object_baseline import ObjectTask, check_detectors, evaluate_objects  # noqa: PLC0415
     from auditor.measurement.disparity.matchers import find_matcher  # noqa: PLC0415
     from auditor.pipeline.many import share_threads  # noqa: PLC0415
@@ -130,11 +140,15 @@ def command(
     tasks = [how(source, store, share=share) for source in sources for share in range(shares)]
     with logged(store):
         measured = [EvaluateTask(**vars(task), patterns=patterns) for task in tasks]
-        done = _evaluate_all(evaluate_source, measured, jobs, limits)
+        of_recordings: dict[str, Source] = {}
+        done = _evaluate_all(evaluate_source, measured, jobs, limits, of_recordings)
         if detectors:
             found_by = [ObjectTask(**vars(task), detectors=detectors, labels=labels) for task in tasks]
-            done &= _evaluate_all(evaluate_objects, found_by, jobs, limits)
-        old = judge_cases(kept) if kept.ids("evaluations") else 0
+            done &= _evaluate_all(evaluate_objects, found_by, jobs, limits, of_recordings)
+        old = 0
+        if kept.ids("evaluations"):
+            old = judge_cases(kept)
+            keep_missed(kept, of_recordings, patterns, jobs, limits)
     if old:
         say(
             f"{old} parts that an earlier version evaluated are not judged, since it kept too little of each case: "
@@ -146,14 +160,20 @@ def command(
 
 
 def _evaluate_all(
-    evaluate: "Callable[[SomeTask, Progress], Evaluated]", tasks: "Sequence[SomeTask]", jobs: int, limits: "LimitsOf"
+    evaluate: "Callable[[SomeTask, Progress], Evaluated]",
+    tasks: "Sequence[SomeTask]",
+    jobs: int,
+    limits: "LimitsOf",
+    read: "dict[str, Source]",
 ) -> bool:
-    """Measure all; False where something could not be."""
+    """Measure all, and put into `read` the source of each recording; False where something could not be."""
     from auditor.pipeline.workers import run_all  # noqa: PLC0415
 
     done = True
     with progress(len(tasks), "evaluating") as (advanced, finished):
         for outcome in run_all(evaluate, tasks, jobs, advanced, lambda task: limits(task.source.path)):
+            if outcome.result is not None:
+                read |= dict.fromkeys(outcome.result.recordings, outcome.item.source)
             if outcome.error is not None:
                 finished(f"auditor: {outcome.error.located(outcome.item)}")
                 done = False

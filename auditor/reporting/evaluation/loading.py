@@ -22,6 +22,7 @@ from auditor.reporting.evaluation.answers import (
 from auditor.reporting.evaluation.figures import sheets
 from auditor.reporting.evaluation.incidents import incident_grids
 from auditor.reporting.evaluation.methods import METHODS, by_method, method_grids
+from auditor.reporting.evaluation.missed import missed_attacks
 from auditor.reporting.evaluation.objects import OBJECT_RATES, object_grids, object_sheets
 from auditor.reporting.evaluation.page import Evaluated, EvaluationPage, Setup
 from auditor.reporting.evaluation.tables import described, grids
@@ -70,6 +71,8 @@ def load_evaluation(store: Store) -> EvaluationPage:
             )
             for key, of_it in by_setup.items()
         ),
+        missed=tuple(missed_attacks(store)),
+        judged=any(row["method"] == "robust" for row in answers["false_alarms"]),
     )
 
 

@@ -120,10 +120,30 @@ class Setup:
 
 
 @dataclass(frozen=True)
+class MissedAttack:
+    """An attack that was missed: what it was, where, and the attacked data as an image; `reason` where there is none.
+
+    `largest_z` and `limit_z` are None where an earlier version judged it.
+    """
+
+    attack: str
+    sensor: str
+    kind: str
+    recording: str
+    frame: int
+    largest_z: float | None
+    limit_z: float | None
+    image: str | None
+    reason: str
+
+
+@dataclass(frozen=True)
 class EvaluationPage:
-    """The whole page."""
+    """The whole page. `judged` is False where no case has a verdict by the robust method."""
 
     made_at: str
     auditor_version: str
     store: str
     setups: tuple[Setup, ...]
+    missed: tuple[MissedAttack, ...]
+    judged: bool

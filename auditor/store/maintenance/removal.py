@@ -116,7 +116,7 @@ def _remove(store: Store, manifest: str, row_id: str) -> None:
     """Remove the row that makes files finished, then those files."""
     dependent = [table for table, of in MANIFESTS.items() if of == manifest]
     if manifest == "evaluations":
-        dependent.append("case_verdicts")
+        dependent += ["case_verdicts", "missed_pictures"]
     logged_ones = [store.path(table, row_id) for table in (manifest, *dependent) if table not in MANIFESTS]
     with logged(store.folder) as entry:
         places = _places(store, logged_ones)
