@@ -13,7 +13,7 @@ import click
 
 from auditor import __version__
 from auditor.cli.exit_codes import Exit
-from auditor.cli.log_lines import FORMATS, Level, is_json, write, write_as
+from auditor.cli.log_lines import FORMATS, Level, is_json, tell, write_as
 from auditor.cli.output import answer, say
 from auditor.cli.settings import FILE, announced, default_file, from_environment, read_file
 from auditor.errors import AuditorError
@@ -129,7 +129,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         with _heeding_sigterm():
             return _run(arguments)
     except _Ended:
-        write(f"auditor: ended by SIGTERM; {_GO_ON}", Level.ERROR)
+        tell(f"auditor: ended by SIGTERM; {_GO_ON}", Level.ERROR)
         return Exit.ENDED
     except Exception as error:  # noqa: BLE001 - whatever it is: Python's own exit code, 1, would mean findings
         _show_defect(error)
@@ -148,10 +148,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         _show_usage(error)
         return Exit.FAILED
     except AuditorError as error:
-        write(f"auditor: {error}", Level.ERROR)
+        tell(f"auditor: {error}", Level.ERROR)
         return Exit.FAILED
     except (KeyboardInterrupt, click.Abort):
-        write(f"auditor: interrupted; {_GO_ON}", Level.ERROR)
+        tell(f"auditor: interrupted; {_GO_ON}", Level.ERROR)
         return Exit.INTERRUPTED
     except BrokenPipeError:
         # The reader (head, less) has gone; Python must not try to flush into the closed pipe at exit.
@@ -182,9 +182,9 @@ def _show_usage(error: click.ClickException) -> None:
     """What click says of a command line; names of files may stand in it."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     if context is not None and not is_json():
-        say(context.get_usage())
+        click.echo(context.get_usage(), err=True)
         say(f"Try '{context.command_path} --help' for help.")
-    write(f"Error: {error.format_message()}", Level.ERROR)
+    tell(f"Error: {error.format_message()}", Level.ERROR)
 
 
 def _show_defect(error: Exception) -> None:
@@ -192,5 +192,5 @@ def _show_defect(error: Exception) -> None:
 
     for entry in traceback.format_exception(error):
         for line in entry.splitlines() if entry.startswith("  ") else [entry.strip()]:
-            write(line, Level.ERROR)
-    write("auditor: this is a defect of auditor: please report the lines above", Level.ERROR)
+            tell(line, Level.ERROR)
+    tell("auditor: this is a defect of auditor: please report the lines above", Level.ERROR)

@@ -37,7 +37,7 @@ def is_json() -> bool:
     return _Form.as_json
 
 
-def write(text: str, level: Level, **more: object) -> None:
+def tell(text: str, level: Level, **more: object) -> None:
     """Write one line; `more` stands in JSON only."""
     if not _Form.as_json:
         click.echo(one_line(text), err=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auditor.cli.log_lines import Level, is_json, write
+from auditor.cli.log_lines import Level, is_json, tell
 from auditor.model.text import one_line
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def shown(value: object) -> str:
 
 def say(text: str) -> None:
     """One remark on stderr, on one line."""
-    write(text, Level.REMARK)
+    tell(text, Level.REMARK)
 
 
 def answer(text: object) -> None:
@@ -232,7 +232,7 @@ def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
 
     def remark(text: str, level: Level = Level.REMARK, **more: object) -> None:
         if is_json():
-            write(text, level, **more)
+            tell(text, level, **more)
         else:
             console.print(shown(text), soft_wrap=True)
 
@@ -260,6 +260,6 @@ def progress(total: int, doing: str) -> Iterator[tuple[Advanced, Finished]]:
                 remark(text)
             if is_json():
                 ended, done_frames = int(bar.tasks[0].completed), sum(frames.values())
-                write(f"{doing}: {ended} of {total} done", Level.PROGRESS, done=ended, of=total, frames=done_frames)
+                tell(f"{doing}: {ended} of {total} done", Level.PROGRESS, done=ended, of=total, frames=done_frames)
 
         yield advanced, finished

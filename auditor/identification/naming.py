@@ -176,7 +176,8 @@ def _finding(verdict: Verdict, found: _Explained, z: Floats, system: System, lim
     )
     doubt = _doubt(found, len(system.sensors) - len(absent))
     if not doubt:
-        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked)
+        shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in found.attacked)
+        return replace(verdict, kind=VerdictKind.ATTACKED, attacked=found.attacked, evidence=shown)
     likeliest = (Alternative(found.attacked, 0.0),) if found.attacked else ()
     reason = "; ".join(filter(None, (doubt, verdict.reason)))
     return replace(

@@ -87,7 +87,7 @@ def prior_of_check(check: SensorCheck) -> Prior:
     if check.check is Check.LIDAR_CONFLICT:
         return Prior(*(CHECK_PRIORS.conflict_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.conflict))
     if check.check is Check.LOST_RETURNS:
-        return Prior(*(CHECK_PRIORS.lost_returns_of_a_pair if others == FEWEST_VOTERS else CHECK_PRIORS.lost_returns))
+        return Prior(*CHECK_PRIORS.lost_returns)
     if check.check is Check.POINT_DROPOUT:
         return Prior(*CHECK_PRIORS.point_dropout)
     if check.check is Check.ISOLATED_POINTS:

@@ -123,7 +123,8 @@ def sensor_checks_of(
     """All sensor checks of these matched pairs, LiDAR conflicts and views of the LiDAR, in their fixed order.
 
     A camera is checked by all cameras that it is matched with, by all but one or two of them, and by each alone; the
-    LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two.
+    LiDAR's conflicts and lost returns by the pairs of all cameras, and of all but one or two; lost returns never by one
+    pair alone.
     """
     partners: dict[int, list[int]] = {}
     for i, k in sorted(matched):
@@ -143,7 +144,11 @@ def sensor_checks_of(
             for camera in sorted(partners)
             for others in _voters(tuple(sorted(partners[camera])))
         ),
-        *(SensorCheck(Check.LOST_RETURNS, LIDAR, cameras) for cameras in _conflict_cameras(conflicts)),
+        *(
+            SensorCheck(Check.LOST_RETURNS, LIDAR, cameras)
+            for cameras in _conflict_cameras(conflicts)
+            if len(cameras) > FEWEST_VOTERS  # one pair's wrong matches look like a surface
+        ),
     )
 
 

@@ -137,7 +137,7 @@ def test_a_step_and_the_loss_of_planted_attacks_may_be_larger_after_few_drives(f
     assert any("in one refresh" in one for one in reasons)
     assert any("of planted attacks that are found now would be lost" in one for one in reasons)
     assert far.lost.low <= far.lost.value <= far.lost.high
-    few = step(clean[:2], higher)
+    few = step(clean[:1], higher)
     assert few.rise > GATE.most_step, "which a version of a hundred drives may not"
     assert not any("in one refresh" in one for one in doubts(few, same))
 

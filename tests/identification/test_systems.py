@@ -50,7 +50,7 @@ def test_without_a_camera_the_others_judge_each_other_by_those_that_are_left():
 def test_without_two_cameras_of_four_two_are_left_that_judge_each_other_alone():
     found = counting(system(4), 1, 2)
     assert subjects(found) == {
-        *((check, 0, (3, 4)) for check in DIRECTION_CHECKS),
+        (Check.LIDAR_CONFLICT, 0, (3, 4)),
         *((check, n, (7 - n,)) for check in IMAGE_CHECKS for n in (3, 4)),
         (Check.POINT_DROPOUT, 0, (4,)),
         (Check.ISOLATED_POINTS, 0, (4,)),

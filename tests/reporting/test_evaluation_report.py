@@ -154,7 +154,7 @@ def test_what_is_seen_too_rarely_is_said_in_words(tmp_path):
     assert load_evaluation(evaluated(tmp_path / "sharp", make_rig(3), seen=1.0, **how)).setups[0].unseen == ()
     blind = load_evaluation(evaluated(tmp_path / "blind", make_rig(3), seen=0.2, **how)).setups[0].unseen
     assert any(s.startswith("A bogus wall, 0.5 m wide, on the LiDAR was detected in") for s in blind)
-    assert any(s.startswith("Scenario 2: attacks with opaque faculas on S_1") for s in blind)
+    assert any(s.startswith("Scenario 1: attacks with opaque faculas on S_0") for s in blind)
 
 
 @pytest.mark.parametrize(("n", "lidar"), [(2, True), (3, True), (3, False), (4, False)])
