@@ -17,7 +17,6 @@ from auditor.identification.statistics import CONFLICT_WINDOW, fitted, window_su
 from auditor.identification.systems import System
 from auditor.lab.attacks.faults import HiddenSector
 from auditor.lab.attacks.paper import BogusWall, Facula
-from auditor.lab.attacks.spoofing import RemovedObject
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.model.checks import Check
 from auditor.model.verdict import VerdictKind
@@ -61,10 +60,9 @@ def verdict(request, attacked_frame):
     [
         ({0: WALL}, {Check.LIDAR_CONFLICT}),
         ({0: HiddenSector(8.0, 0.0)}, {Check.LOST_RETURNS}),
-        ({0: RemovedObject(20.0)}, {Check.LOST_RETURNS}),
         *(({camera: FACULA}, {Check.ADDED_LIGHT, Check.PHOTOMETRIC_INCONSISTENCY}) for camera in (1, 2, 3)),
     ],
-    ids=["wall", "hidden sector", "removed car", "facula on S_1", "facula on S_2", "facula on S_3"],
+    ids=["wall", "hidden sector", "facula on S_1", "facula on S_2", "facula on S_3"],
 )
 def test_the_attacked_sensor_is_named_by_its_own_checks(verdict, attacks, checks):
     found = verdict(attacks)
