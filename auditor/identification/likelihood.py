@@ -60,14 +60,14 @@ def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int,
     present = [sensor for sensor in system.sensors if sensor not in absent]
     if len(present) <= LIKELIHOOD.suspects:
         return tuple(present)
-    largest = {sensor: _largest(z[None], _of_sensor(system, absent, sensor))[0] for sensor in present}
+    largest = {sensor: _largest(z[None], of_sensor(system, absent, sensor))[0] for sensor in present}
     return tuple(sorted(sorted(present, key=lambda sensor: -largest[sensor])[: LIKELIHOOD.suspects]))
 
 
 def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Explained:
     """What frames of scores (F, M) without these sensors show of an attack set."""
     gone = absent.union(attacked)
-    own = {s: _largest(z, _of_sensor(system, gone - {s}, s)) for s in attacked}
+    own = {s: _largest(z, of_sensor(system, gone - {s}, s)) for s in attacked}
     rest, usual = _rest(system, gone)
     return Explained(own, _largest(z, rest) - usual)
 
@@ -91,7 +91,7 @@ def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Float
 
 
 def _prior(size: int, sensors: int) -> float:
-    """The stated prior of one attack set: half of all frames are clean, and each sensor more is a tenth as likely."""
+    """The stated prior of one attack set: half of all frames are clean, and a further sensor is a share as likely."""
     if not size:
         return 1 - LIKELIHOOD.attacked
     return LIKELIHOOD.attacked * LIKELIHOOD.further_sensor ** (size - 1) / comb(sensors, size)
@@ -115,8 +115,8 @@ def _rest(system: System, gone: frozenset[int]) -> tuple[Indices, float]:
 
 
 @cache
-def _of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
-    """The checks that name a sensor, by the votes of all that are left."""
+def of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
+    """The places of the checks that name a sensor, by the votes of all that are left."""
     checks = system.sensor_checks
     columns = [column for column in system.counting(gone).tolist() if checks[column].nameable == (sensor,)]
     return np.array(columns, dtype=np.intp)

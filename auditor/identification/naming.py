@@ -24,6 +24,7 @@ from auditor.identification.likelihood import (
     AttackSet,
     attack_sets,
     log_likelihood_ratios,
+    of_sensor,
     posteriors,
     suspects_of,
 )
@@ -144,12 +145,8 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
 
 def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
     """The checks that name a sensor by the votes of those left: those above the limit, or else the largest."""
-    checks = system.sensor_checks
-    found = [
-        (float(z[c]), checks[c])
-        for c in system.counting(gone).tolist()
-        if checks[c].nameable == (sensor,) and not np.isnan(z[c])
-    ]
+    columns = of_sensor(system, gone, sensor).tolist()
+    found = [(float(z[c]), system.sensor_checks[c]) for c in columns if not np.isnan(z[c])]
     return [one for one in found if one[0] > limit] or sorted(found)[-1:]
 
 
@@ -209,11 +206,10 @@ def _doubt(found: _Explained, N: int) -> str:
             return f"{listed(sorted(rest))} do not see the same, and no third camera tells which of them is wrong"
         shown = sorted({*found.attacked, *rest})
         return f"checks of {listed(shown)} exceed the limit, and at most {most} of {N} sensors can be told apart"
-    chance = _given_an_attack(found)
-    if chance < NAMING.least_probability:
-        others = [(one, p) for one, p in found.likely if one]
-        whole = sum(p for _, p in others)
-        shares = " or ".join(f"{listed(one)} ({_percent(p / whole)})" for one, p in others[:2])
+    attacks = [(one, chance) for one, chance in found.likely if one]  # r alone says how sure it is that there is one
+    whole = sum(chance for _, chance in attacks)
+    if attacks[0][1] / whole < NAMING.least_probability:
+        shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
         beside = sorted({sensor for one in found.outside for sensor in one.nameable})
         more = f", and beside {listed(found.attacked)} checks of {listed(beside)} exceed the limit" if beside else ""
         return f"{shares}: less than {_percent(NAMING.least_probability)} for any set of sensors{more}"
@@ -222,12 +218,6 @@ def _doubt(found: _Explained, N: int) -> str:
 
 def _percent(share: float) -> str:
     return f"{share:.0%}".replace("%", " %")
-
-
-def _given_an_attack(found: _Explained) -> float:
-    """The probability of the likeliest attack set where something is attacked: r alone says how sure that has to be."""
-    chances = dict(found.likely)
-    return chances[found.attacked] / sum(chance for one, chance in found.likely if one)
 
 
 def _remarks(system: System, columns: Indices, measured: bytes, present: Sequence[int], *, by_fallback: bool) -> str:
