@@ -2,31 +2,12 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 
 from auditor.identification.cross_validation import wilson
 from auditor.identification.refresh_parameters import CONDITIONS, GATE
 from auditor.identification.refreshing.drives import Shown
-
-
-@dataclass(frozen=True)
-class ConditionRate:
-    """The windows with findings of the drives under one condition, each judged by others.
-
-    `share` and its 95 % interval are drawn towards the share of all drives: few windows say little. `enough` says
-    whether drives and windows suffice to say anything of this condition.
-    """
-
-    condition: str
-    value: str
-    drives: int
-    windows: int
-    raised_windows: int
-    share: float
-    low: float
-    high: float
-    enough: bool
+from auditor.model.conditions import ConditionRate
 
 
 def rates_by_condition(conditions: Sequence[Mapping[str, str | None]], shown: Sequence[Shown]) -> list[ConditionRate]:

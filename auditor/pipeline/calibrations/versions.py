@@ -13,6 +13,7 @@ from auditor.identification.cross_validation import LeftOut, clean_hours, leave_
 from auditor.identification.parameters import judging_digest
 from auditor.identification.refreshing.drives import Shown
 from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.conditions import ConditionRate
 from auditor.model.measurement import Statistic
 from auditor.model.verdict import JUDGING_VERSION, Method
 from auditor.pipeline.judge import Criteria, clean_frames_of, system_of
@@ -22,7 +23,6 @@ from auditor.store.versions.history import History, How, histories, history_of, 
 from auditor.store.versions.records import (
     CalibrationVersion,
     Outcome,
-    UnderCondition,
     UsedRecording,
     read_version,
     write_version,
@@ -136,7 +136,7 @@ def version_of(
     provisional: bool = False,
     frames: range | None = None,
     recounted: bool = False,
-    conditions: Sequence[UnderCondition] = (),
+    conditions: Sequence[ConditionRate] = (),
 ) -> CalibrationVersion:
     """How a calibration is made now."""
     judged = [one for one in used if one.included and one.findings_by_others is not None]

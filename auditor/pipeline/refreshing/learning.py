@@ -1,7 +1,7 @@
 """What the logs of one rig kind teach, and whether it may come into force. Nothing is written here."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from auditor.errors import ThresholdsError
@@ -27,7 +27,7 @@ from auditor.pipeline.refreshing.pool import Group
 from auditor.store import Store, make_calibration
 from auditor.store.versions.decisions import Decided, Decision, Interval, Rise
 from auditor.store.versions.quarantine import read_quarantine
-from auditor.store.versions.records import UnderCondition, UsedRecording, read_version
+from auditor.store.versions.records import UsedRecording, read_version
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def _decide(
         lost_in_all=None if first else Interval(*creep.lost),
         creep=None if first else creep.rise,
         rises=() if first else tuple(map(_rise, step.steps)),
-        conditions=tuple(UnderCondition(**asdict(rate)) for rate in rates),
+        conditions=tuple(rates),
     )
 
 

@@ -7,7 +7,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from auditor.store.versions.records import UnderCondition, UsedRecording
+from auditor.model.conditions import ConditionRate
+from auditor.store.versions.records import UsedRecording
 
 
 class Decided(StrEnum):
@@ -72,7 +73,7 @@ class Decision:
     lost_in_all: Interval | None = None
     creep: float | None = None
     rises: tuple[Rise, ...] = ()
-    conditions: tuple[UnderCondition, ...] = ()
+    conditions: tuple[ConditionRate, ...] = ()
 
     @property
     def included(self) -> tuple[UsedRecording, ...]:

@@ -7,6 +7,7 @@ from decimal import Decimal
 from enum import StrEnum
 from typing import Any
 
+from auditor.model.conditions import ConditionRate
 from auditor.store.records import to_utc
 from auditor.store.store import Store
 from auditor.store.tables import Row, read_rows
@@ -51,24 +52,6 @@ class UsedRecording:
 
 
 @dataclass(frozen=True)
-class UnderCondition:
-    """The windows with findings of a calibration's recordings under one condition, each judged by others.
-
-    `share` and its 95 % interval are drawn towards the share of all; `enough` says whether they say anything.
-    """
-
-    condition: str
-    value: str
-    drives: int
-    windows: int
-    raised_windows: int
-    share: float
-    low: float
-    high: float
-    enough: bool
-
-
-@dataclass(frozen=True)
 class CalibrationVersion:
     """How a calibration was made, what it was tried on, and what was decided of it.
 
@@ -100,7 +83,7 @@ class CalibrationVersion:
     judging_version: int
     rules: str
     recordings: tuple[UsedRecording, ...] = ()
-    conditions: tuple[UnderCondition, ...] = ()
+    conditions: tuple[ConditionRate, ...] = ()
 
     @property
     def included(self) -> tuple[UsedRecording, ...]:
@@ -137,7 +120,7 @@ def read_version(store: Store, calibration_id: str) -> CalibrationVersion | None
             "r": row["r"].normalize(),
         },
         recordings=tuple(UsedRecording(**_without_id(one)) for one in used),
-        conditions=tuple(UnderCondition(**_without_id(one)) for one in rates),
+        conditions=tuple(ConditionRate(**_without_id(one)) for one in rates),
     )
 
 
