@@ -10,27 +10,23 @@ Counted are frames: `found` are not clean; `named` name the attacked cameras and
 sensor, or take a fault of another one for the likeliest cause; `suspect` have a cause that may explain them.
 """
 
-import argparse
-import os
-import pickle
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from decimal import Decimal
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from auditor.evaluation.sources import Recorded, Street
 from auditor.lab.attacks.catalogue import ON_CAMERA, Drawing
-from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement import FaultFeatures, measure
 from auditor.model.frames import Frame
 from auditor.model.rig import LIDAR, Rig
 from auditor.model.verdict import Verdict, VerdictKind
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
+from tests.benchmarks.clean_statistics import MATCHER, case_of
+from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, judge_all
-from tests.benchmarks.scenes import Case, Scene, load
+from tests.benchmarks.scenes import Case, Scene
 
 
 class Kind(NamedTuple):
@@ -80,7 +76,7 @@ def measured(source: Recorded | Street, name: str, family: str, attacked: int) -
     features, cases = FaultFeatures(), []
     with source.open(colour=True) as [drive]:
         frames = [item for item in drive.frames if isinstance(item, Frame)]
-        chosen = {frames[place].number for place in np.linspace(0, len(frames) - 1, attacked).astype(int)}
+        chosen = spread(frames, attacked)
         for frame in frames:
             clean, arrays = measure(frame, drive.rig, MATCHER)
             cases.append(case_of(replace(clean, fault_features=features.update(arrays)), drive.rig))
@@ -89,9 +85,7 @@ def measured(source: Recorded | Street, name: str, family: str, attacked: int) -
                     case_of(measure(changed, drive.rig, MATCHER)[0], drive.rig, kind, (camera,))
                     for kind, camera, changed in attacks_on(frame, drive.rig, len(name))
                 ]
-        first = frames[0].images
-        kinds = "".join("c" if first[n].pixels.ndim > 2 else "g" for n in sorted(first))
-        return Scene(name, family, drive.rig, kinds, tuple(cases))
+        return Scene(name, family, drive.rig, kinds_of(frames[0]), tuple(cases))
 
 
 def report(judged: Sequence[Judged], *, by_camera: bool) -> Iterator[str]:
@@ -134,30 +128,10 @@ def _suspect(verdict: Verdict, _case: Case) -> bool:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--into", type=Path, required=True)
-    parser.add_argument("--streets", type=int, default=0, help="this many streets in place of the real drives")
-    parser.add_argument("--first", type=int, default=6000)
-    parser.add_argument("--frames", type=int, default=8, help="of each street")
-    parser.add_argument("--attacked", type=int, default=4, help="frames of each drive that are attacked")
+    parser = options_of(__doc__, frames=8, attacked=4)
     parser.add_argument("--by-camera", action="store_true", help="a line for each camera")
-    parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
     options = parser.parse_args()
-    use_one_thread()
-    options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Street]] = [
-        (f"street {seed}", source.family, source)
-        for seed in range(options.first, options.first + options.streets)
-        for source in [Street(seed, options.frames, 4)]
-    ]
-    if not todo:
-        data = Path(os.environ["AUDITOR_TEST_DATA"])
-        todo = [(name, name, Recorded(data / path)) for name, path in DRIVES.items()]
-    for name, family, source in todo:
-        path = options.into / f"{name}.scene"
-        if not path.exists():
-            path.write_bytes(pickle.dumps(measured(source, name, family, options.attacked)))
-    scenes = load(options.into)
+    scenes = scenes_of(options, measured)
     for cameras in SETS:
         print(f"\nS_{LIDAR} and " + ", ".join(f"S_{camera}" for camera in cameras))
         print(*report(judge_all(scenes, cameras, options.r), by_camera=options.by_camera), sep="\n")

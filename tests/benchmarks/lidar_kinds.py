@@ -10,14 +10,9 @@ Counted are frames: `found` are not clean; `named` name the attacked sensors and
 sensor. Objects are removed only where something stands that looks like a car: `spoofing.find_object` says where.
 """
 
-import argparse
-import os
-import pickle
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from decimal import Decimal
-from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +22,7 @@ from auditor.lab.attacks.catalogue import ON_LIDAR, Drawing
 from auditor.lab.attacks.faults import lidar_axes
 from auditor.lab.attacks.paper import draw_wall
 from auditor.lab.attacks.spoofing import copied_wall, find_object
-from auditor.measurement import FaultFeatures, measure, use_one_thread
+from auditor.measurement import FaultFeatures, measure
 from auditor.measurement.checks.count_grid import cells_of_points
 from auditor.measurement.checks.lidar_conflict import verify_conflicts
 from auditor.measurement.checks.lost_returns import count_lost_returns, scanned_view
@@ -39,9 +34,10 @@ from auditor.model.checks import Check, CountedPair, SensorCheck, rig_sensor_che
 from auditor.model.frames import Frame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import LIDAR, Rig
-from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
+from tests.benchmarks.clean_statistics import MATCHER, case_of
+from tests.benchmarks.kinds import kinds_of, options_of, scenes_of, spread
 from tests.benchmarks.rates import Judged, judge_all
-from tests.benchmarks.scenes import Scene, load
+from tests.benchmarks.scenes import Scene
 
 KINDS: tuple[tuple[str, float | None], ...] = (
     *(("removed", metres) for metres in (12, 20, 28)),
@@ -101,7 +97,7 @@ def measured(source: Recorded | Street, name: str, family: str, most: int) -> Sc
     with source.open(colour=True) as [drive]:
         rig = drive.rig
         frames = [item for item in drive.frames if isinstance(item, Frame)]
-        chosen = {frames[place].number for place in np.linspace(0, len(frames) - 1, most).astype(int)}
+        chosen = spread(frames, most)
         for frame in frames:
             clean, arrays = measure(frame, rig, MATCHER)
             case = case_of(replace(clean, fault_features=features.update(arrays)), rig)
@@ -114,9 +110,7 @@ def measured(source: Recorded | Street, name: str, family: str, most: int) -> Sc
             wall = draw_wall(np.random.default_rng([seed, frame.number]))
             forged = copied_wall(frame, rig, wall, 1, rig.n)
             cases.append(case_of(measure(forged, rig, MATCHER)[0], rig, COPIED, (LIDAR, 1)))
-        first = frames[0].images
-        kinds = "".join("c" if first[n].pixels.ndim > 2 else "g" for n in sorted(first))
-        return Scene(name, family, rig, kinds, tuple(cases))
+        return Scene(name, family, rig, kinds_of(frames[0]), tuple(cases))
 
 
 def unknown(scene: Scene, check: Check) -> Scene:
@@ -155,29 +149,9 @@ OUTCOMES: dict[str, Callable[[Judged], bool]] = {"found": _found, "named": _name
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--into", type=Path, required=True)
-    parser.add_argument("--streets", type=int, default=0, help="this many streets in place of the real drives")
-    parser.add_argument("--first", type=int, default=6000)
-    parser.add_argument("--frames", type=int, default=4, help="of each street")
-    parser.add_argument("--attacked", type=int, default=6, help="frames of each drive that are attacked")
-    parser.add_argument("--r", type=Decimal, default=Decimal("0.01"))
+    parser = options_of(__doc__, frames=4, attacked=6)
     options = parser.parse_args()
-    use_one_thread()
-    options.into.mkdir(parents=True, exist_ok=True)
-    todo: list[tuple[str, str, Recorded | Street]] = [
-        (f"street {seed}", source.family, source)
-        for seed in range(options.first, options.first + options.streets)
-        for source in (Street(seed, options.frames, 4),)
-    ]
-    if not todo:
-        data = Path(os.environ["AUDITOR_TEST_DATA"])
-        todo = [(name, name, Recorded(data / path)) for name, path in DRIVES.items()]
-    for name, family, source in todo:
-        path = options.into / f"{name}.scene"
-        if not path.exists():
-            path.write_bytes(pickle.dumps(measured(source, name, family, options.attacked)))
-    scenes = load(options.into)
+    scenes = scenes_of(options, measured)
     for cameras in SETS:
         print(f"\nS_{LIDAR} and " + ", ".join(f"S_{camera}" for camera in cameras))
         old = [unknown(scene, Check.LOST_RETURNS) for scene in scenes]

@@ -28,6 +28,7 @@ from auditor.model.checks import rig_sensor_checks
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
 from tests.benchmarks.clean_statistics import DRIVES, MATCHER, case_of
+from tests.benchmarks.kinds import kinds_of
 from tests.benchmarks.likelihood import R
 from tests.benchmarks.rates import clean_frames, system_of, thresholds_of
 from tests.benchmarks.scenes import Scene
@@ -53,8 +54,7 @@ def clean_scene(name: str, path: Path, count: int) -> tuple[Scene, list[Frame]]:
     """The clean frames of a drive as a scene."""
     rig, frames = frames_of(path, count)
     cases = tuple(case_of(measure(frame, rig, MATCHER)[0], rig) for frame in frames)
-    kinds = "".join("c" if frames[0].images[n.number].pixels.ndim > 2 else "g" for n in rig.cameras)
-    return Scene(name, name, rig, kinds, cases), frames
+    return Scene(name, name, rig, kinds_of(frames[0]), cases), frames
 
 
 class Judge:
