@@ -180,7 +180,6 @@ class Naming:
     least_probability: float = parameter(
         0.7, unit="posterior probability of a set, below which no sensor is named", source=CURVES
     )
-    most_sets: int = parameter(20_000, unit="attack sets", source="bounds the work; no experiment recorded")
     alternatives: int = parameter(2, unit="attack sets listed beside the best", source=BY_HAND)
 
 
