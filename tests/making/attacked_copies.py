@@ -20,8 +20,6 @@ from auditor.store import Store, run_sql
 R = Decimal("0.01")
 APART = 12
 """Frames attacked in one copy lie so far apart that no verdict depends on two of them, and no incident."""
-_NEVER = 10**6
-"""Thresholds are made of clean frames: of the other recording the first frame alone is attacked."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +68,8 @@ def compare(
     all sensors are left out: that is how a scan judges.
     """
     store = folder / "evaluated"
-    for path, attacked in ((clean, every), (others, _NEVER)):
-        evaluate_source(EvaluateTask(Recorded(path), store, attack_every=attacked, patterns=patterns), lambda *_: None)
+    for path in (clean, others):
+        evaluate_source(EvaluateTask(Recorded(path), store, attack_every=every, patterns=patterns), lambda *_: None)
     judge_cases(Store.open(store))
     with Recorded(clean).open() as (drive,):
         rig, frames = drive.rig, [frame for frame in drive.frames if isinstance(frame, Frame)]
