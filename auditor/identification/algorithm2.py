@@ -116,6 +116,8 @@ def listed(sensors: Sequence[int]) -> str:
 
 def sensors_where(sensors: Sequence[int], chosen: Flags) -> list[frozenset[int]]:
     """The chosen sensors of each frame, such as the missing ones, from (F, S) flags."""
+    if not chosen.any():
+        return [frozenset()] * len(chosen)
     patterns, which = np.unique(chosen, axis=0, return_inverse=True)
     sets = [frozenset(s for s, there in zip(sensors, row, strict=True) if there) for row in patterns.tolist()]
     return [sets[index] for index in which.ravel().tolist()]

@@ -159,12 +159,15 @@ class _Judge:
     def _judged(self, places: Sequence[int]) -> list[Verdict]:
         series, system, limit = self._series, self._system, self._thresholds.limit
         named = name_attacked(self._z[places], system, [self._unused[place] for place in places], limit)
-        weighed = []
-        for place, verdict in zip(places, named, strict=True):
+
+        def weighed(place: int, verdict: Verdict) -> Verdict:
+            if not verdict.evidence:  # most frames: nothing fired
+                return weigh(verdict, self._hypotheses[place], limit) if self._hypotheses[place] else verdict
             brightness = series.brightness_in(place)
             seen = seen_of(verdict, self._z[place], series.statistics[place], system, brightness)
-            weighed.append(weigh(verdict, self._hypotheses[place], limit, seen if verdict.evidence else {}))
-        return weighed
+            return weigh(verdict, self._hypotheses[place], limit, seen)
+
+        return [weighed(place, verdict) for place, verdict in zip(places, named, strict=True)]
 
 
 def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:

@@ -151,7 +151,9 @@ def collect_checks(
     return FrameChecks(
         lidar_conflicts={(j, k): cells_of_points(points, views[k]) for (j, k), points in verified_conflicts.items()},
         lost_returns={
-            (j, k): count_lost_returns(views[k], scanned[k], maps[j, k], consistencies[j, k], j)
+            (j, k): count_lost_returns(
+                views[k], scanned[k], maps[j, k], consistencies[j, k], j, (half_res[k], half_res[j])
+            )
             for j, k in verified_conflicts
         },
         counts={pair: counts(pair, near.get(pair)) for pair in consistencies},
