@@ -94,6 +94,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/checks/count_grid.py": ((127,), "the largest number of a signed byte"),
     "measurement/checks/coloured_light.py": ((255,), "white"),
     "measurement/checks/light.py": ((255,), "white"),
+    "measurement/checks/striped_light.py": ((256,), "levels of a byte"),
     "measurement/checks/tone_curve.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/equalising.py": ((255, 256), "white; levels of a byte"),
     "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),

@@ -9,7 +9,7 @@ from auditor.model.arrays import Indices
 from auditor.model.checks import CAMERA_CHECKS, Check, SensorCheck, counting_checks
 from auditor.model.rig import LIDAR, Triple
 
-_RARE = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS})
+_RARE = frozenset({Check.COLOURED_LIGHT, Check.LOST_RETURNS, Check.STRIPED_LIGHT})
 """Checks whose prior is wider than clean frames are: what they find is strong."""
 
 

@@ -337,7 +337,7 @@ def _explains(hypothesis: FaultHypothesis, verdict: Verdict) -> bool:
     """Whether a fault can have made the checks of a verdict's evidence fire."""
     checks = {one.check_name for one in verdict.evidence}
     if hypothesis.cause is Cause.DARK:
-        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT})
+        return checks.isdisjoint({Check.ADDED_LIGHT, Check.REMOVED_LIGHT, Check.COLOURED_LIGHT, Check.STRIPED_LIGHT})
     if hypothesis.cause is Cause.RAIN and not checks.isdisjoint(LIDAR_CHECKS):
         return False
     if hypothesis.sensor is None or hypothesis.sensor in verdict.out_of_system:
