@@ -16,7 +16,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import lru_cache
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def canonical_json(*groups: "DataclassInstance") -> str:
     return _canonical_json(groups)
 
 
-@lru_cache(maxsize=16)
+@cache
 def _canonical_json(groups: tuple["DataclassInstance", ...]) -> str:
     values = {f"{one.group}.{one.name}": one.value for one in list_parameters(*groups)}
     return json.dumps(values, sort_keys=True, separators=(",", ":"), default=str)
