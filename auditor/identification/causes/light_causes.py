@@ -19,8 +19,8 @@ class Seen(NamedTuple):
 
     `darker` is how many times as large as added light removed light is, of the statistics themselves. `lit_px` and
     `saturated_px` are those of Coverage, NaN where they are not known. `coloured` is the z of light of one colour, NaN
-    where no other colour camera voted; `whole` the larger of light in rows and over the whole image, NaN where neither was
-    measured.
+    where no other colour camera voted; `whole` the larger of light in rows and over the whole image, NaN where neither
+    was measured.
     """
 
     added: float
