@@ -189,7 +189,7 @@ def test_too_many_raised_recordings_refuse_the_night(refreshed, audit_of):
         add_drive(store, f"a{number}", seed=71 + number, vehicle=f"new{number}", day=7, attacked=(2,))
     answer = audit("refresh")
     assert (answer.code, kind_of(answer)["decided"]) == (4, "refused")
-    assert "look at them first" in kind_of(answer)["reasons"][0]
+    assert "more than 25%" in kind_of(answer)["reasons"][0]
 
 
 def test_what_was_raised_waits_for_a_label_whatever_later_thresholds_say(first_night, audit_of, monkeypatch):

@@ -63,6 +63,7 @@ def command(
     from auditor.reporting import render_refresh_page  # noqa: PLC0415
     from auditor.store import Store  # noqa: PLC0415
     from auditor.store.versions.history import only_refresh  # noqa: PLC0415
+    from auditor.store.versions.next_steps import next_steps  # noqa: PLC0415
 
     if clean and not sources:
         raise click.UsageError("--clean says that the recordings or stores that are named are clean: name some")
@@ -88,6 +89,8 @@ def command(
             write_metrics((*refresh_metrics(found), *drift_metrics(fleet_drift(kept))), metrics)
     for one in found.decisions:
         say(f"{one.kind}: {one.decided}{': ' * bool(one.reasons)}{'; '.join(one.reasons)}")
+        for step in next_steps(one, kept.folder):
+            say(f"  {step.what}: {step.command}")
     answer(json_line(found))
     return exit_code(found)
 

@@ -23,10 +23,13 @@ _EXAMPLES = """
     SELECT example.measurement_id, incident_id, list(DISTINCT example.frame) AS frames
     FROM incident_examples AS example
     JOIN incidents USING (incident_id)
-    WHERE example.measurement_id IN ({})
+    WHERE incident_id IN (
+        SELECT incident_id FROM incident_examples WHERE example = 'strongest' AND measurement_id IN ({})
+    )
     GROUP BY ALL
     ORDER BY any_value(largest_gap) DESC NULLS LAST, incident_id
 """
+_ATTACKED = "SELECT frame, attacked FROM incident_frames WHERE measurement_id = '{}'"
 
 
 @dataclass(frozen=True)
@@ -81,16 +84,19 @@ def picture_frames(task: PictureTask, _: Callable[[str, int], None]) -> int:
     use_one_thread()
     store = Store.open(task.store)
     rig = store.rig(store.measurement(task.measurement_id).rig_id)
+    rows = rows_of(run_sql(store, _ATTACKED.format(task.measurement_id)))
+    attacked = {row["frame"]: row["attacked"] or rig.sensors for row in rows}  # of whom none is named, all
     done = 0
     for frame in frames_at_hand(store, task.measurement_id, task.frames):
-        regions = store.load_regions(task.measurement_id, frame.number)
+        shown = attacked.get(frame.number, ())
+        regions = [one for one in store.load_regions(task.measurement_id, frame.number) if one.sensor in shown]
         store.write_frame_pictures(task.measurement_id, draw_frame(frame, rig, regions))
         done += 1
     return done
 
 
 def _wanted_frames(store: Store, measurement_ids: Collection[str]) -> dict[str, list[list[int]]]:
-    """By measurement the frames that show each of its incidents, the strongest incident first."""
+    """By measurement the frames that show incidents, the strongest incident first; some are of other recordings."""
     listed = ", ".join(f"'{known}'" for known in measurement_ids)
     frames: defaultdict[str, list[list[int]]] = defaultdict(list)
     for row in rows_of(run_sql(store, _EXAMPLES.format(listed))):
