@@ -18,6 +18,7 @@ from auditor.identification.refreshing.influence import crowded, influential, li
 from auditor.identification.refreshing.two_samples import differing
 from auditor.identification.robust import findings_alone, judge_frames
 from auditor.model.calibration import Calibration, CleanFrames
+from auditor.model.checks import WHOLE_IMAGE_CHECKS
 from auditor.model.verdict import FINDINGS
 from auditor.pipeline.judge import system_of
 from tests.making.stores import PERIOD_NS, PROCEDURE, make_rig
@@ -38,12 +39,13 @@ def drawn(
     frames: float = 1.0,
     between: float = 0.3,
 ) -> Drive:
-    """A drive as the prior expects it; `raised` log odds are added to a share of its frames, in every check."""
+    """A drive as the prior expects it; `raised` log odds are added to a share of its frames, in checks that vary."""
     rng, statistics = np.random.default_rng(seed), {}
     hit = np.arange(FRAMES) < frames * FRAMES
     for check in SYSTEM.sensor_checks:
         prior = prior_of_check(check)
-        odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES) + raised * hit
+        odds = rng.normal(rng.normal(prior.mean, between * prior.between), prior.within, FRAMES)
+        odds += raised * hit * (check.check not in WHOLE_IMAGE_CHECKS)
         statistics[check] = np.array([statistic_at(one) for one in odds])
     source = Source(f"r{seed}", vehicle or f"v{seed}", DAY + timedelta(days=day))
     return Drive(source, CleanFrames(f"r{seed}", np.arange(FRAMES) * PERIOD_NS, {}, statistics, {}))

@@ -21,8 +21,7 @@ _OF_ONE = {
 
 def render_refresh_page(refresh: Refresh, store: Store, *, out: Path) -> Path:
     """Write the page of a refresh; answer `out`. Raises StoreError where it cannot be written."""
-    store.write_page(out, render(refresh, store).encode())
-    return out
+    return store.write_page(out, render(refresh, store))
 
 
 def render(refresh: Refresh, store: Store) -> str:
