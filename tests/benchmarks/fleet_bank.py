@@ -8,7 +8,7 @@ attacked frame less those of the same frame clean. A turned camera changes the f
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from functools import cache, partial
@@ -20,7 +20,7 @@ from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import Check, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline import judge
 from auditor.pipeline.refreshing.pool import Log
@@ -207,13 +207,13 @@ def turned_by(turns: Sequence[Turn], degrees: float) -> Turn:
     )
 
 
-@cache
-def system_of(rig: Rig) -> System:
-    """What frames of a rig are judged by that never lack a sensor: only the checks that count then."""
+def system_of(rig: Rig, kinds: Collection[Check]) -> System:
+    """What frames of a rig are judged by that never lack a sensor: the checks of some kinds that count then."""
     whole = judge.system_of(rig)
     every = frozenset[int]()
     columns = sorted({*whole.counting(every).tolist(), *whole.detecting(every).tolist()})
-    return replace(whole, sensor_checks=tuple(whole.sensor_checks[column] for column in columns))
+    checks = (whole.sensor_checks[column] for column in columns)
+    return replace(whole, sensor_checks=tuple(check for check in checks if check.check in kinds))
 
 
 class Fleet:
@@ -221,11 +221,11 @@ class Fleet:
 
     def __init__(self, bank: Bank, cameras: int, nights: int, seed: int) -> None:
         self._bank, self._nights, self._seed, self._cameras = bank, nights, seed, cameras
-        self.rigs = [replace(one.rig, cameras=one.rig.cameras[:cameras]) for one in bank.clean]
-        self.rig: Rig = self.rigs[0]
-        self.system = system_of(self.rig)
+        self.rig = replace(bank.clean[0].rig, cameras=bank.clean[0].rig.cameras[:cameras])
+        measured = min(len(scene.cases[0].statistics) for scene in bank.clean)  # there were fewer checks then
+        self.system = system_of(self.rig, {one.check for one in rig_sensor_checks(bank.clean[0].rig)[:measured]})
         self.vehicles = VEHICLES[cameras]
-        self.frames = [clean_frames(scene, system_of(rig)) for scene, rig in zip(bank.clean, self.rigs, strict=True)]
+        self.frames = [clean_frames(scene, self.system) for scene in bank.clean]
         rng = np.random.default_rng((seed, cameras))
         self._own = {vehicle: self.drawn(rng, OF_VEHICLE) for vehicle in range(self.vehicles)}
         self._after = self.drawn(rng, OF_VEHICLE)
@@ -315,7 +315,7 @@ class Fleet:
             replace(case, features={p: tuple(np.add(v, turn.features.get(p, 0.0))) for p, v in case.features.items()})
             for case in clean.cases[part]
         ]
-        return frames_of(clean, system_of(self.rigs[scene]), cases)
+        return frames_of(clean, self.system, cases)
 
     def _raised(self, attack: Attack | None, rng: np.random.Generator) -> dict[SensorCheck, Floats]:
         """By check and frame what an attack adds to the log odds."""
