@@ -20,13 +20,14 @@ from auditor.identification.prior import OFFSET, log_odds, prior_of_check
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats
 from auditor.model.calibration import CleanFrames
-from auditor.model.checks import Check, Pair, SensorCheck, rig_sensor_checks
+from auditor.model.checks import COLUMNS, Check, Pair, SensorCheck, rig_sensor_checks
 from auditor.model.rig import LIDAR, Rig
 from auditor.pipeline import judge
 from auditor.pipeline.refreshing.pool import Log
 from auditor.store.versions.records import UsedRecording
 from tests.benchmarks.rates import clean_frames, frames_of
 from tests.benchmarks.scenes import Case, Scene, load
+from tests.benchmarks.turned_frames import STEP_DEG, TURNED
 
 VEHICLES = {3: 12, 4: 8}
 """By how many cameras."""
@@ -39,7 +40,7 @@ BEGINS, FLOOD, WORKSHOP, TURNS = 8, 38, 45, 60
 """The nights of the first attack, of a flood, of a visit to the workshop, and the first of a camera that turns."""
 CHANGED, TURNING = 1, 2
 """The vehicle that visits the workshop, and, of those with three cameras, the one with the camera that turns."""
-STEP_DEG = 0.02
+OFFSET_PX = COLUMNS.index("offset_px")
 FIRST_DAY = date(2026, 7, 1)
 EARLY, LATE = ("clear", "foliage", "overcast"), ("low sun", "wet", "dusk", "overcast")
 OF_VEHICLE, OF_DRIVE = 0.2, 0.1
@@ -159,7 +160,8 @@ def bank_of(clean: Path, attacked: Path, turned: Path | None) -> Bank:
         for case, usual in _pairs(scene):
             if len(case.attacked) == 1:
                 shifts[case.attack, case.attacked[0]].append(_odds(scene.rig, case, usual))
-    return Bank(load(clean), shifts, [_turns(scene) for scene in (load(turned) if turned else [])], tried)
+    turns = [_turns(scene) for scene in (load(turned) if turned else []) if _compares(scene)]
+    return Bank(load(clean), shifts, turns, tried)
 
 
 def _pairs(scene: Scene) -> Iterator[tuple[Case, Case]]:
@@ -175,6 +177,12 @@ def _odds(rig: Rig, case: Case, usual: Case) -> Shift:
     known = len(case.statistics)
     raised[:known] = np.nan_to_num(log_odds(case.statistics) - log_odds(usual.statistics))[: len(checks)]
     return dict(zip(checks, raised.tolist(), strict=True))
+
+
+def _compares(scene: Scene) -> bool:
+    """Whether all pairs of the turned camera are compared on a street."""
+    [clean] = (case for case in scene.cases if not case.attack)
+    return not any(np.isnan(values[OFFSET_PX]) for pair, values in clean.features.items() if TURNED in pair)
 
 
 def _turns(scene: Scene) -> list[Turn]:
